@@ -1,0 +1,49 @@
+"""The errors that a user can meet, with the exit code that the command line gives each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class VsfError(Exception):
+    """Base of every error this package raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(VsfError):
+    """Something the user gave cannot be used: a file, a key, a value, a recording.
+
+    The message names the file, the place in it (key, column, line or time), what is
+    wrong there and, where it is known, what would be right.
+    """
+
+    exit_code = 2
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        file: str | Path | None = None,
+        where: str | None = None,
+        right: str | None = None,
+    ) -> None:
+        self.what, self.file, self.where, self.right = what, file, where, right
+        place = ": ".join(str(part) for part in (file, where) if part is not None)
+        message = f"{place}: {what}" if place else what
+        super().__init__(f"{message}. {right}" if right else message)
+
+
+class SimulationError(VsfError):
+    """A simulation that could not be carried to its end.
+
+    Args:
+        what: what happened, in which part of the model.
+        time_s: simulated time at which it happened.
+    """
+
+    exit_code = 3
+
+    def __init__(self, what: str, *, time_s: float) -> None:
+        self.what, self.time_s = what, time_s
+        super().__init__(f"the simulation failed at t = {time_s:.4f} s: {what}")

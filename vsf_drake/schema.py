@@ -1,0 +1,229 @@
+"""YAML <-> frozen dataclasses, with units, sources, ranges and messages that name file, line and key.
+
+A schema is a dataclass whose fields are made by `quantity` (numbers with unit and source)
+or `choice` (words from a list). It has no behaviour. `load_yaml` reads a file into it,
+`check` verifies an instance that was made in Python, `dump_yaml` writes it back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from vsf_drake.errors import InputError
+
+T = TypeVar("T")
+
+
+def quantity(
+    default: Any = dataclasses.MISSING,
+    *,
+    unit: str,
+    source: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Any:
+    """A field that holds a number (or a tuple of numbers) with its unit, source and closed range."""
+    metadata = {"unit": unit, "source": source, "low": low, "high": high}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def choice(default: Any = dataclasses.MISSING, *, options: tuple[str, ...], source: str) -> Any:
+    """A field that holds one word out of `options`."""
+    return dataclasses.field(default=default, metadata={"options": options, "source": source})
+
+
+def load_yaml(path: str | Path, schema: type[T]) -> T:
+    """Reads `path` into `schema`.
+
+    Raises:
+        InputError: the file is missing or is not YAML; a key is unknown, doubled or
+            missing; a value has the wrong type, is not finite or is out of range.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as text ({error})", file=path) from None
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}" if mark else None
+        problem = getattr(error, "problem", None) or error
+        raise InputError(f"is not valid YAML ({problem})", file=path, where=where) from None
+    if node is None:
+        raise InputError("is empty", file=path, right=f"Its keys are: {_names(schema)}")
+    return _Reader(path).dataclass(node, schema, "")
+
+
+def check(instance: T, *, file: str | Path | None = None) -> T:
+    """Returns `instance` after checking every number in it against its field's range.
+
+    Raises:
+        InputError: a number is not finite or out of range, or a word is not one of its options.
+    """
+    _check_dataclass(instance, "", file)
+    return instance
+
+
+def dump_yaml(instance: Any) -> str:
+    """`instance` as YAML text that `load_yaml` reads back to an equal object."""
+    return yaml.safe_dump(to_plain(instance), sort_keys=False, allow_unicode=True)
+
+
+def to_plain(instance: Any) -> Any:
+    """`instance` as nested dicts, lists and scalars; fields that are None are left out."""
+    if dataclasses.is_dataclass(instance) and not isinstance(instance, type):
+        pairs = ((f.name, getattr(instance, f.name)) for f in dataclasses.fields(instance))
+        return {name: to_plain(value) for name, value in pairs if value is not None}
+    if isinstance(instance, (list, tuple)):
+        return [to_plain(value) for value in instance]
+    if isinstance(instance, dict):
+        return {str(key): to_plain(value) for key, value in instance.items()}
+    if isinstance(instance, Path):
+        return str(instance)
+    return instance.item() if hasattr(instance, "item") else instance
+
+
+def _names(schema: type) -> str:
+    return ", ".join(field.name for field in dataclasses.fields(schema))
+
+
+def _check_dataclass(instance: Any, path: str, file: Any) -> None:
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        where = f"{path}{field.name}"
+        if dataclasses.is_dataclass(value):
+            _check_dataclass(value, f"{where}.", file)
+        elif isinstance(value, (list, tuple)):
+            for i, item in enumerate(value):
+                if dataclasses.is_dataclass(item):
+                    _check_dataclass(item, f"{where}[{i}].", file)
+                else:
+                    _check_scalar(item, field.metadata, f"{where}[{i}]", file)
+        elif isinstance(value, dict):
+            for key, item in value.items():
+                _check_scalar(item, field.metadata, f"{where}.{key}", file)
+        else:
+            _check_scalar(value, field.metadata, where, file)
+
+
+def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
+    options = metadata.get("options")
+    if options and value is not None and value not in options:
+        raise InputError(
+            f"{value!r} is not known", file=file, where=where, right=f"Known are: {', '.join(options)}"
+        )
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return
+    low, high, unit = (metadata.get(key) for key in ("low", "high", "unit"))
+    if not math.isfinite(value):
+        raise InputError(f"{value} is not a finite number", file=file, where=where)
+    if low is not None and not low <= value <= high:
+        raise InputError(
+            f"{value:g} {unit} is outside its physical range",
+            file=file,
+            where=where,
+            right=f"It must be {_range(low, high)} {unit}",
+        )
+
+
+def _range(low: float, high: float) -> str:
+    if math.isinf(high):
+        return f"at least {low:g}"
+    return f"at most {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
+
+
+class _Reader:
+    """Turns YAML nodes into dataclasses; keeps the file so that every message can name it."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def fail(self, node: yaml.Node, key: str, what: str, right: str | None = None) -> InputError:
+        where = f"line {node.start_mark.line + 1}" + (f", {key}" if key else "")
+        return InputError(what, file=self.file, where=where, right=right)
+
+    def dataclass(self, node: yaml.Node, schema: type[T], path: str) -> T:
+        if not isinstance(node, yaml.MappingNode):
+            raise self.fail(node, path.rstrip("."), "must be a mapping of keys to values",
+                            f"Its keys are: {_names(schema)}")
+        fields = {field.name: field for field in dataclasses.fields(schema)}  # type: ignore[arg-type]
+        hints = typing.get_type_hints(schema)
+        values: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = str(key_node.value)
+            if key not in fields:
+                near = difflib.get_close_matches(key, fields, n=1)
+                right = f"Did you mean {near[0]}?" if near else f"Known keys are: {_names(schema)}"
+                raise self.fail(key_node, path + key, "unknown key", right)
+            if key in values:
+                raise self.fail(key_node, path + key, "the key stands twice")
+            value = self.value(value_node, hints[key], path + key)
+            self._range_check(value_node, value, fields[key], path + key)
+            values[key] = value
+        for name, field in fields.items():
+            missing = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+            if missing and name not in values:
+                unit = field.metadata.get("unit")
+                raise self.fail(node, path + name, "the key is missing", f"Its unit is {unit}" if unit else None)
+        return schema(**values)
+
+    def _range_check(self, node: yaml.Node, value: Any, field: Any, key: str) -> None:
+        items = value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
+        for item in items:
+            if not dataclasses.is_dataclass(item):
+                _check_scalar(item, field.metadata, f"line {node.start_mark.line + 1}, {key}", self.file)
+
+    def value(self, node: yaml.Node, hint: Any, key: str) -> Any:
+        origin, args = typing.get_origin(hint), typing.get_args(hint)
+        if origin in (types.UnionType, typing.Union):
+            if node.tag == "tag:yaml.org,2002:null":
+                return None
+            wanted = [a for a in args if a is not type(None)]
+            if isinstance(node, yaml.MappingNode):
+                wanted = [a for a in wanted if dataclasses.is_dataclass(a) or typing.get_origin(a) is dict] or wanted
+            else:
+                wanted = [a for a in wanted if not dataclasses.is_dataclass(a)] or wanted
+            return self.value(node, wanted[0], key)
+        if dataclasses.is_dataclass(hint):
+            return self.dataclass(node, hint, f"{key}.")  # type: ignore[arg-type]
+        if origin is tuple:
+            if not isinstance(node, yaml.SequenceNode):
+                raise self.fail(node, key, "must be a list")
+            return tuple(self.value(item, args[0], f"{key}[{i}]") for i, item in enumerate(node.value))
+        if origin is dict:
+            if not isinstance(node, yaml.MappingNode):
+                raise self.fail(node, key, "must be a mapping of names to values")
+            return {str(k.value): self.value(v, args[1], f"{key}.{k.value}") for k, v in node.value}
+        return self._scalar(node, hint, key)
+
+    def _scalar(self, node: yaml.Node, hint: type, key: str) -> Any:
+        if not isinstance(node, yaml.ScalarNode):
+            raise self.fail(node, key, f"must be a single {_KINDS.get(hint, hint)}")
+        value = yaml.SafeLoader("").construct_object(node)
+        if hint is float and not isinstance(value, bool):
+            try:
+                return float(value)
+            except (TypeError, ValueError):
+                pass
+        elif hint is int and isinstance(value, int) and not isinstance(value, bool):
+            return value
+        elif hint is bool and isinstance(value, bool):
+            return value
+        elif hint is str and value is not None:
+            return str(node.value)
+        raise self.fail(node, key, f"{node.value!r} is not a {_KINDS.get(hint, hint)}")
+
+
+_KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
