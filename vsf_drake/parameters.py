@@ -130,7 +130,7 @@ class BushingAxis:
     """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad)."""
 
     stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source="derived")
-    stiffness_negative: float = quantity(unit="N/m or N m/rad, for negative displacement", low=0.0, high=1e9, source="derived")
+    stiffness_negative: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source="derived")
     damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=f"{_CHOICE}: stiffness times 10 ms")
     limit: float = quantity(unit="m or rad", low=1e-6, high=1.0, source="derived")
     rate_limit: float = quantity(unit="m/s or rad/s", low=1e-6, high=100.0, source=_CHOICE)
@@ -202,21 +202,21 @@ class ModelParameters:
 class Subject:
     """The person: measured where known, scaled from the stature (de Leva 1996) where None."""
 
-    mass_kg: float = quantity(unit="kg, prosthesis included", low=20.0, high=250.0, source="measured")
+    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")
     stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="measured")
     sex: str = choice(options=("male", "female"), source="stated")
     prosthetic_side: str = choice(options=SIDES, source="stated")
     name: str = "subject"
-    thigh_length_m: float | None = quantity(None, unit="m, hip to knee centre", low=0.1, high=0.8, source="measured")
-    shank_length_m: float | None = quantity(None, unit="m, knee to ankle centre", low=0.1, high=0.8, source="measured")
-    ankle_height_m: float | None = quantity(None, unit="m, ankle centre to sole", low=0.02, high=0.2, source="measured")
-    foot_length_m: float | None = quantity(None, unit="m, heel to toe tip", low=0.1, high=0.4, source="measured")
+    thigh_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.8, source="measured: hip to knee centre")
+    shank_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.8, source="measured: knee to ankle centre")
+    ankle_height_m: float | None = quantity(None, unit="m", low=0.02, high=0.2, source="measured: ankle centre to sole")
+    foot_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.4, source="measured: heel to toe tip")
     hip_forward_m: float | None = quantity(
-        None, unit="m, hip centre ahead of the pelvis origin", low=-0.2, high=0.2, source="measured")
+        None, unit="m", low=-0.2, high=0.2, source="measured: hip centre ahead of the pelvis origin")
     hip_up_m: float | None = quantity(
-        None, unit="m, hip centre above the pelvis origin", low=-0.3, high=0.2, source="measured")
+        None, unit="m", low=-0.3, high=0.2, source="measured: hip centre above the pelvis origin")
     hip_lateral_m: float | None = quantity(
-        None, unit="m, hip centre beside the pelvis origin", low=0.03, high=0.2, source="measured")
+        None, unit="m", low=0.03, high=0.2, source="measured: hip centre beside the pelvis origin")
 
 
 def load_model(path: str | Path) -> ModelParameters:
