@@ -1,0 +1,94 @@
+"""The keel as an overhung beam: closed form, and small-load stiffness of its chain of sprung joints.
+
+            F (up)
+    A       B        C          A: pin; B: simple support at distance l = support;
+    o=======^========|---       C: load at distance L_c = load_point; overhang a = L_c - l
+    |<- l ->|<-- a ->|
+
+Euler-Bernoulli, small deflections, constant bending stiffness E I: bending moment F a x / l up to B
+and F (L_c - x) from B to C, hence a deflection F a² L_c / (3 E I) under the load (Gere & Timoshenko,
+Mechanics of Materials). Lengths in m, E I in N m², stiffness in N/m; support in (0, load_point).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def section_inertia(width: float, thickness: float) -> float:
+    """Second moment of area width · thickness³ / 12 (m⁴), bending in the direction of the thickness."""
+    return width * thickness**3 / 12.0
+
+
+def overhung_stiffness(*, bending_stiffness: Any, support: Any, load_point: Any) -> Any:
+    """Stiffness 3 E I / (a² L_c) under the load (N/m), both supports rigid."""
+    overhang = load_point - support
+    return 3.0 * bending_stiffness / (overhang * overhang * load_point)
+
+
+def support_reaction(load: Any, *, support: Any, load_point: Any) -> Any:
+    """Force load · L_c / l (N) by which the support B presses against the beam, opposite to the load."""
+    return load * load_point / support
+
+
+def anchor_reaction(load: Any, *, support: Any, load_point: Any) -> Any:
+    """Force load · a / l (N) by which the pin A holds the beam, in the direction of the load."""
+    return load * (load_point - support) / support
+
+
+def combined_stiffness(
+    *,
+    bending_stiffness: Any,
+    support: Any,
+    load_point: Any,
+    fulcrum_stiffness: Any = math.inf,
+    series_stiffness: Any = math.inf,
+) -> Any:
+    """Stiffness (N/m) of beam, compliant support B and a spring in series with the load.
+
+    1 / (1 / k_beam + (L_c / l)² / fulcrum_stiffness + 1 / series_stiffness): the support carries
+    L_c / l times the load and its yielding appears at C magnified by the same ratio.
+    """
+    beam = overhung_stiffness(bending_stiffness=bending_stiffness, support=support, load_point=load_point)
+    return _in_series(beam, support, load_point, fulcrum_stiffness, series_stiffness)
+
+
+def lumped_stiffness(
+    *,
+    bending_stiffness: float,
+    element_lengths: Sequence[float] | np.ndarray,
+    support: float,
+    load_point: float,
+    rigid_length: float = 0.0,
+    fulcrum_stiffness: float = math.inf,
+    series_stiffness: float = math.inf,
+) -> float:
+    """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid half.
+
+    Each joint, in the middle of its element, has stiffness E I / L_element and adds M² L_element /
+    (E I) to the compliance, M being the bending moment there per unit load: a midpoint rule for the
+    integral of M² / (E I), so second order in the element length except for the element under B.
+
+    Args:
+        bending_stiffness: E I (N m²).
+        element_lengths: from A (or the end of the rigid part) to the toe (m).
+        support: distance l of B from A (m).
+        load_point: distance L_c of C from A (m).
+        rigid_length: length (m) of a rigid part between A and the first element.
+        fulcrum_stiffness, series_stiffness: as in `combined_stiffness` (N/m).
+    """
+    lengths = np.asarray(element_lengths, dtype=float)
+    x = rigid_length + np.cumsum(lengths) - 0.5 * lengths
+    overhang = load_point - support
+    moment = np.where(x < support, overhang * x / support, np.maximum(load_point - x, 0.0))
+    beam = bending_stiffness / float(np.sum(moment * moment * lengths))
+    return float(_in_series(beam, support, load_point, fulcrum_stiffness, series_stiffness))
+
+
+def _in_series(beam: Any, support: Any, load_point: Any, fulcrum_stiffness: Any, series_stiffness: Any) -> Any:
+    ratio = load_point / support
+    return 1.0 / (1.0 / beam + ratio * ratio / fulcrum_stiffness + 1.0 / series_stiffness)

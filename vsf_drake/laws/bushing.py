@@ -1,0 +1,51 @@
+"""One direction of the socket bushing: spring and damper with displacement and velocity limits.
+
+McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456) joins socket and residual limb by a
+stiff six-axis bushing with limits but prints no law; this is the plainest one that has them: beyond
+a limit the axis's own stiffness or damping is multiplied by 1 + stop_ratio.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsf_drake.laws._elementwise import Array, Values, positive_part
+
+
+def excess(x: Values, limit: Values) -> Array:
+    """sign(x) · max(|x| - limit, 0): the signed part of `x` beyond +-`limit`."""
+    x = np.asarray(x)
+    return positive_part(x - limit) - positive_part(-x - limit)
+
+
+def axis_force(
+    displacement: Values,
+    rate: Values,
+    *,
+    stiffness: Values,
+    stiffness_negative: Values,
+    damping: Values,
+    limit: Values,
+    rate_limit: Values,
+    stop_ratio: Values,
+) -> Array:
+    """Force on the socket along one axis, opposing its displacement q and rate v.
+
+    -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k =
+    stiffness_negative where q < 0. Continuous everywhere, with kinks at q = 0 (if the two
+    stiffnesses differ) and at the limits.
+
+    Args:
+        displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb.
+        stiffness, stiffness_negative: N/m or N m/rad for positive and negative displacement.
+        damping: N s/m or N m s/rad.
+        limit, rate_limit: where the stops begin, in the units of displacement and rate.
+        stop_ratio: added stiffness and damping beyond the limits, as multiples of k and c.
+
+    Returns:
+        Force (N) or moment (N m), of the common shape of the arguments.
+    """
+    displacement = np.asarray(displacement)
+    k = np.where(displacement < 0, stiffness_negative, stiffness)
+    elastic = k * (displacement + stop_ratio * excess(displacement, limit))
+    return -elastic - damping * (rate + stop_ratio * excess(rate, rate_limit))

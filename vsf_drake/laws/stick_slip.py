@@ -1,0 +1,79 @@
+"""Friction of a sphere on the ground: stick-slip, made continuous in the slip speed.
+
+McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (2), as the library that the
+paper used makes it continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, friction law
+"Stick-Slip Continuous", a table of the coefficient over V / threshold velocity with straight
+lines between 0 (0), 1 (mu_static), 1.5 (mu_kinetic) and 3 (mu_kinetic).
+
+"Stick" is therefore viscous creep: a steady shear of 0.2 times the normal force creeps at 0.4 of
+the threshold velocity when mu_static is 0.5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsf_drake.laws._elementwise import Array, Values, unit_clip
+from vsf_drake.laws.kelvin_voigt import smooth_step
+
+
+def friction_coefficient(
+    speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values
+) -> Array:
+    """The library's piecewise linear coefficient at slip speed >= 0 (m/s)."""
+    u = np.asarray(speed) / threshold_velocity
+    return mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))
+
+
+def smooth_friction_coefficient(
+    speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values
+) -> Array:
+    """A coefficient with a continuous derivative, for gradients; same values at u = 0, 1 and from 1.5 on.
+
+    With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic
+    step down to mu_kinetic at u = 1.5. Odd in u, so the force is smooth through zero slip too.
+    It differs from `friction_coefficient` by at most mu_static / (3 √3) = 0.19 mu_static, at
+    u = 1/√3 (the slope at zero slip is 1.5 times as steep), and beyond u = 1 by at most
+    (mu_static - mu_kinetic) / (6 √3) = 0.10 (mu_static - mu_kinetic).
+    """
+    u = np.asarray(speed) / threshold_velocity
+    rise = unit_clip(u)
+    return mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * smooth_step(2.0 * (u - 1.0))
+
+
+def friction_force(
+    slip: Values,
+    normal_force: Values,
+    *,
+    mu_static: Values,
+    mu_kinetic: Values,
+    threshold_velocity: Values,
+    smooth: bool = False,
+) -> Array:
+    """Friction -mu(V) · normal_force · slip / V on the sphere, V = |slip|.
+
+    Below the threshold velocity mu(V) / V is formed without dividing by V, so that the gradient
+    at zero slip is finite: -mu_static / threshold_velocity · normal_force (1.5 times that if smooth).
+
+    Args:
+        slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the
+            centre, relative to the ground.
+        normal_force: (...) N, >= 0.
+        mu_static, mu_kinetic: coefficients.
+        threshold_velocity: speed (m/s) at which the coefficient reaches mu_static, > 0.
+        smooth: use `smooth_friction_coefficient`.
+
+    Returns:
+        (..., 2) force on the sphere (N).
+    """
+    slip = np.asarray(slip)
+    x, y = slip[..., 0], slip[..., 1]
+    constants = {"mu_static": mu_static, "mu_kinetic": mu_kinetic, "threshold_velocity": threshold_velocity}
+    u_squared = (x * x + y * y) / (threshold_velocity * threshold_velocity)
+    sticks = u_squared < 1.0
+    speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
+    law = smooth_friction_coefficient if smooth else friction_coefficient
+    ratio = law(speed, **constants) / speed
+    if smooth:
+        ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
+    return -np.asarray(ratio * normal_force)[..., None] * slip
