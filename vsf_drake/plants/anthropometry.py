@@ -1,0 +1,149 @@
+"""The person's segments: masses, lengths and radii of gyration after de Leva (1996), scaled to the subject.
+
+Source of the table: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters",
+J Biomech 29:1223-1230 (1996). "Transverse" is read as the medio-lateral axis and "sagittal" as the
+antero-posterior one, as biomechanics practice does. The pelvis carries head, arms and trunk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.plants.inertia import frustum_taper, frustum_volume
+
+
+@dataclass(frozen=True)
+class SegmentTable:
+    """Means of one sex: masses as fraction of body mass, lengths of the sample (m), centres of
+    mass and radii of gyration (about AP, ML and long axis) as fractions of segment length."""
+
+    stature_m: float
+    thigh_mass: float
+    shank_mass: float
+    foot_mass: float
+    thigh_length: float
+    shank_length: float
+    foot_length: float
+    trunk_length: float
+    thigh_center: float
+    shank_center: float
+    foot_center: float
+    trunk_center: float
+    trunk_gyration: tuple[float, float, float]
+    foot_gyration: tuple[float, float, float]
+
+
+# Shank: knee to ankle joint centre, whose mean length follows from the two centre-of-mass
+# percentages that the table gives for the same segment (to the lateral malleolus and to the joint).
+DE_LEVA = {
+    "male": SegmentTable(
+        stature_m=1.741, thigh_mass=0.1416, shank_mass=0.0433, foot_mass=0.0137,
+        thigh_length=0.4222, shank_length=0.4340 * 44.59 / 43.95, foot_length=0.2581, trunk_length=0.5319,
+        thigh_center=0.4095, shank_center=0.4395, foot_center=0.4415, trunk_center=0.4486,
+        trunk_gyration=(0.372, 0.347, 0.191), foot_gyration=(0.257, 0.245, 0.124)),
+    "female": SegmentTable(
+        stature_m=1.735, thigh_mass=0.1478, shank_mass=0.0481, foot_mass=0.0129,
+        thigh_length=0.3685, shank_length=0.4323 * 44.16 / 43.52, foot_length=0.2283, trunk_length=0.5293,
+        thigh_center=0.3612, shank_center=0.4352, foot_center=0.4014, trunk_center=0.4151,
+        trunk_gyration=(0.357, 0.339, 0.171), foot_gyration=(0.299, 0.279, 0.139)),
+}
+
+THIGH_RADIUS_M = 0.095
+"""Proximal radius of the thigh frustum (m), from the public GaitModel_VSF scripts."""
+SHANK_RADIUS_M = 0.055
+"""Proximal radius of the shank frustum (m), from the same scripts."""
+ANKLE_HEIGHT_RATIO = 0.039
+"""Ankle height / stature: Drillis & Contini (1966) as commonly quoted; not checked against the original."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """The subject's segments in SI units. Masses sum to the subject's mass, prosthesis included."""
+
+    mass_kg: float
+    table: SegmentTable
+    pelvis_mass: float
+    thigh_mass: float
+    shank_mass: float
+    residual_shank_mass: float
+    foot_mass: float
+    prosthesis_mass: float
+    thigh_length: float
+    shank_length: float
+    residual_length: float
+    pylon_length: float
+    ankle_height: float
+    foot_length: float
+    trunk_length: float
+    hip_forward: float
+    hip_up: float
+    hip_lateral: float
+
+    @property
+    def leg_length(self) -> float:
+        """Hip centre to sole with the leg straight (m)."""
+        return self.thigh_length + self.shank_length + self.ankle_height
+
+
+def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
+    """Segments of `subject`: measured lengths where given, else stature times the table's ratio.
+
+    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from leg length, relative to the
+    midpoint of the anterior superior iliac spines, unless measured. The residual shank is the
+    proximal part of the intact one, cut at `residual_length_ratio`, of the same density.
+
+    Raises:
+        InputError: the segments leave no mass for the trunk, or no room for the pylon.
+    """
+    table = DE_LEVA[subject.sex]
+    scale = subject.stature_m / table.stature_m
+    thigh = subject.thigh_length_m or scale * table.thigh_length
+    shank = subject.shank_length_m or scale * table.shank_length
+    ankle = subject.ankle_height_m or ANKLE_HEIGHT_RATIO * subject.stature_m
+    leg = (0.009 + thigh + shank) / (1 - 0.078)
+    residual = socket.residual_length_ratio * shank
+    pylon = shank + ankle - residual - foot.build_height_m
+    if pylon < 0.01:
+        raise InputError(
+            f"no room for the pylon: knee to sole {shank + ankle:.3f} m less residual shank {residual:.3f} m "
+            f"and foot {foot.build_height_m:.3f} m leaves {pylon:.3f} m",
+            where="subject", right="Lower socket.residual_length_ratio or correct the lengths")
+    mass = subject.mass_kg
+    shank_mass = mass * table.shank_mass
+    prosthesis = foot.mass_kg + socket.socket_mass_kg + socket.pylon_mass_kg
+    residual_mass = shank_mass * residual_volume_ratio(table, socket.residual_length_ratio)
+    limbs = mass * (2 * table.thigh_mass + table.foot_mass) + shank_mass + residual_mass + prosthesis
+    if limbs > 0.75 * mass:
+        raise InputError(f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", where="subject.mass_kg",
+                         right="Check the masses of foot, socket and pylon")
+
+    def measured(value: float | None, hara: float) -> float:
+        return hara if value is None else value
+
+    return Body(
+        mass_kg=mass, table=table, pelvis_mass=mass - limbs,
+        thigh_mass=mass * table.thigh_mass, shank_mass=shank_mass, residual_shank_mass=residual_mass,
+        foot_mass=mass * table.foot_mass, prosthesis_mass=prosthesis,
+        thigh_length=thigh, shank_length=shank, residual_length=residual, pylon_length=pylon,
+        ankle_height=ankle, foot_length=subject.foot_length_m or scale * table.foot_length,
+        trunk_length=scale * table.trunk_length,
+        hip_forward=measured(subject.hip_forward_m, 0.011 - 0.063 * leg),
+        hip_up=measured(subject.hip_up_m, -0.009 - 0.078 * leg),
+        hip_lateral=measured(subject.hip_lateral_m, 0.008 + 0.086 * leg))
+
+
+def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
+    """Volume of the proximal part of the shank frustum, as a fraction of the whole."""
+    taper = frustum_taper(table.shank_center)
+    cut = 1.0 + (taper - 1.0) * length_ratio
+    return frustum_volume(1.0, cut, length_ratio) / frustum_volume(1.0, taper, 1.0)
+
+
+def pelvis_semi_axes(body: Body) -> np.ndarray:
+    """Semi-axes (m; AP, ML, vertical) of the ellipsoid with the whole trunk's radii of gyration."""
+    ap, ml, long = np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
+    return np.sqrt(2.5 * np.array([ml + long - ap, ap + long - ml, ap + ml - long]))

@@ -1,0 +1,83 @@
+"""The materials testing machine: the foot's mount held still, a platen pressing it from below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.device import DeviceSystems, add_device
+from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
+from vsf_drake.systems.testing_machine import TestingMachine
+
+
+@dataclass(frozen=True)
+class BenchDiagram:
+    """A finished bench.
+
+    Inputs: `fulcrum_position` (1, m from A), `platen` (2, height in W in m and velocity in m/s).
+    Outputs: `state`, `load` (1, N), `depth` (sites, m).
+
+    Attributes:
+        contact_height: height (m) in W at which the platen touches the unloaded foot.
+    """
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    foot: FootHandles
+    device: DeviceSystems
+    machine: TestingMachine
+    contact_height: float
+
+
+def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagram:
+    """The foot on the bench, loaded at the forefoot, 30 mm behind the keel's tip, or at the heel.
+
+    Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
+    series with the keel (`series_stiffness_n_per_m`). Heel: the spheres of the rigid heel block with
+    their own contact law. The platen stays under its site, so the load stays vertical, on the same
+    point of the foot. Weight is left out: a load cell is tared.
+    """
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    foot = add_foot(plant, plant.world_frame(), parameters)
+    plant.Finalize()
+    device = add_device(builder, plant, foot)
+    sites = _sites(parameters, foot, heel)
+    machine = builder.AddNamedSystem("testing_machine", TestingMachine(**sites))
+    systems = [device.keel, device.fulcrum, device.carriage, machine]
+    connect_kinematics(builder, plant, systems)
+    connect_spatial_forces(builder, plant, [*device.spatial_ports, machine.GetOutputPort("spatial_forces")])
+    connect_generalized_forces(builder, plant, device.generalized_ports)
+    builder.ExportInput(machine.GetInputPort("platen"), "platen")
+    for name in ("load", "depth"):
+        builder.ExportOutput(machine.GetOutputPort(name), name)
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+    diagram = builder.Build()
+    diagram.set_name("bench")
+    context = plant.CreateDefaultContext()
+    heights = [
+        (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
+        for body, point in zip(sites["body_indices"], sites["p_BS"], strict=True)]
+    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine,
+                        contact_height=float(min(heights)))
+
+
+def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
+    """Arguments of the testing machine: where it presses and through which contact law."""
+    if heel:
+        sites = foot.sites
+        rows = [i for i, body in enumerate(sites.body_indices) if body == foot.frame.index()]
+        lowest = sites.p_BS[rows] - np.outer(sites.radius[rows], [0.0, 0.0, 1.0])
+        law = {name: values[rows] for name, values in sites.law.items()}
+        return {"body_indices": [sites.body_indices[i] for i in rows], "p_BS": lowest, **law}
+    j = foot.keel_body_at(parameters.load_point_m)
+    point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
+    k = parameters.series_stiffness_n_per_m
+    return {"body_indices": [foot.keel[j].index()], "p_BS": np.array([point]), "stiffness": np.array([k]),
+            "exponent": np.array([1.0]), "damping": np.array([0.5 * k]), "full_damping_depth": np.array([1e-3])}

@@ -1,0 +1,74 @@
+"""The systems that make an `add_foot` foot stand on its own: keel springs, fulcrum support, carriage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
+
+from vsf_drake.plants.foot import FootHandles
+from vsf_drake.systems.driver import GaitDriver
+from vsf_drake.systems.fulcrum import FulcrumSupport
+from vsf_drake.systems.keel import KeelElasticity
+
+SERVO_FREQUENCY = 2 * np.pi * 150.0
+"""Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
+
+
+@dataclass(frozen=True)
+class DeviceSystems:
+    """The foot's own systems in a diagram."""
+
+    keel: KeelElasticity
+    fulcrum: FulcrumSupport
+    carriage: GaitDriver
+
+    @property
+    def spatial_ports(self) -> list[OutputPort]:
+        """Outputs that go to the plant's spatial forces."""
+        return [self.fulcrum.GetOutputPort("spatial_forces")]
+
+    @property
+    def generalized_ports(self) -> list[OutputPort]:
+        """Outputs that go to the plant's generalized forces."""
+        return [self.keel.GetOutputPort("generalized_force"), self.carriage.GetOutputPort("generalized_force")]
+
+
+def velocity_indices(plant: MultibodyPlant, names: tuple[str, ...]) -> list[int]:
+    """Where the joints `names` stand in the plant's velocities (and positions)."""
+    return [plant.GetJointByName(name).velocity_start() for name in names]
+
+
+def servo(plant: MultibodyPlant, names: tuple[str, ...], inertia: np.ndarray) -> GaitDriver:
+    """A driver that holds the joints `names`, critically damped at SERVO_FREQUENCY on `inertia` (kg or kg m^2)."""
+    return GaitDriver(
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, names),
+        position_gain=SERVO_FREQUENCY**2 * inertia, velocity_gain=2 * SERVO_FREQUENCY * inertia)
+
+
+def add_device(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DeviceSystems:
+    """Adds and exports input `fulcrum_position` (m from A), which places support and carriage alike.
+
+    The caller connects kinematics and forces (`wiring`).
+    """
+    keel = builder.AddNamedSystem("keel", KeelElasticity(
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, foot.keel_joint_names),
+        stiffness=foot.joint_stiffness, damping=foot.joint_damping))
+    stiffness = foot.parameters.fulcrum.stiffness_n_per_m
+    fulcrum = builder.AddNamedSystem("fulcrum", FulcrumSupport(
+        frame_body_index=foot.frame.index(), X_FK=RigidTransform(),
+        keel_body_indices=[body.index() for body in foot.keel], keel_body_starts=foot.keel_starts,
+        stiffness=stiffness, damping=stiffness * foot.parameters.fulcrum.damping_time_s))
+    carriage = builder.AddNamedSystem("carriage", servo(
+        plant, (foot.carriage_joint_name,), np.array([foot.parameters.fulcrum.carriage_mass_kg])))
+    rest = builder.AddNamedSystem("carriage_rest", ConstantVectorSource([0.0]))
+    desired = builder.AddNamedSystem("carriage_desired", Multiplexer(2))
+    builder.Connect(rest.get_output_port(), desired.get_input_port(1))
+    builder.Connect(desired.get_output_port(), carriage.GetInputPort("desired_state"))
+    builder.ExportInput(fulcrum.GetInputPort("fulcrum_position"), "fulcrum_position")
+    builder.ConnectInput("fulcrum_position", desired.get_input_port(0))
+    return DeviceSystems(keel=keel, fulcrum=fulcrum, carriage=carriage)

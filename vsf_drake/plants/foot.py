@@ -1,0 +1,225 @@
+"""The variable-stiffness foot as a chain of rigid keel pieces under a rigid frame.
+
+    pylon ---- mount M
+               |                      z up
+       +-------+--------------+       |
+       |  frame F (= K)       |       +-- x to the toe
+       +--A------------B--+---+
+          o===o===o===o=^=o==o==o==o==o      keel, sprung joints o, pinned at A
+       (heel)           |  fulcrum carriage, l from A       C load point, 30 mm behind the tip
+       foam: contact spheres below
+
+The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior
+end A on the undeformed centreline, x along it to the toe, y left, z up. The keel turns freely
+about A and about sprung joints in the middle of its elements (rigid half, joint, rigid half);
+neighbouring halves of two elements are welded, so N elements make 2 N rigid pieces in N + 1
+bodies. Positive keel coordinates lift the toe. Nothing here exerts a force: `systems` do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    ModelInstanceIndex,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    WeldJoint,
+)
+from pydrake.systems.framework import Context
+
+from vsf_drake.laws.beam import section_inertia
+from vsf_drake.parameters import ContactZone, FootParameters, KeelParameters
+from vsf_drake.plants.inertia import box
+from vsf_drake.plants.joints import FORWARD, RIGHTWARD
+
+
+@dataclass(frozen=True)
+class ContactSites:
+    """The contact spheres of one foot, one row each (N spheres).
+
+    Attributes:
+        body_indices: body that carries each sphere.
+        p_BS: (N, 3) sphere centres in their bodies' frames (m).
+        radius, stiffness, exponent, damping, full_damping_depth: (N,) SI.
+        zone: (N,) index into `zone_names`.
+    """
+
+    body_indices: list
+    p_BS: np.ndarray
+    radius: np.ndarray
+    stiffness: np.ndarray
+    exponent: np.ndarray
+    damping: np.ndarray
+    full_damping_depth: np.ndarray
+    zone: np.ndarray
+    zone_names: tuple[str, ...]
+
+    @property
+    def law(self) -> dict[str, np.ndarray]:
+        """The constants of the normal force, by the names that the contact law gives them."""
+        names = ("stiffness", "exponent", "damping", "full_damping_depth")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True)
+class FootHandles:
+    """What `add_foot` put into the plant.
+
+    Attributes:
+        frame: rigid frame of the foot; its body frame is K.
+        mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
+        keel: the keel's bodies from A to the toe, their frames at their joints, x along the keel.
+        keel_starts: (len(keel),) distance (m) of each body's frame from A.
+        keel_joint_names: the pin at A, then the sprung joints.
+        joint_stiffness, joint_damping: (len(keel),) N m/rad and N m s/rad; zero for the pin.
+        carriage_joint_name: slide of the fulcrum carriage, coordinate = distance from A (m).
+        sites: contact spheres.
+    """
+
+    parameters: FootParameters
+    frame: RigidBody
+    mount: Frame
+    keel: list[RigidBody]
+    keel_starts: np.ndarray
+    keel_joint_names: tuple[str, ...]
+    joint_stiffness: np.ndarray
+    joint_damping: np.ndarray
+    carriage_joint_name: str
+    sites: ContactSites
+
+    def keel_body_at(self, x: float) -> int:
+        """Index into `keel` of the body that carries the point `x` (m from A)."""
+        return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
+
+
+def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
+    """Distances (m) of the sprung joints from A: the middles of the elements."""
+    lengths = np.array(keel.element_lengths_m)
+    return np.cumsum(lengths) - 0.5 * lengths
+
+
+def keel_joint_stiffness(keel: KeelParameters) -> np.ndarray:
+    """E I / L_element (N m/rad) of each sprung joint."""
+    bending = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
+    return bending / np.array(keel.element_lengths_m)
+
+
+def sole_height(foot: FootParameters) -> float:
+    """z of the unloaded flat sole in K (m): half the keel's thickness and the foam below the centreline."""
+    return -(0.5 * foot.keel.thickness_m + foot.foam_thickness_m)
+
+
+def mount_pose(foot: FootParameters, *, fore_aft: float = 0.0, alignment: float = 0.0) -> RigidTransform:
+    """X_KM, pose of the mount M in K.
+
+    Args:
+        fore_aft: how far (m) the foot is shifted forward under the pylon.
+        alignment: how far (rad) the foot is turned toes-up against the pylon.
+    """
+    R_KM = RotationMatrix.MakeYRotation(alignment)
+    p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot)]
+    return RigidTransform(R_KM, p_KM)
+
+
+def set_mount(context: Context, handles: FootHandles, *, fore_aft: float, alignment: float) -> None:
+    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`."""
+    pose = mount_pose(handles.parameters, fore_aft=fore_aft, alignment=alignment)
+    handles.mount.SetPoseInParentFrame(context, pose)
+
+
+def add_foot(
+    plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf"
+) -> FootHandles:
+    """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
+
+    The foot is symmetric about its x-z plane, so one foot serves both sides. Masses: the keel by
+    its volume and density, the carriage as given, the rest of `mass_kg` in the rigid frame.
+
+    Raises:
+        ValueError: keel and carriage weigh more than the whole foot.
+    """
+    instance = plant.AddModelInstance(name)
+    keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
+    frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
+    if frame_mass <= 0:
+        raise ValueError(f"keel and carriage weigh {parameters.mass_kg - frame_mass:.3f} kg, "
+                         f"the whole foot {parameters.mass_kg:.3f} kg")
+    rear, height = parameters.fulcrum.rearmost_m, parameters.build_height_m + sole_height(parameters)
+    width = parameters.keel.width_m
+    inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
+    frame = plant.AddRigidBody(f"{name}_frame", instance, inertia)
+    mount = plant.AddFrame(FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance))
+    plant.AddJoint(WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
+    keel, starts, joint_names = _add_keel(plant, instance, frame, parameters.keel)
+    carriage_mass = parameters.fulcrum.carriage_mass_kg
+    carriage = plant.AddRigidBody(
+        f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
+    plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD))
+    stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
+    return FootHandles(
+        parameters=parameters, frame=frame, mount=mount, keel=keel, keel_starts=starts,
+        keel_joint_names=joint_names, joint_stiffness=stiffness,
+        joint_damping=stiffness * parameters.keel.damping_time_s, carriage_joint_name="fulcrum",
+        sites=_foot_sites(parameters, frame, keel, starts))
+
+
+def _keel_volume(keel: KeelParameters) -> float:
+    return sum(keel.element_lengths_m) * keel.width_m * keel.thickness_m
+
+
+def _add_keel(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, frame: RigidBody, keel: KeelParameters
+) -> tuple[list[RigidBody], np.ndarray, tuple[str, ...]]:
+    starts = np.concatenate(([0.0], keel_joint_positions(keel)))
+    ends = np.append(starts[1:], sum(keel.element_lengths_m))
+    names = ("keel_pin", *(f"keel_{i}" for i in range(1, len(starts))))
+    bodies: list[RigidBody] = []
+    parent: RigidBody = frame
+    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        length = end - start
+        size = (length, keel.width_m, keel.thickness_m)
+        inertia: SpatialInertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
+        body = plant.AddRigidBody(f"keel_body_{i}", instance, inertia)
+        offset = RigidTransform([start - (starts[i - 1] if i else 0.0), 0.0, 0.0])
+        joint_frame = plant.AddFrame(FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
+        plant.AddJoint(RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
+        bodies.append(body)
+        parent = body
+    return bodies, starts, names
+
+
+def _foot_sites(
+    foot: FootParameters, frame: RigidBody, keel: list[RigidBody], starts: np.ndarray
+) -> ContactSites:
+    """Spheres behind the rearmost fulcrum sit on the rigid frame (the heel block), the others on the keel."""
+    indices, points = [], []
+    for zone in foot.zones:
+        for x_mm, y_mm, rise_mm in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True):
+            x, z = 1e-3 * x_mm, sole_height(foot) + 1e-3 * rise_mm + zone.radius_m
+            j = int(np.searchsorted(starts, x, side="right") - 1)
+            on_frame = x < foot.fulcrum.rearmost_m
+            indices.append((frame if on_frame else keel[j]).index())
+            points.append([x if on_frame else x - starts[j], 1e-3 * y_mm, z])
+    return zone_sites(foot.zones, indices, np.array(points))
+
+
+def zone_sites(zones: tuple[ContactZone, ...], body_indices: list, p_BS: np.ndarray) -> ContactSites:
+    """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
+    count = [len(zone.x_mm) for zone in zones]
+
+    def repeated(field: str) -> np.ndarray:
+        return np.repeat([float(getattr(zone, field)) for zone in zones], count)
+
+    return ContactSites(
+        body_indices=body_indices, p_BS=p_BS, radius=repeated("radius_m"), stiffness=repeated("stiffness"),
+        exponent=repeated("exponent"), damping=repeated("damping_n_s_per_m"),
+        full_damping_depth=repeated("full_damping_depth_m"),
+        zone=np.repeat(np.arange(len(zones)), count), zone_names=tuple(zone.name for zone in zones))

@@ -1,0 +1,145 @@
+"""The walking person on the ground: plant, contact, friction, socket, foot and driver in one diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
+from vsf_drake.plants.device import DeviceSystems, add_device, servo, velocity_indices
+from vsf_drake.plants.foot import ContactSites
+from vsf_drake.plants.person import PersonHandles, add_person
+from vsf_drake.plants.socket import SocketHandles
+from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
+from vsf_drake.systems.bushing import SocketBushing
+from vsf_drake.systems.contact import KelvinVoigtContact
+from vsf_drake.systems.driver import GaitDriver
+from vsf_drake.systems.friction import StickSlipFriction
+from vsf_drake.systems.ground_reaction import GroundReaction
+
+SERVO_INERTIA_FLOOR = 0.5
+"""Least inertia (kg or kg m^2) that a joint servo is laid out for (a choice)."""
+
+
+@dataclass(frozen=True)
+class FootGround:
+    """Contact, friction and resultant of one foot on the ground."""
+
+    sites: ContactSites
+    contact: KelvinVoigtContact
+    friction: StickSlipFriction
+    reaction: GroundReaction
+
+
+@dataclass(frozen=True)
+class GaitDiagram:
+    """A finished person on the ground.
+
+    Inputs: `fulcrum_position` (1, m from A); `desired_state` (2 p: positions, then velocities of the
+    prescribed coordinates). Outputs: `state`; `grf` (3, N in W), `cop` (3, m in W), `free_moment`
+    (1, N m), `normal_force`, `depth`, `friction_force` of the prosthetic foot, the same with the
+    prefix `intact_`; `socket_wrench` (6); `driver_force` (n).
+
+    Attributes:
+        prescribed: names of the coordinates that follow `desired_state`, in its order.
+        ground: "prosthetic" and "intact".
+    """
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    person: PersonHandles
+    prescribed: tuple[str, ...]
+    device: DeviceSystems
+    bushing: SocketBushing
+    driver: GaitDriver
+    ground: dict[str, FootGround]
+
+    def plant_context(self, context: Context) -> Context:
+        """The plant's part of the diagram's `context`."""
+        return self.plant.GetMyContextFromRoot(context)
+
+
+def make_gait(
+    subject: Subject, model: ModelParameters, *, free: Sequence[str] = (), ground_height: float = 0.0
+) -> GaitDiagram:
+    """Builds the person of `subject` with the devices of `model`.
+
+    Args:
+        free: anatomical coordinates that are not prescribed but move under the forces on them.
+        ground_height: z (m) of the ground in W.
+
+    Raises:
+        InputError: see `anthropometry.scale_body`.
+        ValueError: `free` names a coordinate that the person does not have.
+    """
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    person = add_person(plant, subject, model)
+    plant.Finalize()
+    unknown = set(free) - set(person.coordinate_names)
+    if unknown:
+        raise ValueError(f"no such coordinate: {', '.join(sorted(unknown))}")
+    prescribed = tuple(name for name in person.coordinate_names if name not in free)
+    device = add_device(builder, plant, person.foot)
+    bushing = builder.AddNamedSystem("bushing", _bushing(plant, person.socket))
+    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, _servo_inertia(plant, prescribed)))
+    builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
+    ground = {
+        "prosthetic": _foot_ground(builder, "", person.foot.sites, model.foot.friction, ground_height),
+        "intact": _foot_ground(builder, "intact_", person.intact_sites, model.intact_foot.friction, ground_height),
+    }
+    systems = [device.keel, device.fulcrum, device.carriage, bushing, driver]
+    spatial = list(device.spatial_ports)
+    for foot in ground.values():
+        systems += [foot.contact, foot.friction, foot.reaction]
+        spatial += [foot.contact.GetOutputPort("spatial_forces"), foot.friction.GetOutputPort("spatial_forces")]
+    connect_kinematics(builder, plant, systems)
+    connect_spatial_forces(builder, plant, spatial)
+    connect_generalized_forces(builder, plant, [
+        *device.generalized_ports, bushing.GetOutputPort("generalized_force"), driver.GetOutputPort("generalized_force")])
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+    builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
+    builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
+    diagram = builder.Build()
+    diagram.set_name("gait")
+    return GaitDiagram(diagram=diagram, plant=plant, person=person, prescribed=prescribed, device=device,
+                       bushing=bushing, driver=driver, ground=ground)
+
+
+def _foot_ground(
+    builder: DiagramBuilder, prefix: str, sites: ContactSites, friction: FrictionParameters, ground_height: float
+) -> FootGround:
+    place = {"body_indices": sites.body_indices, "p_BS": sites.p_BS, "radius": sites.radius}
+    contact = builder.AddNamedSystem(f"{prefix}contact", KelvinVoigtContact(
+        **place, **sites.law, ground_height=ground_height))
+    slip = builder.AddNamedSystem(f"{prefix}friction", StickSlipFriction(
+        **place, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic,
+        threshold_velocity=friction.threshold_velocity_m_per_s))
+    reaction = builder.AddNamedSystem(f"{prefix}ground_reaction", GroundReaction(**place))
+    normal = contact.GetOutputPort("normal_force")
+    builder.Connect(normal, slip.GetInputPort("normal_force"))
+    builder.Connect(normal, reaction.GetInputPort("normal_force"))
+    builder.Connect(slip.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
+    for system, names in ((reaction, ("grf", "cop", "free_moment")), (contact, ("normal_force", "depth")),
+                          (slip, ("friction_force",))):
+        for name in names:
+            builder.ExportOutput(system.GetOutputPort(name), prefix + name)
+    return FootGround(sites=sites, contact=contact, friction=slip, reaction=reaction)
+
+
+def _bushing(plant: MultibodyPlant, socket: SocketHandles) -> SocketBushing:
+    fields = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
+    arrays = {name: np.array([getattr(axis, name) for axis in socket.axes]) for name in fields}
+    return SocketBushing(
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, socket.coordinate_names),
+        stop_ratio=socket.parameters.stop_ratio, **arrays)
+
+
+def _servo_inertia(plant: MultibodyPlant, names: tuple[str, ...]) -> np.ndarray:
+    """Diagonal of the mass matrix in the upright pose for the joints `names`, with a floor."""
+    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+    return np.maximum(np.diag(M)[velocity_indices(plant, names)], SERVO_INERTIA_FLOOR)

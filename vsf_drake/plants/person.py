@@ -1,0 +1,162 @@
+"""The person: pelvis with head, arms and trunk, two thighs, intact shank and foot, residual shank.
+
+Frames: x forward, y left, z up, all parallel to W when every coordinate is zero. Pelvis: origin at the
+midpoint of the anterior superior iliac spines; thigh at the hip centre; shank at the knee centre; foot
+at the ankle centre. Coordinates are named and signed as in OpenSim's gait models, knee flexion
+positive; order of rotations: flexion (tilt), adduction (list), rotation, after Wu et al. (2002,
+doi 10.1016/S0021-9290(01)00222-6) and Grood & Suntay (1983, doi 10.1115/1.3138397).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+
+from vsf_drake.parameters import IntactFootParameters, ModelParameters, Subject
+from vsf_drake.plants.anthropometry import (
+    SHANK_RADIUS_M,
+    THIGH_RADIUS_M,
+    Body,
+    pelvis_semi_axes,
+    scale_body,
+)
+from vsf_drake.plants.foot import ContactSites, FootHandles, add_foot, zone_sites
+from vsf_drake.plants.inertia import ellipsoid_central_moments, from_central, frustum, frustum_taper
+from vsf_drake.plants.joints import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
+from vsf_drake.plants.socket import SocketHandles, add_socket
+
+PELVIS_COORDINATES = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
+
+
+def leg_coordinates(side: str, intact: bool) -> tuple[str, ...]:
+    """Names of the joint coordinates of the leg on `side` ("right" or "left"), hip to ankle."""
+    s = side[0]
+    names = [f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}",
+             f"knee_angle_{s}", f"knee_adduction_{s}", f"knee_rotation_{s}"]
+    if intact:
+        names += [f"ankle_angle_{s}", f"ankle_adduction_{s}", f"ankle_rotation_{s}"]
+    return tuple(names)
+
+
+@dataclass(frozen=True)
+class PersonHandles:
+    """What `add_person` put into the plant.
+
+    Attributes:
+        coordinate_names: the 21 anatomical coordinates, pelvis first.
+        body: the scaled segments.
+        pelvis: its body; `segments`: every anatomical body by name, for drawing.
+        intact_sites: contact spheres of the intact foot.
+        socket, foot: the prosthesis.
+    """
+
+    subject: Subject
+    body: Body
+    coordinate_names: tuple[str, ...]
+    pelvis: RigidBody
+    segments: dict[str, RigidBody]
+    intact_sites: ContactSites
+    socket: SocketHandles
+    foot: FootHandles
+
+
+def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) -> PersonHandles:
+    """Adds the person with the prosthesis on `subject.prosthetic_side`.
+
+    28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum
+    carriage 1) and the keel's own on top.
+
+    Raises:
+        InputError: see `anthropometry.scale_body`.
+    """
+    body = scale_body(subject, model.foot, model.socket)
+    instance = plant.AddModelInstance("person")
+    pelvis = _add_pelvis(plant, instance, body)
+    names = list(PELVIS_COORDINATES)
+    segments = {"pelvis": pelvis}
+    shanks = {}
+    for side in ("right", "left"):
+        intact = side != subject.prosthetic_side
+        thigh, shank = _add_leg(plant, instance, body, pelvis, side, intact)
+        segments |= {f"thigh_{side}": thigh, f"shank_{side}": shank}
+        shanks[side] = shank
+        names += leg_coordinates(side, intact)
+    intact_side = "left" if subject.prosthetic_side == "right" else "right"
+    foot = _add_intact_foot(plant, instance, body, model.intact_foot, shanks[intact_side], intact_side)
+    segments[f"foot_{intact_side}"] = foot
+    sites = intact_foot_sites(model.intact_foot, body, foot, intact_side)
+    socket = add_socket(
+        plant, shanks[subject.prosthetic_side].body_frame(), model.socket, residual_length=body.residual_length,
+        pylon_length=body.pylon_length, mirrored=subject.prosthetic_side == "left")
+    device = add_foot(plant, socket.distal, model.foot)
+    return PersonHandles(
+        subject=subject, body=body, coordinate_names=tuple(names), pelvis=pelvis, segments=segments,
+        intact_sites=sites, socket=socket, foot=device)
+
+
+def _add_pelvis(plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body) -> RigidBody:
+    """Ellipsoid with the trunk's radii of gyration, its centre where the trunk's is above the hips."""
+    moments = ellipsoid_central_moments(body.pelvis_mass, pelvis_semi_axes(body))
+    height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
+    inertia = from_central(body.pelvis_mass, np.array([body.hip_forward, 0.0, height]), moments)
+    pelvis = plant.AddRigidBody("pelvis", instance, inertia)
+    steps = translations(PELVIS_COORDINATES[:3], (FORWARD, UPWARD, RIGHTWARD))
+    steps += rotations(PELVIS_COORDINATES[3:], mirrored=False)
+    add_chain(plant, instance, plant.world_frame(), np.zeros(3), pelvis, steps)
+    return pelvis
+
+
+def _add_leg(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, pelvis: RigidBody, side: str, intact: bool
+) -> tuple[RigidBody, RigidBody]:
+    table, mirrored = body.table, side == "left"
+    thigh_taper, shank_taper = frustum_taper(table.thigh_center), frustum_taper(table.shank_center)
+    thigh = plant.AddRigidBody(
+        f"thigh_{side}", instance,
+        frustum(body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, body.thigh_length))
+    mass, length = body.shank_mass, body.shank_length
+    if not intact:
+        mass, length = body.residual_shank_mass, body.residual_length
+        shank_taper = 1 + (shank_taper - 1) * length / body.shank_length
+    shank = plant.AddRigidBody(
+        f"shank_{side}", instance, frustum(mass, SHANK_RADIUS_M, SHANK_RADIUS_M * shank_taper, length))
+    names = leg_coordinates(side, intact)
+    lateral = body.hip_lateral if mirrored else -body.hip_lateral
+    hip = np.array([body.hip_forward, lateral, body.hip_up])
+    add_chain(plant, instance, pelvis.body_frame(), hip, thigh, rotations(names[:3], mirrored))
+    knee = np.array([0.0, 0.0, -body.thigh_length])
+    add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
+    return thigh, shank
+
+
+def _add_intact_foot(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, parameters: IntactFootParameters,
+    shank: RigidBody, side: str
+) -> RigidBody:
+    ap, ml, long = np.square(np.array(body.table.foot_gyration) * body.foot_length)
+    # The foot's long axis points forward: "longitudinal" is about x, the other two about y and z.
+    moments = body.foot_mass * np.array([long, ml, ap])
+    heel = -parameters.ankle_x_ratio * body.foot_length
+    center = np.array([heel + body.table.foot_center * body.foot_length, 0.0, -0.5 * body.ankle_height])
+    foot = plant.AddRigidBody(f"foot_{side}", instance, from_central(body.foot_mass, center, moments))
+    ankle = np.array([0.0, 0.0, -body.shank_length])
+    names = leg_coordinates(side, intact=True)[6:]
+    add_chain(plant, instance, shank.body_frame(), ankle, foot, rotations(names, side == "left"))
+    return foot
+
+
+def intact_foot_sites(
+    parameters: IntactFootParameters, body: Body, foot: RigidBody, side: str
+) -> ContactSites:
+    """Contact spheres of the intact foot: scaled with foot length, mirrored on the left."""
+    scale = body.foot_length / parameters.reference_length_m
+    mirror = -1.0 if side == "left" else 1.0
+    points = [
+        [scale * 1e-3 * x - parameters.ankle_x_ratio * body.foot_length, mirror * scale * 1e-3 * y,
+         zone.radius_m + 1e-3 * rise - body.ankle_height]
+        for zone in parameters.zones
+        for x, y, rise in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True)]
+    return zone_sites(parameters.zones, [foot.index()] * len(points), np.array(points))

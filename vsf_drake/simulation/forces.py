@@ -1,0 +1,56 @@
+"""Compiled scalar forms of the force laws with their derivatives, for the stepper's Newton matrix.
+
+Same equations and sources as `vsf_drake.laws`, whose array functions are the definition; a test
+compares the two, and the derivatives with finite differences, over random arguments.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+
+@numba.njit(cache=True)
+def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
+    """Modified Kelvin-Voigt force (N) and its derivatives by depth (N/m) and by depth rate (N s/m)."""
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0
+    power = depth if exponent == 1.0 else depth**exponent
+    force = stiffness * power
+    by_depth = stiffness * exponent * power / depth
+    by_rate = 0.0
+    if rate > 0.0:
+        u = depth / full_depth
+        ramp, slope = 1.0, 0.0
+        if u < 1.0:
+            ramp, slope = u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / full_depth
+        force += ramp * damping * rate
+        by_depth += slope * damping * rate
+        by_rate = ramp * damping
+    return force, by_depth, by_rate
+
+
+@numba.njit(cache=True)
+def friction_per_speed(speed, mu_static, mu_kinetic, threshold):
+    """mu(V)/V (s/m) of the piecewise stick-slip law and the slope d mu / dV (s/m)."""
+    if speed <= threshold:
+        return mu_static / threshold, mu_static / threshold
+    if speed < 1.5 * threshold:
+        slope = -(mu_static - mu_kinetic) / (0.5 * threshold)
+        return (mu_static + slope * (speed - threshold)) / speed, slope
+    return mu_kinetic / speed, 0.0
+
+
+@numba.njit(cache=True)
+def spring_force(x, rate, k_positive, k_negative, damping, limit, rate_limit, stop_ratio):
+    """Force of a sprung coordinate (opposing) and its derivatives by displacement and by rate."""
+    k = k_positive if x >= 0.0 else k_negative
+    force, by_x, by_rate = -k * x - damping * rate, -k, -damping
+    if abs(x) > limit:
+        force -= stop_ratio * k * (x - math.copysign(limit, x))
+        by_x -= stop_ratio * k
+    if abs(rate) > rate_limit:
+        force -= stop_ratio * damping * (rate - math.copysign(rate_limit, rate))
+        by_rate -= stop_ratio * damping
+    return force, by_x, by_rate

@@ -1,0 +1,66 @@
+"""Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of times."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def cholesky(A):
+    """Lower factor L with A = L L^T of a symmetric positive definite A."""
+    n = A.shape[0]
+    L = np.zeros((n, n))
+    for j in range(n):
+        d = A[j, j]
+        for k in range(j):
+            d -= L[j, k] * L[j, k]
+        L[j, j] = np.sqrt(d)
+        for i in range(j + 1, n):
+            s = A[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            L[i, j] = s / L[j, j]
+    return L
+
+
+@numba.njit(cache=True)
+def scaled_norm(L, r):
+    """Norm sqrt(r^T A^-1 r) of r for A = L L^T."""
+    n = r.shape[0]
+    y = np.empty(n)
+    total = 0.0
+    for i in range(n):
+        s = r[i]
+        for k in range(i):
+            s -= L[i, k] * y[k]
+        y[i] = s / L[i, i]
+        total += y[i] * y[i]
+    return np.sqrt(total)
+
+
+@numba.njit(cache=True)
+def solve_in_place(A, b):
+    """Overwrites b with A^-1 b by Gaussian elimination with partial pivoting; A is destroyed."""
+    n = b.shape[0]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(k, n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        inverse = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * inverse
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+                b[i] -= factor * b[k]
+    for k in range(n - 1, -1, -1):
+        s = b[k]
+        for j in range(k + 1, n):
+            s -= A[k, j] * b[j]
+        b[k] = s / A[k, k]
