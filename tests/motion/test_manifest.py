@@ -1,0 +1,80 @@
+"""The trial manifest: every key, and every way to get one wrong."""
+
+import math
+
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Window, load_manifest, to_si
+
+EVERYTHING = """
+subject: subject.yaml
+kinematics: walk_ik.mot
+forces: {file: walk_grf.mot, right: ground_force, left: 1_ground_force}
+prosthesis: {fulcrum_mm: 66}
+window: {start_s: 0.4, end_s: 1.7}
+kinematics_unit: degrees
+offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 90e-1}
+model: foot.yaml
+name: subject 3
+synthetic: true
+"""
+LEAST = "subject: s.yaml\nkinematics: k.mot\nforces: f.mot\nprosthesis: {fulcrum_mm: 66}\n"
+
+
+@pytest.fixture
+def load(tmp_path):
+    def write(text):
+        path = tmp_path / "trial.yaml"
+        path.write_text(text)
+        return load_manifest(path)
+
+    return write
+
+
+def test_one_of_everything(load):
+    manifest = load(EVERYTHING)
+    assert manifest.forces == ForceColumns(file="walk_grf.mot", right="ground_force", left="1_ground_force")
+    assert manifest.window == Window(start_s=0.4, end_s=1.7)
+    assert manifest.synthetic is True and manifest.kinematics_unit == "degrees" and manifest.name == "subject 3"
+    assert to_si(manifest.offsets) == GeometricOffsets(height_m=0.002, fore_aft_m=-0.005, alignment_rad=math.pi / 20)
+
+
+def test_least_manifest_has_defaults(load):
+    manifest = load(LEAST)
+    assert manifest.forces == "f.mot" and manifest.window is None and not manifest.synthetic
+    assert to_si(manifest.offsets) == GeometricOffsets()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("subject: s.yaml", "", "subject: the key is missing"),
+        ("kinematics: k.mot", "", "kinematics: the key is missing. Give joint angles"),
+        ("kinematics: k.mot", "markers: k.c3d", "markers: marker files are not read yet. Give joint angles"),
+        ("kinematics: k.mot", "kinematics: k.trc", "kinematics: k.trc holds markers"),
+        ("kinematics: k.mot", "kinematic: k.mot", "line 2, kinematic: unknown key. Did you mean kinematics?"),
+        ("forces: f.mot", "", "forces: the key is missing"),
+        ("forces: f.mot", "forces:", "forces: the key is missing"),
+        ("forces: f.mot", "forces: {right: a}", "forces.file: the key is missing"),
+        ("forces: f.mot", "forces: {file: f.mot, rigth: a}", "forces.rigth: unknown key. Did you mean right?"),
+        ("{fulcrum_mm: 66}", "{fulcrum_mm: -3}", "prosthesis.fulcrum_mm: -3 mm is outside its physical range"),
+        ("{fulcrum_mm: 66}", "{fulcrum_mm: far}", "prosthesis.fulcrum_mm: 'far' is not a number"),
+        ("{fulcrum_mm: 66}", "{}", "prosthesis.fulcrum_mm: the key is missing. Its unit is mm"),
+        ("forces: f.mot", "forces: f.mot\nwindow: {start_s: 2, end_s: 1}", "window: start_s 2 and end_s 1"),
+        ("forces: f.mot", "forces: f.mot\nwindow: {start_s: .nan}", "window.start_s: nan is not a finite number"),
+        ("forces: f.mot", "forces: f.mot\nkinematics_unit: grad", "kinematics_unit: 'grad' is not known"),
+        ("forces: f.mot", "forces: f.mot\noffsets: {height_mm: 900}", "offsets.height_mm: 900 mm is outside"),
+        ("forces: f.mot", "forces: f.mot\nforces: g.mot", "line 4, forces: the key stands twice"),
+    ],
+)
+def test_wrong_key_or_value_is_named(load, tmp_path, old, new, wanted):
+    assert old in LEAST
+    with pytest.raises(InputError) as caught:
+        load(LEAST.replace(old, new))
+    assert wanted in str(caught.value) and str(tmp_path / "trial.yaml") in str(caught.value)
+
+
+def test_missing_manifest_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.yaml: there is no such file"):
+        load_manifest(tmp_path / "absent.yaml")

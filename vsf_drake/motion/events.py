@@ -1,0 +1,100 @@
+"""When a foot is on the ground: stances found in a vertical force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+THRESHOLD_N = 20.0
+MINIMUM_S = 0.15
+BRIDGE_S = 0.03
+MINIMUM_PEAK_N = 100.0
+
+
+@dataclass(frozen=True)
+class Stance:
+    """One contact of the foot with the ground.
+
+    Attributes:
+        start_s: touch-down, or the start of the record where the foot is loaded already.
+        end_s: lift-off, or the end of the record where the foot is loaded still.
+        start_seen: whether touch-down lies inside the record.
+        end_seen: whether lift-off lies inside the record.
+    """
+
+    start_s: float
+    end_s: float
+    start_seen: bool = True
+    end_seen: bool = True
+
+    @property
+    def complete(self) -> bool:
+        """Whether both touch-down and lift-off lie inside the record."""
+        return self.start_seen and self.end_seen
+
+    @property
+    def duration_s(self) -> float:
+        return self.end_s - self.start_s
+
+
+def find_stances(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n: float = THRESHOLD_N,
+                 minimum_s: float = MINIMUM_S, bridge_s: float = BRIDGE_S,
+                 minimum_peak_n: float = MINIMUM_PEAK_N) -> list[Stance]:
+    """Stances, in order of time.
+
+    The foot is on the ground while the force exceeds the threshold. The hysteresis is in time:
+    a drop-out shorter than `bridge_s` does not end a contact, and a contact that is shorter than
+    `minimum_s` or never reaches `minimum_peak_n` (a scuff in swing) is no stance. A contact cut
+    by an end of the record counts however short it is, if it reaches the peak. Instants are
+    interpolated linearly between samples.
+
+    Args:
+        time_s: (n,) s, increasing.
+        vertical_force: (n,) N on the foot, up positive.
+
+    Raises:
+        ValueError: the shapes differ, or a value is not finite.
+    """
+    found = _contacts(time_s, vertical_force, threshold_n, bridge_s)
+    return [s for s, peak in found if _is_stance(s, peak, minimum_s, minimum_peak_n)]
+
+
+def find_scuffs(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n: float = THRESHOLD_N,
+                minimum_s: float = MINIMUM_S, bridge_s: float = BRIDGE_S,
+                minimum_peak_n: float = MINIMUM_PEAK_N) -> list[Stance]:
+    """The contacts above the threshold that `find_stances` does not count, in order of time."""
+    found = _contacts(time_s, vertical_force, threshold_n, bridge_s)
+    return [s for s, peak in found if not _is_stance(s, peak, minimum_s, minimum_peak_n)]
+
+
+def _is_stance(contact: Stance, peak: float, minimum_s: float, minimum_peak_n: float) -> bool:
+    return peak >= minimum_peak_n and (contact.duration_s >= minimum_s or not contact.complete)
+
+
+def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s: float) -> list[tuple[Stance, float]]:
+    time_s, force = np.asarray(time_s, dtype=float), np.asarray(force, dtype=float)
+    if time_s.ndim != 1 or time_s.shape != force.shape:
+        raise ValueError(f"time {time_s.shape} and force {force.shape} must be (n,) both")
+    if not (np.isfinite(time_s).all() and np.isfinite(force).all()):
+        raise ValueError("time and force must be finite")
+    on = force > threshold
+    change = np.flatnonzero(on[1:] != on[:-1])
+    fraction = (threshold - force[change]) / (force[change + 1] - force[change])
+    instants = list(time_s[change] + fraction * (time_s[change + 1] - time_s[change]))
+    if on.size and on[0]:
+        instants.insert(0, time_s[0])
+    if on.size and on[-1]:
+        instants.append(time_s[-1])
+    bouts: list[list[float]] = []
+    for start, end in zip(instants[::2], instants[1::2], strict=True):
+        if bouts and start - bouts[-1][1] < bridge_s:
+            bouts[-1][1] = end
+        else:
+            bouts.append([start, end])
+    found = []
+    for start, end in bouts:
+        inside = (time_s >= start) & (time_s <= end)
+        seen = (not (on[0] and start == time_s[0]), not (on[-1] and end == time_s[-1]))
+        found.append((Stance(float(start), float(end), *seen), float(force[inside].max(initial=threshold))))
+    return found

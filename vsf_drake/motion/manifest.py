@@ -1,0 +1,136 @@
+"""The trial manifest: the one YAML file that describes a recording. Schema and its reading, no recordings.
+
+    subject: subject.yaml
+    kinematics: walk_ik.mot
+    forces: {file: walk_grf.mot, right: ground_force_r, left: ground_force_l}
+    prosthesis: {fulcrum_mm: 66}
+    window: {start_s: 0.4, end_s: 1.7}
+    kinematics_unit: degrees
+    offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 1}
+    model: my_foot.yaml
+    name: subject 3, trial 7
+    synthetic: false
+
+Only the first four keys are required. Paths are relative to the manifest's folder.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from vsf_drake.errors import InputError
+from vsf_drake.schema import choice, load_yaml, quantity
+
+UNITS = ("degrees", "radians")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProsthesisSetting:
+    """How the foot was set during the trial."""
+
+    fulcrum_mm: float = quantity(unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceColumns:
+    """Which columns of the force file are which foot: prefixes such as `ground_force_r`."""
+
+    file: str
+    right: str | None = None
+    left: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """The part of the recording to use; a missing end is the end of the recording."""
+
+    start_s: float | None = quantity(None, unit="s", low=-1e6, high=1e6, source="chosen")
+    end_s: float | None = quantity(None, unit="s", low=-1e6, high=1e6, source="chosen")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManifestOffsets:
+    """`GeometricOffsets` in the units of the manifest."""
+
+    height_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
+    fore_aft_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
+    alignment_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometricOffsets:
+    """What no recording tells about how the prosthesis sits under the person.
+
+    Attributes:
+        height_m: + moves the foot up against the residual limb (a shorter prosthesis).
+        fore_aft_m: + moves the foot forward against the residual limb.
+        alignment_rad: + turns the toe up (dorsiflexion).
+    """
+
+    height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
+    fore_aft_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
+    alignment_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manifest:
+    """The keys of a trial manifest; see the module's example."""
+
+    subject: str
+    kinematics: str | None = None
+    markers: str | None = None
+    forces: str | ForceColumns
+    prosthesis: ProsthesisSetting
+    window: Window | None = None
+    kinematics_unit: str | None = choice(None, options=UNITS, source="stated, where the file's header does not")
+    offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
+    model: str | None = None
+    name: str | None = None
+    synthetic: bool = False
+
+
+def load_manifest(path: str | Path) -> Manifest:
+    """Reads a trial manifest and checks what its keys must share. Does not open the files it names.
+
+    Raises:
+        InputError: see `vsf_drake.schema.load_yaml`; or `kinematics` or `forces` is missing, or
+            markers are given instead of joint angles, or the window does not end after it starts.
+    """
+    path = Path(path)
+    manifest = load_yaml(path, Manifest)
+    angles = "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto)"
+    if manifest.markers is not None:
+        raise InputError("marker files are not read yet", file=path, where="markers", right=angles)
+    if manifest.kinematics is None:
+        raise InputError("the key is missing", file=path, where="kinematics", right=angles)
+    if Path(manifest.kinematics).suffix.lower() in (".c3d", ".trc"):
+        raise InputError(f"{manifest.kinematics} holds markers, which are not read yet", file=path,
+                         where="kinematics", right=angles)
+    if manifest.forces is None:
+        raise InputError("the key is missing", file=path, where="forces", right="Name a .mot or .sto file")
+    window = manifest.window
+    if window and window.start_s is not None and window.end_s is not None and window.end_s <= window.start_s:
+        raise InputError(f"start_s {window.start_s:g} and end_s {window.end_s:g} leave nothing between them",
+                         file=path, where="window")
+    return manifest
+
+
+def named_file(manifest_path: Path, key: str, value: str) -> Path:
+    """The file that a key of the manifest names.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    path = manifest_path.parent / value
+    if not path.is_file():
+        raise InputError(f"there is no file {value}", file=manifest_path, where=key,
+                         right="Paths are relative to the manifest's folder")
+    return path
+
+
+def to_si(offsets: ManifestOffsets) -> GeometricOffsets:
+    """The same offsets in metres and radians."""
+    return GeometricOffsets(height_m=1e-3 * offsets.height_mm, fore_aft_m=1e-3 * offsets.fore_aft_mm,
+                            alignment_rad=math.radians(offsets.alignment_deg))

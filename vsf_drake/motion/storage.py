@@ -1,0 +1,224 @@
+"""OpenSim tables: .sto and .mot files, in the OpenSim and in the older SIMM header style.
+
+A header of `key=value` (or `key value`) lines ends with `endheader`; then come one line of
+column labels, the first of which is `time`, and one line of numbers per instant, separated
+by tabs or blanks.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+
+
+@dataclass(frozen=True, eq=False)
+class Storage:
+    """One table of an OpenSim file, as it stands there: its own units and frames.
+
+    Attributes:
+        path: the file.
+        names: the m labels, without `time`.
+        time_s: (n,) s, finite; not yet checked for order or gaps (see `motion.clock`).
+        values: (n, m); NaN where the file has a blank, "nan" or something that is no number.
+        in_degrees: what the header says about angles; None where it says nothing.
+        lines: (n,) the line of the file on which each row stands, from 1.
+        oddities: what stands in the cells whose value is not finite, by (row, column).
+        notes: what is odd in the file but does no harm.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    time_s: np.ndarray
+    values: np.ndarray
+    in_degrees: bool | None
+    lines: np.ndarray
+    oddities: dict[tuple[int, int], str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def column(self, name: str, *, rows: np.ndarray | None = None) -> np.ndarray:
+        """The (n,) values of a column whose cells in `rows` (n,) bool, or all cells, must be finite numbers.
+
+        Raises:
+            InputError: there is no such column, or a cell holds no finite number; the message
+                names file, line, time and column.
+        """
+        if name not in self.names:
+            near = difflib.get_close_matches(name, self.names, n=1)
+            raise InputError("there is no such column", file=self.path, where=f"column {name}",
+                             right=f"Did you mean {near[0]}?" if near else f"Columns are: {', '.join(self.names)}")
+        index = self.names.index(name)
+        values = self.values[:, index]
+        bad = ~np.isfinite(values) if rows is None else ~np.isfinite(values) & rows
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = self.oddities.get((row, index), f"{values[row]}")
+            raise InputError(
+                f"{text!r} is not a finite number" if text else "the cell is empty", file=self.path,
+                where=self.place(row, name), right="Numbers need a decimal point" if "," in text else None)
+        return values
+
+    def place(self, row: int, name: str | None = None) -> str:
+        """Where a row is, for messages: line, time and, if given, column."""
+        column = f", column {name}" if name else ""
+        return f"line {self.lines[row]}, time {self.time_s[row]:g} s{column}"
+
+
+def read_storage(path: str | Path) -> Storage:
+    """Reads an OpenSim .sto or .mot file.
+
+    Values stay as they are in the file (its units, its frame). Cells that hold no number
+    become NaN and are refused only by `Storage.column`, so that columns nobody needs do no harm.
+    A wrong number of columns in the header is only noted where labels and rows agree: files
+    from which columns were taken out are common, and OpenSim reads them.
+
+    Raises:
+        InputError: the file is missing or no text; `endheader` or the labels are missing; a
+            label stands twice; the number of rows differs from what the header says; a row is
+            shorter or longer than the labels; a time is not a number.
+    """
+    path = Path(path)
+    lines = _read_lines(path)
+    end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
+    if end is None:
+        raise InputError("there is no line `endheader`", file=path, where="header",
+                         right="An OpenSim .mot or .sto file has one before its column labels")
+    header = _read_header(lines[:end])
+    start = next((i for i in range(end + 1, len(lines)) if lines[i].strip()), None)
+    if start is None:
+        raise InputError("there are no column labels after endheader", file=path, where=f"line {end + 1}")
+    split = _splitter(lines[start])
+    labels = split(lines[start])
+    while labels and not labels[-1]:
+        labels.pop()
+    _check_labels(labels, path, start + 1)
+    table, numbers, oddities = _read_rows(lines, start + 1, split, labels, path)
+    for stated, line in header.get("rows", ()):
+        if stated != len(table):
+            raise InputError(f"the header says {stated} rows, the file has {len(table)}", file=path,
+                             where=f"line {line}", right="Is the file truncated?" if stated > len(table) else None)
+    notes = tuple(f"Line {line} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
+                  for stated, line in header.get("columns", ()) if stated != len(labels))
+    if not table:
+        raise InputError("there are no rows of numbers", file=path, where=f"after line {start + 1}")
+    values = np.array(table)
+    return Storage(path, tuple(labels[1:]), values[:, 0], values[:, 1:], header.get("degrees"),
+                   np.array(numbers), oddities, notes)
+
+
+def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
+                  in_degrees: bool = False, title: str | None = None) -> None:
+    """Writes a table that OpenSim reads, in full precision; an existing file is replaced at the end.
+
+    Args:
+        time_s: (n,) s.
+        names: m labels, without `time`.
+        values: (n, m), in the units that the user of the file expects.
+        in_degrees: whether the angles among `values` are in degrees.
+        title: first line of the file; the file's name if None.
+
+    Raises:
+        ValueError: the shapes do not fit, or a label is empty, doubled, `time` or holds a tab.
+        InputError: the file cannot be written.
+    """
+    time_s, values = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
+    if time_s.ndim != 1 or values.shape != (len(time_s), len(names)):
+        raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} names do not fit")
+    if len({"time", *names}) != len(names) + 1 or any(not n or "\t" in n or "\n" in n for n in names):
+        raise ValueError("every column needs a name of its own, without tabs")
+    with replaced(path, "w") as stream:
+        stream.write(f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
+                     f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n")
+        stream.write("\t".join(["time", *names]) + "\n")
+        for time, row in zip(time_s, values, strict=True):
+            stream.write("\t".join(repr(float(cell)) for cell in (time, *row)) + "\n")
+
+
+def _read_lines(path: Path) -> list[str]:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+    if b"\0" in data:
+        raise InputError("is not a text file", file=path, right="An OpenSim .mot or .sto file is needed")
+    return data.decode("utf-8-sig", errors="replace").splitlines()
+
+
+_HEADER_KEYS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
+
+
+def _read_header(lines: list[str]) -> dict:
+    """`rows` and `columns` as lists of (stated number, line), and `degrees`."""
+    header: dict = {}
+    for number, line in enumerate(lines, start=1):
+        key, _, value = (part.strip() for part in line.strip().replace("=", " ", 1).partition(" "))
+        if key.lower() in _HEADER_KEYS and value.isdigit():
+            header.setdefault(_HEADER_KEYS[key.lower()], []).append((int(value), number))
+        elif key.lower() == "indegrees" and value.lower() in ("yes", "no"):
+            header["degrees"] = value.lower() == "yes"
+    return header
+
+
+def _splitter(label_line: str):
+    """Splits at tabs where the labels do, so that a blank cell is seen; at white space elsewhere."""
+    if "\t" in label_line:
+        return lambda line: [cell.strip() for cell in line.split("\t")]
+    return str.split
+
+
+def _check_labels(labels: list[str], path: Path, line: int) -> None:
+    if not labels or labels[0].lower() != "time":
+        first = labels[0] if labels else ""
+        raise InputError(f"the first column is {first!r}", file=path, where=f"line {line}",
+                         right="It must be time")
+    seen = set()
+    for i, label in enumerate(labels):
+        if not label:
+            raise InputError(f"column {i + 1} has no label", file=path, where=f"line {line}")
+        if label in seen:
+            raise InputError("the column stands twice", file=path, where=f"line {line}, column {label}")
+        seen.add(label)
+
+
+def _read_rows(lines: list[str], start: int, split, labels: list[str], path: Path):
+    """Rows of numbers (NaN where a cell is none), their line numbers, and the cells that are none."""
+    table: list[list[float]] = []
+    numbers: list[int] = []
+    oddities: dict[tuple[int, int], str] = {}
+    for number, line in enumerate(lines[start:], start=start + 1):
+        if not line.strip():
+            continue
+        cells = split(line)
+        while len(cells) > len(labels) and not cells[-1]:
+            cells.pop()
+        if len(cells) != len(labels):
+            raise InputError(f"the row has {len(cells)} cells, there are {len(labels)} labels", file=path,
+                             where=f"line {number}",
+                             right="Is the file truncated?" if len(cells) < len(labels) else None)
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            row = [_number(cell) for cell in cells]
+        if not math.isfinite(row[0]):
+            raise InputError(f"the time {cells[0]!r} is not a number", file=path, where=f"line {number}, column time")
+        for column, value in enumerate(row):
+            if not math.isfinite(value):
+                oddities[len(table), column - 1] = cells[column]
+        table.append(row)
+        numbers.append(number)
+    return table, numbers, oddities
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,91 @@
+"""Recorded coordinates as smooth functions of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from vsf_drake.errors import InputError
+
+SPLINE_ORDER = 5
+
+
+class CoordinateTrajectory:
+    """Positions, velocities and accelerations of named coordinates at any time within a recording.
+
+    Each coordinate is the natural quintic spline through its samples: of all smooth functions through them the
+    one with the least squared jerk. Its acceleration is itself C2 and of fourth order in the sample spacing, where
+    that of a cubic has a corner at every sample and is of second order. At both ends jerk and its rate are
+    zero, which keeps noise from blowing up there (a quintic without end conditions multiplies it by five) at the
+    price of accelerations that are less exact over the first and last three or so samples. Nothing is filtered.
+
+    Attributes:
+        time_s: (n,) s, the recorded instants.
+        values: (n, m) rad and m, the recorded values.
+        names: the m coordinates.
+    """
+
+    def __init__(self, time_s: np.ndarray, values: np.ndarray, names: Sequence[str], *,
+                 source: str | None = None) -> None:
+        """Fits the splines.
+
+        Args:
+            time_s: (n,) s, strictly increasing, n >= 6.
+            values: (n, m).
+            names: m different names.
+            source: the file it comes from, for messages.
+
+        Raises:
+            ValueError: shapes do not fit, time does not increase, a value is not finite, n < 6.
+        """
+        self.time_s, self.values = np.array(time_s, dtype=float), np.array(values, dtype=float)
+        self.names, self.source = tuple(names), source
+        if self.values.shape != (len(self.time_s), len(self.names)) or len(set(self.names)) != len(self.names):
+            raise ValueError(f"time {self.time_s.shape}, values {self.values.shape} and {len(self.names)} "
+                             "different names do not fit")
+        if len(self.time_s) <= SPLINE_ORDER or not np.isfinite(self.values).all() or (np.diff(self.time_s) <= 0).any():
+            raise ValueError(f"a trajectory needs more than {SPLINE_ORDER} finite samples at increasing times")
+        self.time_s.setflags(write=False)
+        self.values.setflags(write=False)
+        zero = np.zeros(len(self.names))
+        natural = [(3, zero), (4, zero)]
+        spline = make_interp_spline(self.time_s, self.values, k=SPLINE_ORDER, bc_type=(natural, natural))
+        self._splines = (spline, spline.derivative(1), spline.derivative(2))
+
+    @property
+    def start_s(self) -> float:
+        return float(self.time_s[0])
+
+    @property
+    def end_s(self) -> float:
+        return float(self.time_s[-1])
+
+    def sample(self, times: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions, velocities and accelerations, each (n, m) for n times; (1, m) for a single time.
+
+        Raises:
+            InputError: a time lies outside the recording (by more than 1 ns).
+        """
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        outside = ~((times >= self.start_s - 1e-9) & (times <= self.end_s + 1e-9))
+        if outside.any():
+            raise InputError(f"time {times[np.argmax(outside)]:g} s lies outside the recording of "
+                             f"{self.start_s:g} to {self.end_s:g} s", file=self.source)
+        times = np.clip(times, self.start_s, self.end_s)
+        q, v, a = (spline(times) for spline in self._splines)
+        return q, v, a
+
+    def ordered(self, names: Sequence[str]) -> CoordinateTrajectory:
+        """The same motion with the coordinates `names`, in that order.
+
+        Raises:
+            InputError: one of them is not in this trajectory.
+        """
+        missing = [name for name in names if name not in self.names]
+        if missing:
+            raise InputError(f"the motion has no coordinate {', '.join(missing)}", file=self.source,
+                             right=f"It has: {', '.join(self.names)}")
+        columns = [self.names.index(name) for name in names]
+        return CoordinateTrajectory(self.time_s, self.values[:, columns], names, source=self.source)

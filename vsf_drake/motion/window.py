@@ -1,0 +1,124 @@
+"""The part of a recording to simulate: where kinematics, forces and the manifest's wish overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.events import MINIMUM_S, Stance, find_scuffs, find_stances
+from vsf_drake.motion.manifest import Window
+from vsf_drake.motion.plates import GRAVITY, LIGHTEST_BW, PlateRecording
+
+DEFAULT_STANCE_S = 0.5
+MINIMUM_LOAD_N = 200.0
+BACKWARD_M_PER_S = -0.3
+Span = tuple[float, float]
+
+
+def choose_window(wish: Window | None, kinematics: Span, forces: Span, *,
+                  file: str | Path) -> tuple[Span, tuple[str, ...]]:
+    """The common part of kinematics, forces and the wish, in s, and notes on what was cut.
+
+    Raises:
+        InputError: two of them do not overlap.
+    """
+    wished = (kinematics[0] if wish is None or wish.start_s is None else wish.start_s,
+              kinematics[1] if wish is None or wish.end_s is None else wish.end_s)
+    part = _common(wished, kinematics)
+    if part is None:
+        raise InputError(f"the window of {_span(wished)} and the kinematics of {_span(kinematics)} do not overlap",
+                         file=file, where="window")
+    both = _common(part, forces)
+    if both is None:
+        raise InputError(f"the forces of {_span(forces)} and the window of {_span(part)} do not overlap",
+                         file=file, where="window" if wish else "forces",
+                         right="Do both recordings count time from the same instant?")
+    notes = []
+    if wish and _differ(part, wished):
+        notes.append(f"The window of {_span(wished)} was cut to the kinematics, {_span(part)}.")
+    if _differ(both, part):
+        notes.append(f"The window of {_span(part)} was cut to the force record, {_span(both)}.")
+    return both, tuple(notes)
+
+
+def check_stances(window: Span, plate: PlateRecording, side: str, *, mass_kg: float,
+                  file: str | Path) -> tuple[str, ...]:
+    """Notes on the stances of the prosthetic foot in the window, which must be long enough and hold load.
+
+    Raises:
+        InputError: the force record has no stance; its peak is below 0.3 body weights; the window is shorter
+            than the shortest complete stance in the record (0.5 s if none is complete) or
+            holds less than 0.15 s of any stance. The message tells the times of the stances.
+    """
+    vertical = plate.force_W[:, 2]
+    stances = find_stances(plate.time_s, vertical)
+    peak, weight = float(vertical.max()), mass_kg * GRAVITY
+    if not stances:
+        raise InputError(f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
+                         file=file, where="forces")
+    if peak < LIGHTEST_BW * weight:
+        raise InputError(f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, {peak / weight:.2f} "
+                         f"times the body weight", file=file, where="forces",
+                         right="Check the unit of the forces and the subject's mass_kg")
+    listed = f"The stances of the {side} foot are {', '.join(_span((s.start_s, s.end_s)) for s in stances)}"
+    shortest = min((s.duration_s for s in stances if s.complete), default=DEFAULT_STANCE_S)
+    if window[1] - window[0] < shortest:
+        raise InputError(f"the trial of {_span(window)} is shorter than one stance ({shortest:.3f} s)",
+                         file=file, where="window", right=listed)
+    held = max(min(s.end_s, window[1]) - max(s.start_s, window[0]) for s in stances)
+    if held < MINIMUM_S:
+        raise InputError(f"the {side} (prosthetic) foot carries no load from {_span(window)}",
+                         file=file, where="window", right=listed)
+    return describe_stances(window, stances, f"{side} (prosthetic)") + describe_scuffs(window, plate, side)
+
+
+def describe_stances(window: Span, stances: Sequence[Stance], foot: str) -> tuple[str, ...]:
+    """One sentence for each stance that overlaps the window: whether it is complete or cut, and where."""
+    notes = []
+    for s in stances:
+        if _common((s.start_s, s.end_s), window) is None:
+            continue
+        ends = [] if s.start_seen and s.start_s >= window[0] else ["start"]
+        ends += [] if s.end_seen and s.end_s <= window[1] else ["end"]
+        how = f"cut at its {' and '.join(ends)}" if ends else "complete"
+        notes.append(f"Stance of the {foot} foot from {_span((s.start_s, s.end_s))} is {how}.")
+    return tuple(notes)
+
+
+def describe_scuffs(window: Span, plate: PlateRecording, side: str) -> tuple[str, ...]:
+    """One sentence if the foot touched the plate in the window without standing on it."""
+    spans = [(s.start_s, s.end_s) for s in find_scuffs(plate.time_s, plate.force_W[:, 2])]
+    spans = [span for span in spans if _common(span, window)]
+    if not spans:
+        return ()
+    return (f"The {side} foot loads its plate above 20 N outside a stance: {', '.join(map(_span, spans))}.",)
+
+
+def describe_treadmill(window: Span, plate: PlateRecording) -> tuple[str, ...]:
+    """One sentence if the centre of pressure runs backward under the foot, as it does on a moving belt."""
+    at = (plate.time_s >= window[0]) & (plate.time_s <= window[1]) & (plate.force_W[:, 2] > MINIMUM_LOAD_N)
+    at[1:] &= at[:-1]
+    time, x = plate.time_s[at], plate.cop_W[at, 0]
+    if not plate.has_cop or len(time) < 3:
+        return ()
+    speed = float(np.median(np.gradient(x, time)))
+    if speed > BACKWARD_M_PER_S:
+        return ()
+    return (f"The centre of pressure moves at {speed:.2f} m/s through stance: a treadmill? "
+            "The model's ground stands still.",)
+
+
+def _common(a: Span, b: Span) -> Span | None:
+    start, end = max(a[0], b[0]), min(a[1], b[1])
+    return (start, end) if end > start else None
+
+
+def _differ(a: Span, b: Span) -> bool:
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1])) > 1e-3
+
+
+def _span(span: Span) -> str:
+    return f"{span[0]:.3f} to {span[1]:.3f} s"
