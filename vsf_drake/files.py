@@ -35,7 +35,7 @@ def replaced(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=path) from None
-    text = {} if mode == "wb" else {"encoding": "utf-8", "newline": "\n"}
+    text: dict[str, Any] = {} if mode == "wb" else {"encoding": "utf-8", "newline": "\n"}
     try:
         with os.fdopen(descriptor, mode, **text) as stream:
             yield stream
