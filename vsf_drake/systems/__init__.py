@@ -1,0 +1,34 @@
+"""Forces that Drake does not have, one LeafSystem a file, for float and AutoDiffXd.
+
+Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by
+name; physical constants are numeric parameters in the Context, read and set by name with
+`GetParameter` and `SetParameters`.
+"""
+
+from vsf_drake.systems.bushing import SocketBushing, SocketBushing_
+from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_
+from vsf_drake.systems.driver import GaitDriver, GaitDriver_
+from vsf_drake.systems.friction import StickSlipFriction, StickSlipFriction_
+from vsf_drake.systems.fulcrum import FulcrumSupport, FulcrumSupport_
+from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
+from vsf_drake.systems.keel import KeelElasticity, KeelElasticity_
+from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
+
+__all__ = [
+    "FulcrumSupport",
+    "FulcrumSupport_",
+    "GaitDriver",
+    "GaitDriver_",
+    "GroundReaction",
+    "GroundReaction_",
+    "KeelElasticity",
+    "KeelElasticity_",
+    "KelvinVoigtContact",
+    "KelvinVoigtContact_",
+    "SocketBushing",
+    "SocketBushing_",
+    "StickSlipFriction",
+    "StickSlipFriction_",
+    "TestingMachine",
+    "TestingMachine_",
+]

@@ -1,0 +1,126 @@
+"""Normal force of the ground on all contact spheres of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
+from vsf_drake.systems._parameters import NamedParameters
+from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
+
+
+@TemplateSystem.define("KelvinVoigtContact_", T_list=[float, AutoDiffXd])
+def KelvinVoigtContact_(T):
+    class Impl(NamedParameters, LeafSystem_[T]):
+        """Modified Kelvin-Voigt contact of N spheres with the ground plane.
+
+        The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456,
+        eq. 1) with depth = ground height + radius - z_S and depth rate = -v_Sz of the sphere centre
+        S. The force acts along +z_W at the contact point C, a radius below S. There is no friction
+        here: see `StickSlipFriction`.
+
+        .. pydrake_system::
+
+            name: KelvinVoigtContact
+            input_ports:
+            - body_poses
+            - body_spatial_velocities
+            output_ports:
+            - normal_force
+            - depth
+            - depth_rate
+            - spatial_forces
+
+        Outputs: normal_force (N,) N, >= 0; depth (N,) m; depth_rate (N,) m/s, also without contact;
+        spatial_forces, one per body.
+
+        Wiring: both inputs from MultibodyPlant's ports of those names; spatial_forces to its
+        applied_spatial_force, by way of an ExternallyAppliedSpatialForceMultiplexer.
+
+        Args:
+            body_indices: N body indices, one per sphere.
+            p_BS: (N, 3) sphere centres in their bodies' frames (m).
+            radius: (N,) m.
+            stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
+            ground_height: z of the ground in W (m).
+            unloading: branch of the law while the depth falls, "continuous" or "printed".
+
+        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth,
+        ground_height. A scalar stands for N equal values.
+
+        Raises:
+            ValueError: an array has the wrong shape, or `unloading` is unknown.
+        """
+
+        def _construct(
+            self,
+            *,
+            body_indices: Sequence[int],
+            p_BS: np.ndarray,
+            radius: np.ndarray,
+            stiffness: np.ndarray,
+            exponent: np.ndarray,
+            damping: np.ndarray,
+            full_damping_depth: np.ndarray,
+            ground_height: float = 0.0,
+            unloading: str = "continuous",
+            converter=None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            if unloading not in UNLOADING_BRANCHES:
+                raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
+            constants = {
+                "p_BS": p_BS, "radius": radius, "stiffness": stiffness, "exponent": exponent, "damping": damping,
+                "full_damping_depth": full_damping_depth, "ground_height": ground_height,
+            }
+            self._arguments = {"body_indices": list(body_indices), "unloading": unloading, **constants}
+            self._sites, self._unloading = Sites(body_indices, T), unloading
+            count = len(self._sites)
+            self._poses_port = declare_body_poses(self, T)
+            self._velocities_port = declare_body_spatial_velocities(self, T)
+            shapes = dict.fromkeys(constants, (count,)) | {"p_BS": (count, 3), "ground_height": ()}
+            self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
+            self._contact = self._declare_inputs_cache("contact", self._calc_contact)
+            for name in ("normal_force", "depth", "depth_rate"):
+                self.DeclareVectorOutputPort(
+                    name, count, lambda context, out, name=name: out.SetFromVector(self._contact.Eval(context)[name]))
+            self.DeclareAbstractOutputPort(
+                "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def _calc_contact(self, context) -> dict[str, np.ndarray]:
+            constants = self._constants(context)
+            poses = self._poses_port.Eval(context)
+            velocities = self._velocities_port.Eval(context)
+            p_WS, p_BoS_W = self._sites.positions(poses, constants["p_BS"])
+            v_WS = self._sites.velocities(velocities, p_BoS_W)
+            depth = penetration_depth(p_WS[:, 2] - constants["ground_height"], constants["radius"])
+            depth_rate = -v_WS[:, 2]
+            force = normal_force(
+                depth,
+                depth_rate,
+                stiffness=constants["stiffness"],
+                exponent=constants["exponent"],
+                damping=constants["damping"],
+                full_damping_depth=constants["full_damping_depth"],
+                unloading=self._unloading,
+            )
+            return {"normal_force": force, "depth": depth, "depth_rate": depth_rate, "p_BoS_W": p_BoS_W}
+
+        def _calc_spatial_forces(self, context, output) -> None:
+            contact = self._contact.Eval(context)
+            f_C_W = np.zeros((len(self._sites), 3), dtype=contact["normal_force"].dtype)
+            f_C_W[:, 2] = contact["normal_force"]
+            output.set_value(self._sites.spatial_forces(contact["p_BoS_W"], f_C_W))  # S and C: one line of action
+
+    return Impl
+
+
+KelvinVoigtContact = KelvinVoigtContact_[float]
