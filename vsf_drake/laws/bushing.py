@@ -48,4 +48,5 @@ def axis_force(
     displacement = np.asarray(displacement)
     k = np.where(displacement < 0, stiffness_negative, stiffness)
     elastic = k * (displacement + stop_ratio * excess(displacement, limit))
-    return -elastic - damping * (rate + stop_ratio * excess(rate, rate_limit))
+    force: Array = -elastic - damping * (rate + stop_ratio * excess(rate, rate_limit))
+    return force

@@ -22,7 +22,8 @@ def friction_coefficient(
 ) -> Array:
     """The library's piecewise linear coefficient at slip speed >= 0 (m/s)."""
     u = np.asarray(speed) / threshold_velocity
-    return mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))
+    mu: Array = mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))
+    return mu
 
 
 def smooth_friction_coefficient(
@@ -38,7 +39,9 @@ def smooth_friction_coefficient(
     """
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
-    return mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * smooth_step(2.0 * (u - 1.0))
+    fall = smooth_step(2.0 * (u - 1.0))
+    mu: Array = mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * fall
+    return mu
 
 
 def friction_force(
@@ -76,4 +79,5 @@ def friction_force(
     ratio = law(speed, **constants) / speed
     if smooth:
         ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
-    return -np.asarray(ratio * normal_force)[..., None] * slip
+    force: Array = -np.asarray(ratio * normal_force)[..., None] * slip
+    return force
