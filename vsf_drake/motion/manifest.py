@@ -61,12 +61,12 @@ class ManifestOffsets:
 
 @dataclass(frozen=True, kw_only=True)
 class GeometricOffsets:
-    """What no recording tells about how the prosthesis sits under the person.
+    """What no recording tells to the millimetre: the person's height over the ground, and how the foot sits.
 
     Attributes:
-        height_m: + moves the foot up against the residual limb (a shorter prosthesis).
-        fore_aft_m: + moves the foot forward against the residual limb.
-        alignment_rad: + turns the toe up (dorsiflexion).
+        height_m: + raises the recorded path of the pelvis, and so both feet.
+        fore_aft_m: + moves the prosthetic foot forward under its pylon.
+        alignment_rad: + turns its toe up (dorsiflexion).
     """
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")

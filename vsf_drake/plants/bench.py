@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.device import DeviceSystems, add_device
 from vsf_drake.plants.foot import FootHandles, add_foot
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
@@ -23,6 +23,7 @@ class BenchDiagram:
     Outputs: `state`, `load` (1, N), `depth` (sites, m).
 
     Attributes:
+        machine_bodies: body of each site that the platen presses.
         contact_height: height (m) in W at which the platen touches the unloaded foot.
     """
 
@@ -31,6 +32,7 @@ class BenchDiagram:
     foot: FootHandles
     device: DeviceSystems
     machine: TestingMachine
+    machine_bodies: list
     contact_height: float
 
 
@@ -64,7 +66,7 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
     heights = [
         (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
         for body, point in zip(sites["body_indices"], sites["p_BS"], strict=True)]
-    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine,
+    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine, machine_bodies=sites["body_indices"],
                         contact_height=float(min(heights)))
 
 
@@ -80,4 +82,4 @@ def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
     point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
     k = parameters.series_stiffness_n_per_m
     return {"body_indices": [foot.keel[j].index()], "p_BS": np.array([point]), "stiffness": np.array([k]),
-            "exponent": np.array([1.0]), "damping": np.array([0.5 * k]), "full_damping_depth": np.array([1e-3])}
+            "exponent": np.array([1.0]), "damping": np.array([k * FOAM_DAMPING_TIME_S]), "full_damping_depth": np.array([1e-3])}

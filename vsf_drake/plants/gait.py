@@ -119,7 +119,7 @@ def _foot_ground(
     slip = builder.AddNamedSystem(f"{prefix}friction", StickSlipFriction(
         **place, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic,
         threshold_velocity=friction.threshold_velocity_m_per_s))
-    reaction = builder.AddNamedSystem(f"{prefix}ground_reaction", GroundReaction(**place))
+    reaction = builder.AddNamedSystem(f"{prefix}ground_reaction", GroundReaction(**place, ground_height=ground_height))
     normal = contact.GetOutputPort("normal_force")
     builder.Connect(normal, slip.GetInputPort("normal_force"))
     builder.Connect(normal, reaction.GetInputPort("normal_force"))

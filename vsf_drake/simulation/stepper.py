@@ -7,6 +7,7 @@ that this takes come out with it. First order in the step.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -158,6 +159,17 @@ class Stepper:
                     done = k + 1
                     break
         return record if done == steps else _cut(record, done)
+
+    def warm_up(self) -> float:
+        """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was."""
+        if step.signatures:
+            return 0.0
+        started = time.perf_counter()
+        n = self.mechanism.tree.num_coordinates
+        held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
+                      fulcrum=np.zeros(2), platen=np.zeros(2))
+        self.run(held, np.zeros(n), np.zeros(n))
+        return time.perf_counter() - started
 
     def settle(self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100) -> np.ndarray:
         """Rest position of the free coordinates with everything prescribed held at the first row of `inputs`.

@@ -1,0 +1,152 @@
+"""Height, fore-aft position and alignment of the prosthesis, fitted to one recording.
+
+No recording tells how high the person's pelvis stood over the ground to a millimetre, nor how the foot sits
+under its pylon, and 1 mm or 1 degree moves the force by several percent of body weight. The fit
+sets these three by weighted nonlinear least squares (trust region, bounded; scipy) on the
+components of the ground reaction force in the sagittal plane and the fore-aft centre of pressure,
+with weak priors that keep what the data do not tell near zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.metrics import GRAVITY
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trial import Trial
+from vsf_drake.simulation.walk import Walker
+
+NAMES = ("height_m", "fore_aft_m", "alignment_rad")
+BOUNDS = np.array([0.10, 0.06, np.radians(15.0)])
+"""Largest offsets (m, m, rad), both ways."""
+PRIOR = np.array([0.05, 0.03, np.radians(8.0)])
+"""Standard deviations of the offsets before any data: choices, wider than what clinics leave unmeasured."""
+FORCE_NOISE_BW = 0.05
+"""Error of the force components that the model is expected to have (a choice: the paper's 5.3 % body weight)."""
+COP_NOISE_FL = 0.05
+"""The same for the centre of pressure, in foot lengths (the paper's 5.7 to 9.5 %)."""
+FIT_STEP_S = 2e-3
+SCAN_STEP_S = 4e-3
+DIFFERENCE = np.array([5e-4, 1e-3, np.radians(0.25)])
+STRIDE = 4
+"""Every fourth instant of the 40 Hz force series is a residual: they are no more independent than that."""
+
+
+@dataclass(frozen=True)
+class OffsetFit:
+    """What the fit found.
+
+    Attributes:
+        offsets: the fitted values.
+        standard_error: of each, from the Jacobian and the assumed noise (m, m, rad).
+        cost_before, cost: half the sum of squared weighted residuals at zero offsets and at the end.
+        evaluations: simulations run. success: the optimiser's own verdict; message: in its words.
+        at_bound: names of offsets that ended on a bound.
+    """
+
+    offsets: GeometricOffsets
+    standard_error: GeometricOffsets
+    cost_before: float
+    cost: float
+    evaluations: int
+    success: bool
+    message: str
+    at_bound: tuple[str, ...]
+
+
+def fit_offsets(
+    trial: Trial, *, walker: Walker | None = None, progress: Callable[[int, float], None] | None = None
+) -> OffsetFit:
+    """Fits the three offsets to the plate under the prosthetic foot.
+
+    A scan of heights first finds where the vertical impulse fits, since the fit proper sees nothing
+    of a foot that misses the ground.
+
+    Args:
+        walker: a person built before; made here if None.
+        progress: called with the number of simulations so far and the current cost.
+
+    Raises:
+        InputError: at no height within the bounds does the foot meet the ground as the plate says.
+    """
+    walker = walker or Walker(trial.subject, trial.model)
+    plate = trial.prosthetic_plate
+    weight = trial.subject.mass_kg * GRAVITY
+    count = 0
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        nonlocal count
+        count += 1
+        offsets = GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
+        try:
+            walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                               step_s=FIT_STEP_S, offsets=offsets)
+        except SimulationError:
+            return np.full(size, 10.0)
+        c = compare(walker.result(walk, trial, offsets), plate)
+        rows = np.flatnonzero(c.scored)[::STRIDE]
+        force = (c.model - c.measured)[rows][:, [0, 2]].ravel() / (weight * FORCE_NOISE_BW)
+        cop = [np.nan_to_num((s.model_cop - s.measured_cop)[::STRIDE, 0]) for s in c.stances] if plate.has_cop else []
+        apart = np.concatenate([*cop, np.zeros(0)]) / (trial.model.foot.length_m * COP_NOISE_FL)
+        out = np.concatenate([force, apart, x / PRIOR])
+        if progress:
+            progress(count, 0.5 * float(out @ out))
+        return out
+
+    size = 0
+    first = residuals(np.zeros(3))
+    size = len(first)
+    start = np.array([_height_by_impulse(walker, trial), 0.0, 0.0])
+    solution = least_squares(
+        residuals, start, jac=lambda x: _jacobian(residuals, x), bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR,
+        xtol=1e-4, ftol=1e-5, max_nfev=30)
+    covariance = np.linalg.inv(solution.jac.T @ solution.jac)
+    values = dict(zip(NAMES, map(float, solution.x), strict=True))
+    errors = dict(zip(NAMES, map(float, np.sqrt(np.diag(covariance))), strict=True))
+    at_bound = tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active)
+    return OffsetFit(
+        offsets=GeometricOffsets(**values), standard_error=GeometricOffsets(**errors),
+        cost_before=0.5 * float(first @ first), cost=float(solution.cost), evaluations=count,
+        success=bool(solution.success), message=str(solution.message), at_bound=at_bound)
+
+
+def _jacobian(residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Central differences with steps well above the scatter of contact events, inside the bounds."""
+    columns = []
+    for i, step in enumerate(DIFFERENCE):
+        ends = np.repeat(x[None], 2, axis=0)
+        ends[:, i] = np.clip(x[i] + np.array([-step, step]), -BOUNDS[i], BOUNDS[i])
+        columns.append((residuals(ends[1]) - residuals(ends[0])) / (ends[1, i] - ends[0, i]))
+    return np.column_stack(columns)
+
+
+def _height_by_impulse(walker: Walker, trial: Trial) -> float:
+    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height."""
+    plate = trial.prosthetic_plate
+    inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
+    wanted = float(np.trapezoid(plate.force_W[inside, 2], plate.time_s[inside]))
+
+    def surplus(height: float) -> float:
+        try:
+            walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                               step_s=SCAN_STEP_S, offsets=GeometricOffsets(height_m=height))
+        except SimulationError:
+            return np.inf
+        return float(walk.prosthetic.grf_W[:, 2].sum()) * SCAN_STEP_S - wanted
+
+    low, high = -BOUNDS[0], BOUNDS[0]
+    if not surplus(low) > 0 > surplus(high):
+        raise InputError(
+            f"the prosthetic foot cannot carry the recorded load at any height within {1e3 * high:g} mm of the recorded "
+            "pelvis path", file=trial.path, where="offsets",
+            right="Check the subject's lengths and that kinematics and forces share time and laboratory frame")
+    for _ in range(8):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if surplus(middle) > 0 else (low, middle)
+    return 0.5 * (low + high)

@@ -1,0 +1,91 @@
+"""Reads a finished diagram and its Context into the arrays of a `Mechanism`.
+
+The numbers are the ones that the diagram's systems hold in that Context, so that changing a
+parameter there changes both ways of advancing the same diagram.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import Context, LeafSystem
+
+from vsf_drake.plants.bench import BenchDiagram
+from vsf_drake.plants.device import DeviceSystems, velocity_indices
+from vsf_drake.plants.foot import FootHandles
+from vsf_drake.plants.gait import FootGround, GaitDiagram
+from vsf_drake.simulation.assembly import SITE_COLUMNS
+from vsf_drake.simulation.stepper import Mechanism
+from vsf_drake.simulation.tree import tree_of
+
+UNLIMITED = 1e30
+
+
+def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
+    """The bench with the parameters in `context` (the diagram's)."""
+    machine = _reader(bench.machine, context)
+    names = ("stiffness", "exponent", "damping", "full_damping_depth")
+    points = machine("p_BS")
+    platen = np.column_stack([points, np.zeros(len(points)), *(machine(name) for name in names)])
+    plant_context = bench.plant.GetMyContextFromRoot(context)
+    springs, index = _keel_springs(bench.plant, bench.foot, bench.device, context)
+    return Mechanism(
+        plant=bench.plant, context=plant_context, tree=tree_of(bench.plant, plant_context),
+        sites=np.zeros((0, len(SITE_COLUMNS))), site_bodies=np.zeros(0, dtype=np.int64), ground_height=0.0,
+        springs=springs, spring_index=index, **_fulcrum(bench.foot, bench.device, context),
+        platen=platen, platen_bodies=_integers(bench.machine_bodies))
+
+
+def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
+    """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first."""
+    plant_context = gait.plant_context(context)
+    keel, keel_index = _keel_springs(gait.plant, gait.person.foot, gait.device, context)
+    socket, socket_index = _socket_springs(gait, context)
+    feet = (gait.ground["prosthetic"], gait.ground["intact"])
+    return Mechanism(
+        plant=gait.plant, context=plant_context, tree=tree_of(gait.plant, plant_context),
+        sites=np.vstack([_ground_sites(foot, context) for foot in feet]),
+        site_bodies=np.concatenate([_integers(foot.sites.body_indices) for foot in feet]),
+        ground_height=float(_reader(feet[0].contact, context)("ground_height")),
+        springs=np.vstack([keel, socket]), spring_index=np.concatenate([keel_index, socket_index]),
+        **_fulcrum(gait.person.foot, gait.device, context),
+        platen=np.zeros((0, 8)), platen_bodies=np.zeros(0, dtype=np.int64))
+
+
+def _reader(system: LeafSystem, context: Context):
+    own = system.GetMyContextFromRoot(context)
+    return lambda name: system.GetParameter(own, name)
+
+
+def _integers(indices) -> np.ndarray:
+    return np.array([int(index) for index in indices], dtype=np.int64)
+
+
+def _keel_springs(plant, foot: FootHandles, device: DeviceSystems, context: Context) -> tuple[np.ndarray, np.ndarray]:
+    keel = _reader(device.keel, context)
+    stiffness, damping = keel("stiffness"), keel("damping")
+    never = np.full(len(stiffness), UNLIMITED)
+    rows = np.column_stack([stiffness, stiffness, damping, never, never, np.zeros(len(stiffness))])
+    return rows, _integers(velocity_indices(plant, foot.keel_joint_names))
+
+
+def _socket_springs(gait: GaitDiagram, context: Context) -> tuple[np.ndarray, np.ndarray]:
+    bushing = _reader(gait.bushing, context)
+    names = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
+    rows = np.column_stack([*(bushing(name) for name in names), np.full(6, bushing("stop_ratio"))])
+    return rows, _integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names))
+
+
+def _fulcrum(foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
+    support = _reader(device.fulcrum, context)
+    return {
+        "fulcrum": np.array([float(support("stiffness")), float(support("damping"))]),
+        "keel_bodies": _integers(body.index() for body in foot.keel), "keel_starts": foot.keel_starts,
+        "frame_body": int(foot.frame.index())}
+
+
+def _ground_sites(foot: FootGround, context: Context) -> np.ndarray:
+    contact, friction = _reader(foot.contact, context), _reader(foot.friction, context)
+    count = len(foot.sites.radius)
+    normal = [contact(name) for name in ("radius", "stiffness", "exponent", "damping", "full_damping_depth")]
+    tangential = [np.full(count, friction(name)) for name in ("mu_static", "mu_kinetic", "threshold_velocity")]
+    return np.column_stack([contact("p_BS"), *normal, *tangential])

@@ -1,0 +1,198 @@
+"""Walks a person along a recorded motion by the implicit stepper."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.laws.bushing import axis_force
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import Trial
+from vsf_drake.parameters import ModelParameters, Subject, check_fulcrum, check_model
+from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.schema import check, to_plain
+from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.reactions import FootReaction, foot_reaction
+from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
+
+DEFAULT_STEP_S = 1e-3
+MAX_STEP_S = 0.01
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One run of a `Walker`, before it is packed as a result.
+
+    Attributes:
+        prosthetic, intact: resultants on the two feet.
+        commanded: (n, prescribed) the motion at the ends of the steps.
+        fulcrum_m: (n + 1,) from A, start included.
+    """
+
+    mechanism: Mechanism
+    record: Record
+    prosthetic: FootReaction
+    intact: FootReaction
+    commanded: np.ndarray
+    fulcrum_m: np.ndarray
+    step_s: float
+    wall_s: float
+    compile_s: float
+
+
+class Walker:
+    """A subject with a prosthesis on the ground: built once, walked often.
+
+    Parameters live in `context` (the diagram's): change them there between runs.
+
+    Args:
+        subject, model: the person and the devices.
+        free: anatomical coordinates that are not prescribed.
+
+    Raises:
+        InputError: a parameter is out of range or the segments do not fit.
+    """
+
+    def __init__(self, subject: Subject, model: ModelParameters, *, free: Sequence[str] = ()) -> None:
+        check(subject)
+        check_model(model)
+        self.subject, self.model = subject, model
+        self.gait = make_gait(subject, model, free=free)
+        self.context = self.gait.diagram.CreateDefaultContext()
+        self.free = tuple(free)
+
+    def walk(
+        self,
+        trajectory: CoordinateTrajectory,
+        *,
+        fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+        start_s: float,
+        end_s: float,
+        step_s: float = DEFAULT_STEP_S,
+        offsets: GeometricOffsets | None = None,
+        initial: dict[str, float] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Walk:
+        """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
+
+        The run begins with the free coordinates at rest in the pose at `start_s`.
+
+        Args:
+            trajectory: must hold every prescribed coordinate (rad, m).
+            fulcrum_m: from A (m), constant or a function of time (s, array to array).
+            offsets: height, fore-aft and alignment of the prosthesis; none by default.
+            initial: first guess of free anatomical coordinates, by name.
+            progress: called with the finished fraction.
+
+        Raises:
+            InputError: a number is out of range, or the trajectory lacks a coordinate or the time.
+            SimulationError: the run diverges.
+        """
+        if not 0.0 < step_s <= MAX_STEP_S:
+            raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
+                             right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
+        offsets = check(offsets or GeometricOffsets())
+        steps = max(1, round((end_s - start_s) / step_s))
+        moments = start_s + step_s * np.arange(steps + 1)
+        moments[-1] = min(moments[-1], end_s)
+        fulcrum = np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
+        for position in (fulcrum.min(), fulcrum.max()):
+            check_fulcrum(float(position), self.model.foot)
+        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, fore_aft=offsets.fore_aft_m,
+                  alignment=offsets.alignment_rad)
+        stepper = Stepper(gait_mechanism(self.gait, self.context))
+        tree = stepper.mechanism.tree
+        motion = trajectory.ordered(self.gait.prescribed)
+        q, v, _ = motion.sample(moments)
+        if "pelvis_ty" in motion.names:
+            q[:, motion.names.index("pelvis_ty")] += offsets.height_m
+        prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
+        inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
+                        fulcrum=np.array(fulcrum), platen=np.zeros(steps + 1))
+        compile_s = stepper.warm_up()
+        started = time.perf_counter()
+        q0 = np.zeros(tree.num_coordinates)
+        q0[prescribed] = inputs.prescribed_q[0]
+        for name, value in (initial or {}).items():
+            q0[tree.index(name)] = value
+        q0 = stepper.settle(inputs, q0)
+        v0 = np.zeros_like(q0)
+        v0[prescribed[:-1]] = v[0]
+        record = stepper.run(inputs, q0, v0, progress=progress)
+        wall = time.perf_counter() - started
+        count = len(self.gait.person.foot.sites.radius)
+        ground = stepper.mechanism.ground_height
+        return Walk(
+            mechanism=stepper.mechanism, record=record, prosthetic=foot_reaction(record, slice(0, count), ground),
+            intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
+            step_s=step_s, wall_s=wall, compile_s=compile_s)
+
+    def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets) -> WalkResult:
+        """Packs a run with all that it takes to understand and repeat it."""
+        record, tree = walk.record, walk.mechanism.tree
+        sites = self.gait.person.foot.sites
+        count = len(sites.radius)
+        socket = [tree.index(name) for name in self.gait.person.socket.coordinate_names]
+        driven = np.zeros_like(record.load)
+        columns = [tree.index(name) for name in self.gait.prescribed]
+        driven[:, columns] = record.load[:, columns]
+        unconverged = int(np.sum(~record.converged))
+        notes = list(trial.notes)
+        if unconverged:
+            notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+        friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
+        return WalkResult(
+            time_s=record.time_s, coordinate_names=tree.coordinate_names, q=record.q, v=record.v,
+            generalized_force=driven, grf_W=walk.prosthetic.grf_W, cop_W=walk.prosthetic.cop_W,
+            free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
+            intact_cop_W=walk.intact.cop_W, sphere_normal_n=record.site("normal_force")[:, :count],
+            sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
+            socket_wrench=self._socket_wrench(walk, socket), fulcrum_m=walk.fulcrum_m[1:],
+            prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
+            sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), unconverged_steps=unconverged,
+            newton_iterations=int(record.iterations.sum()), converged=unconverged == 0,
+            simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
+            compile_s=walk.compile_s, step_s=walk.step_s, subject_mass_kg=self.subject.mass_kg,
+            foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
+            synthetic=trial.synthetic,
+            parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
+                        "offsets": to_plain(offsets), "fulcrum_m": trial.fulcrum_m},
+            provenance=provenance(trial.inputs), notes=tuple(notes))
+
+    def _socket_wrench(self, walk: Walk, socket: list[int]) -> np.ndarray:
+        """(n, 6) force of the bushing on the socket, from its law at the ends of the steps."""
+        system = self.gait.bushing
+        context = system.GetMyContextFromRoot(self.context)
+        constants = {name: system.GetParameter(context, name) for name in system.parameter_names}
+        return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
+
+
+def simulate_trial(
+    trial: Trial,
+    *,
+    step_s: float = DEFAULT_STEP_S,
+    offsets: GeometricOffsets | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> WalkResult:
+    """Simulates a recorded trial: the person follows the recording, the prosthesis and the ground respond.
+
+    Args:
+        offsets: instead of the manifest's.
+        progress: called with the finished fraction.
+
+    Raises:
+        InputError, SimulationError: see `Walker.walk`.
+    """
+    walker = Walker(trial.subject, trial.model)
+    offsets = offsets or trial.offsets
+    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                       step_s=step_s, offsets=offsets, progress=progress)
+    return walker.result(walk, trial, offsets)
