@@ -1,0 +1,171 @@
+"""A result that is read back is the one that was saved, and nothing half-written stays behind."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+from made_results import make_bench, make_walk
+
+from vsf_drake.errors import InputError
+from vsf_drake.simulation.results import (
+    coordinate_unit,
+    load_bench,
+    load_walk,
+    result_folder,
+    save_bench,
+    save_walk,
+)
+
+
+def assert_same(first, second):
+    for field in dataclasses.fields(first):
+        a, b = getattr(first, field.name), getattr(second, field.name)
+        if isinstance(a, np.ndarray):
+            assert b.dtype == a.dtype
+            np.testing.assert_array_equal(a, b, err_msg=field.name)
+        else:
+            assert a == b, field.name
+            assert type(a) is type(b), field.name
+
+
+def test_walk_is_read_back_bit_for_bit(tmp_path):
+    walk = make_walk()
+    assert np.isnan(walk.cop_W).any(), "gaps must survive too"
+    save_walk(walk, tmp_path / "out")
+    assert_same(walk, load_walk(tmp_path / "out"))
+
+
+def test_bench_is_read_back_bit_for_bit(tmp_path):
+    bench = make_bench()
+    save_bench(bench, tmp_path / "out")
+    again = load_bench(tmp_path / "out")
+    assert_same(dataclasses.replace(bench, settings=()), dataclasses.replace(again, settings=()))
+    for first, second in zip(bench.settings, again.settings, strict=True):
+        assert_same(first, second)
+
+
+def test_bench_tells_heel_from_forefoot():
+    bench = make_bench()
+    assert bench.heel.fulcrum_m is None
+    assert [s.fulcrum_m for s in bench.forefoot] == [0.066, 0.087, 0.108, 0.129, 0.151]
+
+
+def test_failed_walk_says_so_on_disk(tmp_path):
+    save_walk(make_walk(converged=False, unconverged_steps=7), tmp_path / "out")
+    assert "converged: false" in (tmp_path / "out" / "result.yaml").read_text()
+    again = load_walk(tmp_path / "out")
+    assert not again.converged
+    assert again.unconverged_steps == 7
+
+
+def test_failed_bench_says_so_on_disk(tmp_path):
+    bench = make_bench()
+    bad = dataclasses.replace(bench.settings[0], unconverged_steps=1)
+    save_bench(dataclasses.replace(bench, settings=(bad, *bench.settings[1:])), tmp_path / "out")
+    assert yaml.safe_load((tmp_path / "out" / "result.yaml").read_text())["converged"] is False
+    assert not load_bench(tmp_path / "out").converged
+
+
+def test_arrays_need_no_pickle_and_each_is_described(tmp_path):
+    save_walk(make_walk(), tmp_path / "out")
+    sidecar = yaml.safe_load((tmp_path / "out" / "result.yaml").read_text())
+    with np.load(tmp_path / "out" / "result.npz", allow_pickle=False) as stored:
+        assert set(stored.files) == set(sidecar["arrays"])
+        for name in stored.files:
+            described = sidecar["arrays"][name]
+            assert described["size"] == list(stored[name].shape)
+            assert described["unit"]
+            assert described["meaning"]
+            if name.endswith("_W"):
+                assert described["frame"] == "W"
+    assert sidecar["coordinate_units"]["pelvis_tx"] == "m"
+    assert sidecar["coordinate_units"]["knee_angle_r"] == "rad"
+
+
+def test_same_result_gives_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        save_walk(make_walk(), tmp_path / name)
+    for file in ("result.npz", "result.yaml"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+@pytest.mark.parametrize(("name", "unit"), [("pelvis_ty", "m"), ("socket_tz", "m"), ("fulcrum", "m"),
+                                            ("pelvis_tilt", "rad"), ("keel_pin", "rad"), ("socket_rotation", "rad")])
+def test_unit_follows_from_the_coordinate(name, unit):
+    assert coordinate_unit(name) == unit
+
+
+def test_array_of_wrong_shape_is_refused():
+    with pytest.raises(ValueError, match="cop_W has shape"):
+        make_walk(cop_W=np.zeros((3, 3)))
+
+
+def test_unknown_coordinate_is_named():
+    with pytest.raises(KeyError, match="no coordinate elbow"):
+        make_walk().column("elbow")
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_nothing_stays_after_a_failure(tmp_path, error):
+    with pytest.raises(error), result_folder(tmp_path / "new" / "deep") as folder:
+        (folder / "half.txt").write_text("half")
+        raise error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failure_leaves_an_older_result_as_it_was(tmp_path):
+    save_walk(make_walk(), tmp_path / "out")
+    before = {f.name: f.read_bytes() for f in (tmp_path / "out").iterdir()}
+    with pytest.raises(RuntimeError), result_folder(tmp_path / "out") as folder:
+        (folder / "result.npz").write_bytes(b"half")
+        raise RuntimeError
+    assert {f.name: f.read_bytes() for f in (tmp_path / "out").iterdir()} == before
+    assert [f.name for f in tmp_path.iterdir()] == ["out"]
+
+
+def test_success_replaces_namesakes_and_keeps_other_files(tmp_path):
+    out = tmp_path / "out"
+    (out / "walk").mkdir(parents=True)
+    (out / "walk" / "old.txt").write_text("kept")
+    (out / "metrics.json").write_text("old")
+    with result_folder(out) as folder:
+        (folder / "metrics.json").write_text("new")
+        (folder / "walk").mkdir()
+        (folder / "walk" / "new.txt").write_text("new")
+    assert (out / "metrics.json").read_text() == "new"
+    assert sorted(f.name for f in (out / "walk").iterdir()) == ["new.txt", "old.txt"]
+    assert [f.name for f in tmp_path.iterdir()] == ["out"]
+
+
+def test_file_in_the_way_is_refused(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(InputError, match="is a file"):
+        save_walk(make_walk(), tmp_path / "out")
+    with pytest.raises(InputError, match="cannot be written"):
+        save_walk(make_walk(), tmp_path / "out" / "deeper")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_missing_damaged_or_foreign_results_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"result\.yaml: there is no such file"):
+        load_walk(tmp_path)
+    save_walk(make_walk(), tmp_path / "walk")
+    with pytest.raises(InputError, match="of a walk, not of a bench"):
+        load_bench(tmp_path / "walk")
+    (tmp_path / "walk" / "result.npz").write_bytes(b"PK but not a zip")
+    with pytest.raises(InputError, match="SHA-256 differs"):
+        load_walk(tmp_path / "walk")
+    (tmp_path / "walk" / "result.npz").unlink()
+    with pytest.raises(InputError, match=r"result\.npz: cannot be read"):
+        load_walk(tmp_path / "walk")
+
+
+def test_sidecar_without_a_key_is_refused_by_name(tmp_path):
+    save_walk(make_walk(), tmp_path)
+    path = tmp_path / "result.yaml"
+    path.write_text(path.read_text().replace("subject_mass_kg:", "subject_mass:"))
+    with pytest.raises(InputError, match="subject_mass_kg: is missing"):
+        load_walk(tmp_path)

@@ -1,0 +1,186 @@
+"""What the materials testing machine measures: stiffness, mid-range displacement, the table of `bench.json`.
+
+Stiffness (McGeehan 2021, eq. 3, doi 10.1115/1.4050456) is the mean slope dF/dx above 200 N, where
+the foam no longer dominates. Published end points: Glanzer & Adamczyk 2018 (PMC6289620), 10 and
+32 N/mm; heel 65 N/mm (McGeehan 2021). What lies between the end points is a prediction.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.json_file import plain
+from vsf_drake.analysis.series import r_squared, rmse
+from vsf_drake.errors import InputError
+from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.simulation.results import BenchResult, BenchSetting
+
+STIFFNESS_ABOVE_N = 200.0
+PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}
+"""Fulcrum (m) -> stiffness (N/m), measured on the prototype."""
+PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
+_SAME_POSITION_M = 5e-4
+_START_SHARE = 0.02
+"""Share of the largest load with which a curve may start."""
+_NOISE = 1e-6
+"""Share of the largest load by which a load may fall without counting as not monotone."""
+
+
+def displacement(setting: BenchSetting) -> np.ndarray:
+    """(n,) travel (m) of the platen since it touched the foot, negative before.
+
+    Raises:
+        InputError: the curve starts under load, so that touch-down is not in it.
+    """
+    if setting.load_n[0] > _START_SHARE * np.max(setting.load_n):
+        raise InputError(f"the load-displacement curve starts at {setting.load_n[0]:.3g} N", where=_label(setting),
+                         right="It must start before the platen touches the foot, or as it does")
+    return setting.platen_m
+
+
+def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N,
+              where: str | None = None) -> float:
+    """Mean slope dF/dx (N/m) from `above_n` to the largest load, eq. 3 of McGeehan 2021.
+
+    The mean over the travel, (1/Δx) ∫ dF/dx dx, which is the load gained above `above_n` over the
+    travel that it takes, with the crossing of `above_n` interpolated. So it does not depend on how
+    densely or evenly the curve is sampled, and equals the mean of the finite differences of an
+    evenly sampled one.
+
+    Args:
+        displacement_m: (n,) m, increasing.
+        load_n: (n,) N, not decreasing.
+        where: what the curve is, for messages.
+
+    Raises:
+        InputError: the displacement does not increase, the load falls, or it does not exceed `above_n`.
+    """
+    x, load = _checked(displacement_m, load_n, where)
+    if load[-1] <= above_n:
+        raise InputError(f"the largest load is {load[-1]:.4g} N, and stiffness is the mean slope above {above_n:g} N",
+                         where=where, right="Press further: raise the largest load")
+    return float((load[-1] - above_n) / (x[-1] - _position(x, load, above_n)))
+
+
+def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, where: str | None = None) -> float:
+    """Displacement (m) at half of the largest load, interpolated linearly.
+
+    Raises:
+        InputError: the displacement does not increase, or the load falls or never rises.
+    """
+    x, load = _checked(displacement_m, load_n, where)
+    if load[-1] <= 0.0:
+        raise InputError("the curve is never loaded", where=where)
+    return _position(x, load, 0.5 * load[-1])
+
+
+def bench_table(result: BenchResult) -> dict[str, Any]:
+    """The content of `bench.json`, in plain values.
+
+    `settings` are the forefoot passes by fulcrum position. `published_n_per_mm` is the measured
+    stiffness of the prototype where it is published; elsewhere `prediction` is true. `closed_form`
+    compares with an overhung beam with the same compliances (small deflections; `laws.beam`).
+
+    Raises:
+        InputError: a curve cannot be evaluated (see `stiffness`).
+    """
+    settings = [_row(setting) | _published(setting) for setting in result.forefoot]
+    heel = result.heel
+    return plain({
+        "settings": settings,
+        "heel_stiffness_n_per_mm": None if heel is None else _row(heel)["stiffness_n_per_mm"],
+        "heel_published_n_per_mm": 1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
+        "closed_form": _closed_form(result, [row["stiffness_n_per_mm"] for row in settings]),
+        "largest_load_asked_n": result.max_load_n,
+        "speed_mm_per_min": 60e3 * result.speed_m_per_s,
+        "stiffness_above_n": STIFFNESS_ABOVE_N,
+        "simulated_s": result.simulated_s,
+        "wall_s": result.wall_s,
+        "unconverged_steps": sum(setting.unconverged_steps for setting in result.settings),
+        "converged": result.converged,
+    })
+
+
+def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:
+    """Stiffness (N/m) of the overhung beam with the compliances in `parameters` at `fulcrum_m`.
+
+    Args:
+        parameters: nested plain values of the foot, or of the model that holds it as `foot`.
+
+    Returns:
+        None where the parameters are not among them.
+    """
+    foot = parameters.get("foot", parameters)
+    try:
+        keel = foot["keel"]
+        bending = keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"])
+        return np.asarray(combined_stiffness(
+            bending_stiffness=bending, support=np.asarray(fulcrum_m, dtype=float), load_point=foot["load_point_m"],
+            fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"], series_stiffness=foot["series_stiffness_n_per_m"]))
+    except KeyError:
+        return None
+
+
+def published_stiffness(fulcrum_m: float | None) -> float | None:
+    """Published stiffness (N/m) at this fulcrum position (None for the heel); None where none is published."""
+    if fulcrum_m is None:
+        return PUBLISHED_HEEL_STIFFNESS_N_PER_M
+    near = [k for position, k in PUBLISHED_STIFFNESS_N_PER_M.items() if abs(position - fulcrum_m) < _SAME_POSITION_M]
+    return near[0] if near else None
+
+
+def _row(setting: BenchSetting) -> dict[str, Any]:
+    where, x = _label(setting), displacement(setting)
+    return {
+        "fulcrum_mm": None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
+        "stiffness_n_per_mm": 1e-3 * stiffness(x, setting.load_n, where=where),
+        "mid_range_displacement_mm": 1e3 * mid_range_displacement(x, setting.load_n, where=where),
+        "max_load_n": float(np.max(setting.load_n)),
+        "max_displacement_mm": 1e3 * float(x[-1]),
+        "unconverged_steps": setting.unconverged_steps,
+    }
+
+
+def _published(setting: BenchSetting) -> dict[str, Any]:
+    published = published_stiffness(setting.fulcrum_m)
+    return {"published_n_per_mm": None if published is None else 1e-3 * published, "prediction": published is None}
+
+
+def _closed_form(result: BenchResult, simulated_n_per_mm: list[float]) -> dict[str, Any] | None:
+    positions = np.array([setting.fulcrum_m for setting in result.forefoot], dtype=float)
+    closed = closed_form_stiffness(result.parameters, positions)
+    if closed is None or not len(positions):
+        return None
+    simulated, beam = np.array(simulated_n_per_mm), 1e-3 * closed
+    return {"stiffness_n_per_mm": beam, "r2": r_squared(simulated, beam), "rmse_n_per_mm": rmse(simulated, beam)}
+
+
+def _checked(displacement_m: np.ndarray, load_n: np.ndarray, where: str | None) -> tuple[np.ndarray, np.ndarray]:
+    x, load = np.asarray(displacement_m, dtype=float), np.asarray(load_n, dtype=float)
+    if x.ndim != 1 or x.shape != load.shape or len(x) < 2:
+        raise ValueError(f"displacement {x.shape} and load {load.shape} must be (n,) both, n at least 2")
+    if not (np.isfinite(x).all() and np.isfinite(load).all()):
+        raise InputError("the load-displacement curve holds a value that is not finite", where=where)
+    if np.any(np.diff(x) <= 0.0):
+        row = int(np.argmax(np.diff(x) <= 0.0)) + 1
+        raise InputError(f"the displacement does not increase at sample {row} ({1e3 * x[row]:.4g} mm)", where=where)
+    if np.any(np.diff(load) < -_NOISE * np.max(np.abs(load))):
+        row = int(np.argmin(np.diff(load))) + 1
+        raise InputError(f"the load falls from {load[row - 1]:.4g} to {load[row]:.4g} N at {1e3 * x[row]:.4g} mm",
+                         where=where, right="Stiffness needs a loading curve that rises all the way")
+    return x, load
+
+
+def _position(x: np.ndarray, load: np.ndarray, level: float) -> float:
+    """Displacement at which the load first reaches `level`."""
+    row = int(np.argmax(load >= level))
+    if row == 0:
+        return float(x[0])
+    rise = load[row] - load[row - 1]
+    return float(x[row - 1] + (level - load[row - 1]) / rise * (x[row] - x[row - 1]))
+
+
+def _label(setting: BenchSetting) -> str:
+    return "bench, heel" if setting.fulcrum_m is None else f"bench, fulcrum at {1e3 * setting.fulcrum_m:g} mm"

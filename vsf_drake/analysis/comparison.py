@@ -1,0 +1,197 @@
+"""A simulated walk beside its force plate: the same instants, axes and filters for both.
+
+Time-locked: nothing is shifted. The axes are the walk's own: fore-aft along the mean horizontal
+velocity of the pelvis, lateral to the left of it, vertical up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from vsf_drake.analysis.series import runs, uniform_grid
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.simulation.results import WalkResult
+
+FORCE_CUTOFF_HZ = 40.0
+COP_CUTOFF_HZ = 6.0
+THRESHOLD_N = 20.0
+MARGIN_S = 0.25
+PERCENT = np.linspace(0.0, 100.0, 101)
+_MINIMUM_PATH_M = 0.2
+_SHORTEST_RUN_S = 0.02
+
+
+class Plate(Protocol):
+    """What is needed of a force plate: `vsf_drake.motion.plates.PlateRecording` has it."""
+
+    time_s: np.ndarray
+    force_W: np.ndarray
+    cop_W: np.ndarray
+    has_cop: bool
+
+
+@dataclass(frozen=True, eq=False)
+class StanceComparison:
+    """One measured stance that overlaps the simulation.
+
+    Attributes:
+        measured: the stance in the plate's whole record.
+        model: the model's stance that overlaps it most, if any.
+        inside: whether the measured stance lies inside the simulated time as a whole.
+        span: (start, end) of stance ± margin, clipped to the compared time (s).
+        wanted_s: length of stance ± margin before clipping.
+        measured_cop: (101, 2) m, centre of pressure fore-aft and lateral at 0-100 % of the measured
+            stance, the whole of it; NaN where the plate is not loaded.
+        model_cop: (101, 2) m, the model's at the same instants; NaN where it cannot be compared.
+    """
+
+    measured: Stance
+    model: Stance | None
+    inside: bool
+    span: tuple[float, float]
+    wanted_s: float
+    measured_cop: np.ndarray
+    model_cop: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Model and plate on the model's instants.
+
+    Attributes:
+        time_s: (n,) evenly spaced, where both exist. step_s: its spacing.
+        model, measured: (n, 3) N, low-passed: fore-aft, lateral (left), vertical.
+        scored: (n,) whether the instant lies in a measured stance ± margin.
+        stances: the measured stances that overlap `time_s`, in order.
+        extra_model_stances: model stances that overlap no measured one.
+        heading: (2,) unit vector of progression in W.
+    """
+
+    time_s: np.ndarray
+    step_s: float
+    model: np.ndarray
+    measured: np.ndarray
+    scored: np.ndarray
+    stances: tuple[StanceComparison, ...]
+    extra_model_stances: int
+    heading: np.ndarray
+
+    def within(self, start_s: float, end_s: float) -> np.ndarray:
+        """(n,) whether the instant lies in [start_s, end_s]."""
+        return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
+
+
+def compare(result: WalkResult, plate: Plate, *, force_cutoff_hz: float = FORCE_CUTOFF_HZ,
+            cop_cutoff_hz: float = COP_CUTOFF_HZ, threshold_n: float = THRESHOLD_N,
+            margin_s: float = MARGIN_S) -> Comparison:
+    """Brings model and plate together.
+
+    Forces: the plate is resampled to the model's instants (and beyond the simulated time where
+    it has data, so that its filter has no edge there), then both are low-passed, zero-phase.
+    Centre of pressure: low-passed inside each loaded interval only, never across a gap.
+
+    Args:
+        result: the finished walk.
+        plate: the record of the plate under the prosthetic foot; it may be longer or shorter.
+        force_cutoff_hz, cop_cutoff_hz: zero-phase Butterworth, 4th order.
+        threshold_n: vertical force above which a foot is loaded.
+        margin_s: what is scored before and after each stance.
+
+    Raises:
+        ValueError: the two have no time in common.
+    """
+    grid = uniform_grid(result.time_s)
+    step = float(grid[1] - grid[0])
+    heading = walking_direction(result)
+    raw = _resample(grid, result.time_s, _to_walk_axes(result.grf_W, heading))
+    model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=force_cutoff_hz)
+    plate_force = _to_walk_axes(plate.force_W, heading)
+    kept = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
+    if np.count_nonzero(kept) < 2:
+        raise ValueError(f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
+                         f"simulation, {grid[0]:g} to {grid[-1]:g} s")
+    measured = _filtered_plate(grid[kept], step, plate, plate_force, force_cutoff_hz, margin_s)
+    time = grid[kept]
+    found = find_stances(plate.time_s, plate_force[:, 2], threshold_n=threshold_n)
+    model_stances = find_stances(grid, raw[:, 2], threshold_n=threshold_n)
+    stances = []
+    for stance in (s for s in found if s.end_s > time[0] and s.start_s < time[-1]):
+        instants = stance.start_s + PERCENT / 100.0 * (stance.end_s - stance.start_s)
+        cop = [_cop(t, force, _to_walk_axes(p, heading)[:, :2], instants, threshold_n, force_cutoff_hz, cop_cutoff_hz)
+               for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
+                                   (result.time_s, result.grf_W[:, 2], result.cop_W))]
+        cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
+        wanted = (stance.start_s - margin_s, stance.end_s + margin_s)
+        stances.append(StanceComparison(
+            measured=stance, model=_partner(stance, model_stances), measured_cop=cop[0], model_cop=cop[1],
+            inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
+            span=(max(wanted[0], float(time[0])), min(wanted[1], float(time[-1]))), wanted_s=wanted[1] - wanted[0]))
+    comparison = Comparison(
+        time_s=time, step_s=step, model=model[kept], measured=measured, scored=np.zeros(len(time), dtype=bool),
+        stances=tuple(stances), heading=heading,
+        extra_model_stances=sum(all(_overlap(m, s) <= 0.0 for s in found) for m in model_stances))
+    for item in stances:
+        comparison.scored[comparison.within(*item.span)] = True
+    return comparison
+
+
+def walking_direction(result: WalkResult) -> np.ndarray:
+    """(2,) unit vector of the pelvis's mean horizontal velocity in W; W's x where it hardly moves."""
+    path = np.array([result.column("pelvis_tx"), -result.column("pelvis_tz")])
+    travelled = path[:, -1] - path[:, 0]
+    distance = float(np.linalg.norm(travelled))
+    return travelled / distance if distance > _MINIMUM_PATH_M else np.array([1.0, 0.0])
+
+
+def _to_walk_axes(vectors_W: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """(n, 3) vectors in W -> fore-aft, lateral (left), vertical."""
+    forward, left = np.array([*heading, 0.0]), np.array([-heading[1], heading[0], 0.0])
+    return vectors_W @ np.array([forward, left, [0.0, 0.0, 1.0]]).T
+
+
+def _resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(grid, time, column) for column in values.T])
+
+
+def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarray, cutoff_hz: float,
+                    margin_s: float) -> np.ndarray:
+    before = int(min(margin_s, time[0] - plate.time_s[0]) / step + 1e-6)
+    after = int(min(margin_s, plate.time_s[-1] - time[-1]) / step + 1e-6)
+    wide = time[0] + step * np.arange(-before, len(time) + after)
+    return low_pass(_resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)[
+        before:before + len(time)]
+
+
+def _cop(time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray, threshold_n: float,
+         force_cutoff_hz: float, cop_cutoff_hz: float) -> np.ndarray:
+    """(101, 2) centre of pressure at `instants`, filtered inside each loaded run; NaN elsewhere."""
+    grid = uniform_grid(time)
+    rate = 1.0 / float(grid[1] - grid[0])
+    curve = np.full((len(instants), 2), np.nan)
+    smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(force_cutoff_hz, 0.45 * rate))
+    valid = (vertical > threshold_n) & np.isfinite(cop).all(axis=1)
+    for run in runs(smooth > threshold_n):
+        own = valid & (time >= grid[run.start]) & (time <= grid[run.stop - 1])
+        if np.count_nonzero(own) < 2:
+            continue
+        first, last = time[own][[0, -1]]
+        points = grid[(grid >= first - 1e-9) & (grid <= last + 1e-9)]
+        if last - first < _SHORTEST_RUN_S or len(points) < 2:
+            continue
+        filtered = low_pass(_resample(points, time[own], cop[own]), rate_hz=rate, cutoff_hz=cop_cutoff_hz)
+        here = (instants >= points[0]) & (instants <= points[-1])
+        curve[here] = _resample(instants[here], points, filtered)
+    return curve
+
+
+def _overlap(a: Stance, b: Stance) -> float:
+    return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
+
+
+def _partner(stance: Stance, candidates: list[Stance]) -> Stance | None:
+    best = max(candidates, key=lambda candidate: _overlap(candidate, stance), default=None)
+    return best if best is not None and _overlap(best, stance) > 0.0 else None

@@ -1,0 +1,198 @@
+"""How well a simulated walk agrees with its force plate: the numbers of `metrics.json`.
+
+Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
+
+- BW is the subject's mass times 9.81 m/s²; FL is the length of the prosthetic foot.
+- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time,
+  time-locked, both low-passed at 40 Hz. The resultant is the Euclidean norm of the filtered force.
+- Impulse: the integral of the resultant from the start of the measured stance (or of the
+  simulated time, if that cuts it), model against plate over the stance.
+- Centre of pressure: both low-passed at 6 Hz, at 101 points of the measured stance, fore-aft,
+  where both carry more than 20 N. R² is taken about the mean of each footprint.
+- R² is 1 - SSE / SST, not a squared correlation.
+- Differences of times are model minus measured: positive is late.
+
+What cannot be known from a recording (a stance time when every stance is cut) is None.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.comparison import PERCENT, THRESHOLD_N, Comparison, Plate, StanceComparison, compare
+from vsf_drake.analysis.json_file import plain
+from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, runs
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.simulation.results import WalkResult, coordinate_unit
+
+GRAVITY = 9.81
+"""m/s², as in Drake."""
+
+
+def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | None = None,
+                 comparison: Comparison | None = None) -> dict[str, Any]:
+    """The numbers of `metrics.json` (definitions above); plain values, None for what is unknown.
+
+    Args:
+        result: the finished walk.
+        plate: the plate under the prosthetic foot.
+        null_curve: (k,) resultant of *another* trial in BW, evenly spaced over its stance
+            (`stance_curve`); stretched to the measured stances it is the null model.
+        comparison: `compare(result, plate)` with other options, where wanted.
+    """
+    c = compare(result, plate) if comparison is None else comparison
+    weight = result.subject_mass_kg * GRAVITY
+    model, measured = c.model / weight, c.measured / weight
+    resultants = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
+    s = c.scored
+    metrics = {
+        "grf_rmse_bw": rmse(resultants[0][s], resultants[1][s]),
+        "grf_r2": r_squared(resultants[0][s], resultants[1][s]),
+        "vertical_rmse_bw": rmse(model[s, 2], measured[s, 2]),
+        "fore_aft_rmse_bw": rmse(model[s, 0], measured[s, 0]),
+        "medio_lateral_rmse_bw": rmse(model[s, 1], measured[s, 1]),
+        "vertical_impulse_error": _relative(np.sum(model[s, 2]), np.sum(measured[s, 2])),
+        **_impulse(c, *resultants),
+        **_centre_of_pressure(c, result.foot_length_m),
+        **_times(c),
+        "angle_rmse_deg": _angle_rmse_deg(result),
+        "null_model_grf_rmse_bw": None if null_curve is None else _null_rmse(c, resultants[1], null_curve),
+        "stances": [_stance(c, item, model, measured) for item in c.stances],
+        "extra_model_stances": c.extra_model_stances,
+        "scored_window_s": [[c.time_s[r.start], c.time_s[r.stop - 1]] for r in runs(s)],
+        "coverage": _coverage(c),
+        "heading_deg": np.degrees(np.arctan2(c.heading[1], c.heading[0])),
+        "body_weight_n": weight,
+        "simulated_s": result.simulated_s,
+        "wall_s": result.wall_s,
+        "compile_s": result.compile_s,
+        "step_s": result.step_s,
+        "unconverged_steps": result.unconverged_steps,
+        "converged": result.converged,
+        "trial": result.trial_name,
+        "synthetic": result.synthetic,
+    }
+    return plain(metrics)
+
+
+def stance_curve(plate: Plate, *, subject_mass_kg: float, cutoff_hz: float = 40.0) -> np.ndarray | None:
+    """(101,) measured resultant in BW over 0-100 % of stance, mean of the complete stances; None without one."""
+    rate = 1.0 / float(np.median(np.diff(plate.time_s)))
+    force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(cutoff_hz, 0.45 * rate))
+    resultant = np.linalg.norm(force, axis=1) / (subject_mass_kg * GRAVITY)
+    stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N) if s.complete]
+    curves = [np.interp(s.start_s + PERCENT / 100.0 * (s.end_s - s.start_s), plate.time_s, resultant) for s in stances]
+    return np.mean(curves, axis=0) if curves else None
+
+
+def _impulse(c: Comparison, model: np.ndarray, measured: np.ndarray) -> dict[str, float]:
+    """Cumulative impulse (BW s) of the resultant over the stances."""
+    curves: list[tuple[np.ndarray, np.ndarray]] = []
+    for item in c.stances:
+        rows = c.within(item.measured.start_s, item.measured.end_s)
+        curves.append((cumulative_integral(model[rows], c.step_s), cumulative_integral(measured[rows], c.step_s)))
+    both = [np.concatenate(side) for side in zip(*curves, strict=True)] or [np.empty(0), np.empty(0)]
+    return {"impulse_rmse_bws": rmse(*both), "impulse_r2": r_squared(*both)}
+
+
+def _centre_of_pressure(c: Comparison, foot_length: float) -> dict[str, Any]:
+    used = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
+    empty = np.empty((0, 2))
+    model = np.concatenate([item.model_cop[rows] for item, rows in zip(c.stances, used, strict=True)] or [empty])
+    measured = np.concatenate([item.measured_cop[rows] for item, rows in zip(c.stances, used, strict=True)] or [empty])
+    footprint = np.repeat(np.arange(len(used)), [np.count_nonzero(rows) for rows in used])
+    return {
+        "cop_rmse_fl": rmse(model[:, 0], measured[:, 0]) / foot_length,
+        "cop_ml_rmse_fl": rmse(model[:, 1], measured[:, 1]) / foot_length,
+        "cop_r2": r_squared(model[:, 0], measured[:, 0], groups=footprint),
+        "cop_points": len(model),
+    }
+
+
+def _times(c: Comparison) -> dict[str, float | None]:
+    whole = [item for item in c.stances if item.inside]
+    paired = [item.model for item in whole if item.model is not None and item.model.complete]
+    strikes = [item.model.start_s - item.measured.start_s for item in c.stances if _strike_seen(c, item)]
+    lifts = [item.model.end_s - item.measured.end_s for item in c.stances if _lift_seen(c, item)]
+    return {
+        "stance_measured_s": _mean([item.measured.duration_s for item in whole]),
+        "stance_model_s": _mean([stance.duration_s for stance in paired]),
+        "heel_strike_error_s": _mean(strikes),
+        "toe_off_error_s": _mean(lifts),
+    }
+
+
+def _strike_seen(c: Comparison, item: StanceComparison) -> bool:
+    measured, model = item.measured, item.model
+    return bool(model and model.start_seen and measured.start_seen and measured.start_s >= c.time_s[0])
+
+
+def _lift_seen(c: Comparison, item: StanceComparison) -> bool:
+    measured, model = item.measured, item.model
+    return bool(model and model.end_seen and measured.end_seen and measured.end_s <= c.time_s[-1])
+
+
+def _angle_rmse_deg(result: WalkResult) -> float | None:
+    """Followed against commanded rotations, pooled over coordinates and instants."""
+    rotations = [(i, name) for i, name in enumerate(result.prescribed_names) if coordinate_unit(name) == "rad"]
+    if not rotations:
+        return None
+    followed = np.column_stack([result.column(name) for _, name in rotations])
+    return float(np.degrees(rmse(followed, result.prescribed_q[:, [i for i, _ in rotations]])))
+
+
+def _null_rmse(c: Comparison, measured: np.ndarray, curve: np.ndarray) -> float:
+    """Error of a curve that is stretched to each measured stance and zero between them."""
+    null = np.zeros(len(c.time_s))
+    percent = np.linspace(0.0, 100.0, len(curve))
+    for item in c.stances:
+        start, end = item.measured.start_s, item.measured.end_s
+        rows = c.within(start, end)
+        stretched = np.interp(100.0 * (c.time_s[rows] - start) / (end - start), percent, curve)
+        null[rows] = stretched if item.measured.complete else np.nan
+    rows = c.scored & np.isfinite(null)
+    return rmse(null[rows], measured[rows])
+
+
+def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray) -> dict[str, Any]:
+    halves = np.linspace(item.measured.start_s, item.measured.end_s, 3)
+    return {
+        "measured_start_s": item.measured.start_s,
+        "measured_end_s": item.measured.end_s,
+        "model_start_s": item.model.start_s if item.model and item.model.start_seen else None,
+        "model_end_s": item.model.end_s if item.model and item.model.end_seen else None,
+        "complete": item.inside,
+        "scored_s": list(item.span),
+        "cop_points": np.count_nonzero(np.isfinite(item.model_cop[:, 0])),
+        "model_peaks_bw": _peaks(c, model, halves),
+        "measured_peaks_bw": _peaks(c, measured, halves),
+    }
+
+
+def _peaks(c: Comparison, force: np.ndarray, halves: np.ndarray) -> dict[str, float]:
+    """Largest vertical load in each half of the stance, and the extremes fore-aft, as far as simulated."""
+    first, second = force[c.within(halves[0], halves[1])], force[c.within(halves[1], halves[2])]
+    whole = np.concatenate((first, second))
+    return {
+        "vertical_first_half": np.max(first[:, 2], initial=-np.inf),
+        "vertical_second_half": np.max(second[:, 2], initial=-np.inf),
+        "braking": np.min(whole[:, 0], initial=np.inf),
+        "propulsion": np.max(whole[:, 0], initial=-np.inf),
+    }
+
+
+def _coverage(c: Comparison) -> float | None:
+    """Share of the measured stances ± margin that the simulation covers."""
+    wanted = sum(item.wanted_s for item in c.stances)
+    return sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None
+
+
+def _relative(value: float, reference: float) -> float | None:
+    return float(value / reference - 1.0) if reference else None
+
+
+def _mean(values: list[float]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -1,0 +1,87 @@
+"""One look for every figure: measured solid, simulated dashed, one colour a fulcrum position, units on axes.
+
+The colours run along `viridis` without its light end: told apart with any colour vision, and
+ordered by lightness, so that the order survives grey print. Figures are made with the object
+interface; nothing global changes and no display is needed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib import colormaps, rc_context, rcParamsDefault
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vsf_drake.files import replaced
+
+MEASURED: dict[str, Any] = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.55}
+SIMULATED: dict[str, Any] = {"linestyle": (0, (4, 1.6)), "linewidth": 1.6}
+HEEL_COLOUR = "0.15"
+NEUTRAL = "0.45"
+SHADE = "0.92"
+MARKERS = ("o", "s", "^", "D", "v")
+DOTS_PER_INCH = 150
+_RANGE_M = (0.066, 0.151)
+_LIGHTEST = 0.68
+_SETTINGS = {
+    "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
+    "grid.linewidth": 0.6, "axes.axisbelow": True, "svg.hashsalt": "vsf_drake", "svg.fonttype": "none",
+}
+
+
+def style() -> Any:
+    """A context in which figures are made and drawn in this look."""
+    defaults = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
+    return rc_context({**defaults, **_SETTINGS})
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that needs no display."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def condition_colour(fulcrum_m: float | None) -> Any:
+    """The colour of a fulcrum position (m from the keel's posterior end), or of the heel for None."""
+    if fulcrum_m is None:
+        return HEEL_COLOUR
+    low, high = _RANGE_M
+    share = min(max((fulcrum_m - low) / (high - low), 0.0), 1.0)
+    return colormaps["viridis"](_LIGHTEST * share)
+
+
+def condition_label(fulcrum_m: float | None) -> str:
+    """The name of a condition in legends."""
+    return "heel" if fulcrum_m is None else f"fulcrum {1e3 * fulcrum_m:g} mm"
+
+
+def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
+    """Names both axes, each with its unit in parentheses."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title, loc="left")
+
+
+def save_figure(figure: Figure, stem: str | Path) -> tuple[Path, Path]:
+    """Writes `stem`.png and `stem`.svg, each complete or not at all; the same figure gives the same bytes.
+
+    Returns:
+        The two paths.
+
+    Raises:
+        InputError: the folder does not exist or cannot be written.
+    """
+    stem = Path(stem)
+    png, svg = stem.with_name(stem.name + ".png"), stem.with_name(stem.name + ".svg")
+    with style():
+        with replaced(png, "wb") as stream:
+            figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+        with replaced(svg, "wb") as stream:
+            figure.savefig(stream, format="svg", metadata={"Date": None})
+    return png, svg

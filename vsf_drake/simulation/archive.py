@@ -1,0 +1,106 @@
+"""Result folders on disk: arrays in one `.npz`, everything else in a readable YAML sidecar. No pickle."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced, sha256
+
+ARRAYS_FILE = "result.npz"
+SIDECAR_FILE = "result.yaml"
+
+
+@contextlib.contextmanager
+def result_folder(out: str | Path) -> Iterator[Path]:
+    """A temporary folder whose content becomes that of `out` only when the block ends without an exception.
+
+    A new `out` appears by one rename. In an existing `out` each file replaces its namesake at the
+    end and other files stay. After an exception (an interruption too) nothing of the block remains.
+
+    Args:
+        out: the folder to create or to fill; missing parents are created.
+
+    Raises:
+        InputError: `out` or one of its parents is a file, or cannot be written.
+    """
+    out = Path(out).absolute()
+    if out.exists() and not out.is_dir():
+        raise InputError("is a file, but results are a folder", file=out, right="Choose another folder")
+    home = out.parent
+    while not home.exists():
+        home = home.parent
+    temporary = home / f".{out.name}.{secrets.token_hex(4)}.part"
+    try:
+        temporary.mkdir()
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=out) from None
+    try:
+        yield temporary
+        try:
+            _move(temporary, out)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=out) from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar: Mapping[str, Any]) -> None:
+    """Writes `arrays` and `sidecar` (plain values) into the existing `folder`.
+
+    The sidecar also gets the arrays' SHA-256, so that a mixed-up pair is noticed on reading.
+    """
+    folder = Path(folder)
+    with replaced(folder / ARRAYS_FILE, "wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **dict(arrays))
+    content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
+    with replaced(folder / SIDECAR_FILE) as stream:
+        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True, width=120)
+
+
+def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays and sidecar of a result folder.
+
+    Raises:
+        InputError: a file is missing or damaged, or the two do not belong together.
+    """
+    path = Path(folder) / SIDECAR_FILE
+    try:
+        sidecar = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path, right="A result folder holds one") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"cannot be read as YAML ({str(error).splitlines()[0]})", file=path) from None
+    if not isinstance(sidecar, dict):
+        raise InputError("does not describe a result", file=path)
+    path = Path(folder) / ARRAYS_FILE
+    if sha256(path) != sidecar.pop("arrays_sha256", None):
+        raise InputError(f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path)
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}, sidecar
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise InputError(f"cannot be read ({error})", file=path) from None
+
+
+def _move(source: Path, target: Path) -> None:
+    """Renames `source` to `target`, or merges it file by file into an existing folder."""
+    if not target.exists():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(source, target)
+        return
+    for item in sorted(source.iterdir()):
+        if item.is_dir() and (target / item.name).is_dir():
+            _move(item, target / item.name)
+        else:
+            os.replace(item, target / item.name)

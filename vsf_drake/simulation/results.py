@@ -1,0 +1,248 @@
+"""What a run leaves: the walk and the bench as frozen data, saved in a folder and read back exactly.
+
+Every array carries unit, shape, frame and meaning in its field, and the sidecar repeats them, so
+that a saved result explains itself. W is x forward, y left, z up, ground at z = 0. Figures and
+metrics are functions of these objects and need no Drake.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import read_archive, result_folder, write_archive
+
+__all__ = ["BenchResult", "BenchSetting", "WalkResult", "coordinate_unit", "load_bench", "load_walk", "result_folder",
+           "save_bench", "save_walk"]
+
+FORMAT = 1
+"""Version of the layout on disk."""
+_XYZ = ("x", "y", "z")
+
+
+def _array(shape: str, unit: str, meaning: str, **more: Any) -> Any:
+    return dataclasses.field(metadata={"shape": shape, "unit": unit, "meaning": meaning, **more})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WalkResult:
+    """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N spheres.
+
+    Attributes are described in their fields. `converged` is false if any step was accepted without
+    convergence (`unconverged_steps` of them): look before trusting the numbers.
+    """
+
+    time_s: np.ndarray = _array("n", "s", "instants, clock of the recording")
+    coordinate_names: tuple[str, ...]
+    q: np.ndarray = _array("n, m", "by column", "coordinates", columns="coordinate_names")
+    v: np.ndarray = _array("n, m", "by column, per s", "their rates", columns="coordinate_names")
+    generalized_force: np.ndarray = _array(
+        "n, m", "N m (rotations), N (translations)", "loads of the driver; 0 for free coordinates",
+        columns="coordinate_names")
+    grf_W: np.ndarray = _array("n, 3", "N", "force of the ground on the prosthetic foot", frame="W", columns=_XYZ)
+    cop_W: np.ndarray = _array("n, 3", "m", "its centre of pressure; NaN unloaded", frame="W", columns=_XYZ)
+    free_moment_nm: np.ndarray = _array("n", "N m", "vertical moment at the centre of pressure", frame="W")
+    intact_grf_W: np.ndarray = _array("n, 3", "N", "force of the ground on the intact foot", frame="W", columns=_XYZ)
+    intact_cop_W: np.ndarray = _array("n, 3", "m", "its centre of pressure; NaN unloaded", frame="W", columns=_XYZ)
+    sphere_normal_n: np.ndarray = _array("n, N", "N", "normal force on each sphere of the prosthetic foot")
+    sphere_depth_m: np.ndarray = _array("n, N", "m", "penetration of each sphere")
+    sphere_friction_W: np.ndarray = _array("n, N, 2", "N", "friction on each sphere", frame="W", columns=("x", "y"))
+    socket_wrench: np.ndarray = _array(
+        "n, 6", "N, N, N, N m, N m, N m", "force of the bushing on the socket",
+        columns=("tx", "ty", "tz", "flexion", "adduction", "rotation"), frame="residual shank")
+    fulcrum_m: np.ndarray = _array("n", "m", "fulcrum from the keel's posterior end")
+    prescribed_q: np.ndarray = _array("n, p", "by column", "commanded coordinates", columns="prescribed_names")
+    prescribed_names: tuple[str, ...]
+    sphere_zones: tuple[str, ...] = ()
+    unconverged_steps: int
+    newton_iterations: int
+    converged: bool
+    simulated_s: float
+    wall_s: float
+    compile_s: float
+    step_s: float
+    subject_mass_kg: float
+    foot_length_m: float
+    side: str
+    trial_name: str
+    synthetic: bool
+    parameters: dict[str, Any]
+    provenance: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        sizes = {"n": len(self.time_s), "m": len(self.coordinate_names), "p": len(self.prescribed_names)}
+        _check_shapes(self, {**sizes, "N": np.shape(self.sphere_normal_n)[-1]})
+
+    def column(self, name: str) -> np.ndarray:
+        """(n,) history of one coordinate.
+
+        Raises:
+            KeyError: the model has no such coordinate.
+        """
+        if name not in self.coordinate_names:
+            raise KeyError(f"there is no coordinate {name}; there are {', '.join(self.coordinate_names)}")
+        return self.q[:, self.coordinate_names.index(name)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BenchSetting:
+    """One pass of the testing machine; `fulcrum_m` (from the keel's posterior end) is None for the heel."""
+
+    fulcrum_m: float | None
+    time_s: np.ndarray = _array("n", "s", "instants")
+    platen_m: np.ndarray = _array("n", "m", "height of the platen above where it first touches the foot")
+    load_n: np.ndarray = _array("n", "N", "vertical load of the platen on the foot")
+    unconverged_steps: int = 0
+
+    def __post_init__(self) -> None:
+        _check_shapes(self, {"n": len(self.time_s)})
+
+    @property
+    def converged(self) -> bool:
+        """Whether every step converged."""
+        return self.unconverged_steps == 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BenchResult:
+    """A finished bench: its passes, in order, and what they were made with."""
+
+    settings: tuple[BenchSetting, ...]
+    wall_s: float
+    simulated_s: float
+    speed_m_per_s: float
+    max_load_n: float
+    parameters: dict[str, Any]
+    provenance: dict[str, Any]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every step of every pass converged."""
+        return all(setting.converged for setting in self.settings)
+
+    @property
+    def heel(self) -> BenchSetting | None:
+        """The pass at the heel, if there is one."""
+        return next((s for s in self.settings if s.fulcrum_m is None), None)
+
+    @property
+    def forefoot(self) -> tuple[BenchSetting, ...]:
+        """The passes at the forefoot, by fulcrum position."""
+        return tuple(sorted((s for s in self.settings if s.fulcrum_m is not None), key=lambda s: s.fulcrum_m or 0.0))
+
+
+def coordinate_unit(name: str) -> str:
+    """Unit of a coordinate: m for translations (`…_tx`, `…_ty`, `…_tz`, `fulcrum`), rad for the rest."""
+    return "m" if name == "fulcrum" or name.endswith(("_tx", "_ty", "_tz")) else "rad"
+
+
+def save_walk(result: WalkResult, folder: str | Path) -> None:
+    """Writes `result` as a folder: all of it or nothing.
+
+    Raises:
+        InputError: see `result_folder`.
+    """
+    units = {name: coordinate_unit(name) for name in (*result.coordinate_names, *result.prescribed_names)}
+    sidecar = {"kind": "walk", "format": FORMAT, **_scalars(result), "coordinate_units": units,
+               "arrays": _describe(result, "")}
+    with result_folder(folder) as temporary:
+        write_archive(temporary, _arrays(result), sidecar)
+
+
+def load_walk(folder: str | Path) -> WalkResult:
+    """Reads what `save_walk` wrote; a walk with unconverged steps comes back with `converged` false.
+
+    Raises:
+        InputError: something is missing, damaged, or not a walk.
+    """
+    arrays, sidecar = read_archive(folder)
+    _check_kind(sidecar, "walk", folder)
+    return _build(WalkResult, {**sidecar, **arrays}, folder)
+
+
+def save_bench(result: BenchResult, folder: str | Path) -> None:
+    """Writes `result` as a folder: all of it or nothing.
+
+    Raises:
+        InputError: see `result_folder`.
+    """
+    arrays, passes, described = {}, [], {}
+    for i, setting in enumerate(result.settings):
+        prefix = f"setting_{i}_"
+        passes.append(_scalars(setting) | {"converged": setting.converged, "arrays_prefix": prefix})
+        arrays |= {prefix + name: value for name, value in _arrays(setting).items()}
+        described |= _describe(setting, prefix)
+    sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_scalars(result)}
+    with result_folder(folder) as temporary:
+        write_archive(temporary, arrays, {**sidecar, "settings": passes, "arrays": described})
+
+
+def load_bench(folder: str | Path) -> BenchResult:
+    """Reads what `save_bench` wrote.
+
+    Raises:
+        InputError: something is missing, damaged, or not a bench.
+    """
+    arrays, sidecar = read_archive(folder)
+    _check_kind(sidecar, "bench", folder)
+    settings = []
+    for i, scalars in enumerate(sidecar.get("settings") or ()):
+        prefix = f"setting_{i}_"
+        own = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+        settings.append(_build(BenchSetting, {**scalars, **own}, folder))
+    return _build(BenchResult, {**sidecar, "settings": settings}, folder)
+
+
+def _check_shapes(result: Any, sizes: dict[str, int]) -> None:
+    for field in dataclasses.fields(result):
+        if "shape" in field.metadata:
+            wanted = tuple(int(s) if s.isdigit() else sizes[s] for s in field.metadata["shape"].split(", "))
+            shape = np.shape(getattr(result, field.name))
+            if shape != wanted:
+                raise ValueError(f"{field.name} has shape {shape}, not {wanted} ({field.metadata['shape']})")
+
+
+def _arrays(result: Any) -> dict[str, np.ndarray]:
+    return {f.name: np.asarray(getattr(result, f.name)) for f in dataclasses.fields(result) if "shape" in f.metadata}
+
+
+def _scalars(result: Any) -> dict[str, Any]:
+    named = {f.name: getattr(result, f.name) for f in dataclasses.fields(result) if "shape" not in f.metadata}
+    return {name: to_plain(value) for name, value in named.items() if name != "settings"}
+
+
+def _describe(result: Any, prefix: str) -> dict[str, Any]:
+    described = {}
+    for field in dataclasses.fields(result):
+        if "shape" in field.metadata:
+            size = list(np.shape(getattr(result, field.name)))
+            described[prefix + field.name] = {**to_plain(dict(field.metadata)), "size": size}
+    return described
+
+
+def _check_kind(sidecar: dict[str, Any], kind: str, folder: str | Path) -> None:
+    found, version = sidecar.get("kind"), sidecar.get("format")
+    if found != kind:
+        raise InputError(f"holds the result of a {found}, not of a {kind}", file=folder)
+    if version != FORMAT:
+        raise InputError(f"has format {version}, and this version reads format {FORMAT}", file=folder)
+
+
+def _build(cls: type, values: dict[str, Any], folder: str | Path) -> Any:
+    arguments = {}
+    for field in dataclasses.fields(cls):
+        if field.name not in values:
+            raise InputError("is missing from the result", file=folder, where=field.name)
+        value = values[field.name]
+        arguments[field.name] = tuple(value) if isinstance(value, list) else value
+    try:
+        return cls(**arguments)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise InputError(f"is damaged ({error})", file=folder) from None
