@@ -29,6 +29,7 @@ from vsf_drake.motion.window import (
     describe_treadmill,
 )
 from vsf_drake.parameters import ModelParameters, Subject, check_fulcrum, load_model
+from vsf_drake.resources import resource
 from vsf_drake.schema import load_yaml
 
 
@@ -72,8 +73,8 @@ class Trial:
 
 
 def default_model() -> ModelParameters:
-    """The model of a manifest that names none."""
-    return ModelParameters()
+    """The model of a manifest that names none: models/nominal.yaml, calibrated to the published bench end points."""
+    return load_model(resource("models/nominal.yaml"))
 
 
 def load_trial(path: str | Path) -> Trial:
