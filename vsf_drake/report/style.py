@@ -25,7 +25,7 @@ SHADE = "0.92"
 MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
 _RANGE_M = (0.066, 0.151)
-_LIGHTEST = 0.68
+_LIGHTEST = 0.66
 _SETTINGS = {
     "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
