@@ -115,8 +115,8 @@ def _centre_of_pressure(c: Comparison, foot_length: float) -> dict[str, Any]:
 def _times(c: Comparison) -> dict[str, float | None]:
     whole = [item for item in c.stances if item.inside]
     paired = [item.model for item in whole if item.model is not None and item.model.complete]
-    strikes = [item.model.start_s - item.measured.start_s for item in c.stances if _strike_seen(c, item)]
-    lifts = [item.model.end_s - item.measured.end_s for item in c.stances if _lift_seen(c, item)]
+    strikes = [late for item in c.stances if (late := _strike_error(c, item)) is not None]
+    lifts = [late for item in c.stances if (late := _lift_error(c, item)) is not None]
     return {
         "stance_measured_s": _mean([item.measured.duration_s for item in whole]),
         "stance_model_s": _mean([stance.duration_s for stance in paired]),
@@ -125,14 +125,20 @@ def _times(c: Comparison) -> dict[str, float | None]:
     }
 
 
-def _strike_seen(c: Comparison, item: StanceComparison) -> bool:
+def _strike_error(c: Comparison, item: StanceComparison) -> float | None:
+    """Heel strike, model minus measured (s), where both are seen."""
     measured, model = item.measured, item.model
-    return bool(model and model.start_seen and measured.start_seen and measured.start_s >= c.time_s[0])
+    if model is None or not (model.start_seen and measured.start_seen and measured.start_s >= c.time_s[0]):
+        return None
+    return model.start_s - measured.start_s
 
 
-def _lift_seen(c: Comparison, item: StanceComparison) -> bool:
+def _lift_error(c: Comparison, item: StanceComparison) -> float | None:
+    """Toe-off, model minus measured (s), where both are seen."""
     measured, model = item.measured, item.model
-    return bool(model and model.end_seen and measured.end_seen and measured.end_s <= c.time_s[-1])
+    if model is None or not (model.end_seen and measured.end_seen and measured.end_s <= c.time_s[-1]):
+        return None
+    return model.end_s - measured.end_s
 
 
 def _angle_rmse_deg(result: WalkResult) -> float | None:

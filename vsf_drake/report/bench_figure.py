@@ -64,7 +64,8 @@ def _curves(axes: Axes, bench: BenchResult) -> None:
     axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower right", title="dashed: simulated", title_fontsize=8.0, alignment="left")
+    axes.legend(loc="lower right", title="dashed: simulated", title_fontsize=8.0, alignment="left", frameon=True,
+                facecolor="white", edgecolor="none", framealpha=1.0)
     label(axes, x="displacement of the platen (mm)", y="load (N)",
           title=f"Load and displacement (dotted: {STIFFNESS_ABOVE_N:g} N, above which stiffness is the mean slope)")
 

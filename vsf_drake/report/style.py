@@ -26,7 +26,7 @@ MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
 _RANGE_M = (0.066, 0.151)
 _LIGHTEST = 0.66
-_SETTINGS = {
+_SETTINGS: dict[str, Any] = {
     "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
     "grid.linewidth": 0.6, "axes.axisbelow": True, "svg.hashsalt": "vsf_drake", "svg.fonttype": "none",
@@ -35,8 +35,8 @@ _SETTINGS = {
 
 def style() -> Any:
     """A context in which figures are made and drawn in this look."""
-    defaults = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
-    return rc_context({**defaults, **_SETTINGS})
+    settings: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
+    return rc_context(settings | _SETTINGS)
 
 
 def new_figure(width: float, height: float) -> Figure:

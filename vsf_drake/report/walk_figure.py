@@ -109,20 +109,20 @@ def _legend(figure: Figure, comparison: Comparison, colour: Any, synthetic: bool
         Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="scored: stance ± 0.25 s"),
     ]
     if not all(item.inside for item in comparison.stances):
-        look = {"facecolor": SHADE, "edgecolor": NEUTRAL, "linewidth": 0.6}
-        handles.append(Patch(label="stance cut by the simulated time", **look))
+        name = "stance cut by the simulated time"
+        handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6, label=name))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Mapping[str, Any],
                         colour: Any) -> None:
-    """Fore-aft centre of pressure in foot lengths ahead of the plate's first one in each footprint."""
+    """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
     several = len(comparison.stances) > 1
     for number, item in enumerate(comparison.stances, start=1):
         known = np.isfinite(item.measured_cop[:, 0])
         if not known.any():
             continue
-        origin = item.measured_cop[known][0, 0]
+        origin = item.measured_cop[known, 0].min()
         measured = (item.measured_cop[:, 0] - origin) / result.foot_length_m
         model = (item.model_cop[:, 0] - origin) / result.foot_length_m
         axes.plot(PERCENT, measured, color=colour, **MEASURED)
@@ -133,7 +133,7 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
     if several:
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
-    label(axes, x="measured stance (%)", y="ahead of the plate's\nfirst point (foot lengths)",
+    label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",
           title="Centre of pressure along the foot" + _error(metrics["cop_rmse_fl"], "FL"))
 
 
