@@ -66,8 +66,8 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
     heights = [
         (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
         for body, point in zip(sites["body_indices"], sites["p_BS"], strict=True)]
-    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine, machine_bodies=sites["body_indices"],
-                        contact_height=float(min(heights)))
+    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine,
+                        machine_bodies=sites["body_indices"], contact_height=float(min(heights)))
 
 
 def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
@@ -82,4 +82,5 @@ def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
     point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
     k = parameters.series_stiffness_n_per_m
     return {"body_indices": [foot.keel[j].index()], "p_BS": np.array([point]), "stiffness": np.array([k]),
-            "exponent": np.array([1.0]), "damping": np.array([k * FOAM_DAMPING_TIME_S]), "full_damping_depth": np.array([1e-3])}
+            "exponent": np.array([1.0]), "damping": np.array([k * FOAM_DAMPING_TIME_S]),
+            "full_damping_depth": np.array([1e-3])}

@@ -100,7 +100,8 @@ def make_gait(
     connect_kinematics(builder, plant, systems)
     connect_spatial_forces(builder, plant, spatial)
     connect_generalized_forces(builder, plant, [
-        *device.generalized_ports, bushing.GetOutputPort("generalized_force"), driver.GetOutputPort("generalized_force")])
+        *device.generalized_ports, bushing.GetOutputPort("generalized_force"),
+        driver.GetOutputPort("generalized_force")])
     builder.ExportOutput(plant.get_state_output_port(), "state")
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")

@@ -97,13 +97,16 @@ def platen_rows(R, p, axes, origins, columns, counts, kinds, platen, bodies, hei
 
 @numba.njit(cache=True)
 def _site_force(site, h, depth, velocity, force, K):
-    """Writes the force (3,) of one ground site and K = -dforce/dvelocity (3, 3)."""
+    """Writes the force (3,) of one ground site and K = -dforce/dvelocity (3, 3), a falling friction curve being flat.
+
+    Returns what K lacks there, as a factor (<= 0) of the dyad of the horizontal velocity.
+    """
     vx, vy, vz = velocity
     fn, by_depth, by_rate = normal_force(depth, -vz, site[4], site[5], site[6], site[7])
     K[:] = 0.0
     force[:] = 0.0
     if fn <= 0.0:
-        return
+        return 0.0
     dn = h * by_depth + by_rate
     speed = np.sqrt(vx * vx + vy * vy)
     ratio, slope = friction_per_speed(speed, site[8], site[9], site[10])
@@ -117,11 +120,15 @@ def _site_force(site, h, depth, velocity, force, K):
     K[0, 2] = -ratio * vx * dn
     K[1, 2] = -ratio * vy * dn
     K[2, 2] = dn
+    return min(slope, 0.0) * fn / (speed * speed) if speed > site[10] else 0.0
 
 
 @numba.njit(cache=True)
-def add_ground(h, v, sites, bodies, near, depth0, J, columns, counts, place, tau, H, record):
-    """Adds contact and friction at end velocity v to tau (n,) and to H = -dtau/dv over the free coordinates."""
+def add_ground(h, v, sites, bodies, near, depth0, J, columns, counts, place, tau, H, E, record):
+    """Adds contact and friction at end velocity v to tau (n,) and to H + E = -dtau/dv over the free coordinates.
+
+    H takes the friction curve as flat where it falls; E is the rest.
+    """
     force, velocity, KJ = np.empty(3), np.empty(3), np.empty(3)
     K = np.empty((3, 3))
     for a in range(near.shape[0]):
@@ -134,7 +141,7 @@ def add_ground(h, v, sites, bodies, near, depth0, J, columns, counts, place, tau
             velocity[1] += Js[1, k] * vk
             velocity[2] += Js[2, k] * vk
         depth = depth0[a] - h * velocity[2]
-        _site_force(sites[s], h, depth, velocity, force, K)
+        falling = _site_force(sites[s], h, depth, velocity, force, K)
         record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, force[2], force[0], force[1]
         record[s, 4], record[s, 5], record[s, 6] = -velocity[2], velocity[0], velocity[1]
         if force[2] <= 0.0:
@@ -147,6 +154,12 @@ def add_ground(h, v, sites, bodies, near, depth0, J, columns, counts, place, tau
             c = place[cols[k]]
             for r in range(free):
                 H[place[cols[r]], c] += Js[0, r] * KJ[0] + Js[1, r] * KJ[1] + Js[2, r] * KJ[2]
+        if falling < 0.0:
+            for k in range(free):
+                along = falling * (velocity[0] * Js[0, k] + velocity[1] * Js[1, k])
+                c = place[cols[k]]
+                for r in range(free):
+                    E[place[cols[r]], c] += (Js[0, r] * velocity[0] + Js[1, r] * velocity[1]) * along
 
 
 @numba.njit(cache=True)

@@ -7,8 +7,12 @@ With h the step and everything that depends on the pose frozen at its beginning,
 where every stiff force is written at the end of the step: contact depth d0 - h v_z and depth rate
 -v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', the platen's height at t + h.
 Rows of prescribed coordinates are known; their equations give the loads that hold them. The others
-are solved by Newton with the full tangent and a backtracking line search on the residual in the
-norm of M^-1. Friction's tangential stiffness is clamped at zero where the friction curve falls.
+are solved by Newton's method. But for the dependence of friction on the normal force the residual r is
+the gradient of a potential, which is convex except where the friction curve falls; the norm of r is not
+a merit there, since a foot that begins to slide has to pass a hump of it. So the tangent takes friction's
+falling branch as flat, for which every step dx descends (dx . r < 0), and the line search shortens a step
+only where dx . r has changed sign by more than OVERSHOOT. From iteration EXACT_FROM on the falling branch
+enters the tangent too, wherever the step still descends, because a flattened one converges linearly only.
 """
 
 from __future__ import annotations
@@ -26,19 +30,22 @@ from vsf_drake.simulation.assembly import (
     site_rows,
 )
 from vsf_drake.simulation.linear import cholesky, scaled_norm, solve_in_place
-from vsf_drake.simulation.tree import forward_kinematics
+from vsf_drake.simulation.tree import REVOLUTE, forward_kinematics
 
 MAX_ITERATIONS = 30
-MAX_HALVINGS = 12
+MAX_TRIALS = 12
+"""Lengths of one Newton step that are tried."""
+OVERSHOOT = 0.5
+EXACT_FROM = 4
 TOLERANCE = 1e-7
 """Converged when sqrt(r^T M^-1 r) is below this, in sqrt(kg) m/s."""
 
 
 @numba.njit(cache=True)
 def step(
-    h, q, v, M, bias, prescribed, free, q_next, links, frames, ancestors, kinds, columns, counts, place, poses, sites, site_bodies,
-    ground_height, springs, spring_index, fulcrum, fulcrum_position, keel_bodies, keel_starts, frame_body,
-    platen, platen_bodies, platen_height, platen_velocity, load, site_record, platen_record, fulcrum_record,
+    h, q, v, M, bias, prescribed, free, q_next, links, frames, ancestors, kinds, columns, counts, place, poses,
+    sites, site_bodies, ground_height, springs, spring_index, fulcrum, fulcrum_position,
+    keel_bodies, keel_starts, frame_body, platen, platen_bodies, platen_height, platen_velocity, load, site_record, platen_record, fulcrum_record,
 ):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
@@ -58,7 +65,8 @@ def step(
     w0, w_row = 0.0, np.zeros(n)
     if fulcrum[0] > 0.0:
         w0, w_row = fulcrum_row(
-            R, p, axes, origins, columns, counts, ancestors, kinds, fulcrum_position, keel_bodies, keel_starts, frame_body)
+            R, p, axes, origins, columns, counts, ancestors, kinds, fulcrum_position, keel_bodies, keel_starts,
+            frame_body)
     pressed0, pressed_rows = platen_rows(
         R, p, axes, origins, columns, counts, kinds, platen, platen_bodies, platen_height)
 
@@ -73,20 +81,19 @@ def step(
             held[i] += M[free[i], prescribed[k]] * (v[prescribed[k]] - v0[prescribed[k]])
     L = cholesky(Mff)
     A, r, dx = np.empty((nf, nf)), np.empty(nf), np.zeros(nf)
-    tau, H = np.empty(n), np.empty((nf, nf))
+    tau, H, E = np.empty(n), np.empty((nf, nf)), np.empty((nf, nf))
     trial = v.copy()
-    merit, new_merit = np.inf, np.inf
-    converged = False
-    iterations = 0
-    while iterations < MAX_ITERATIONS and not converged:
+    slope0, converged, iterations = 0.0, False, 0
+    while iterations < MAX_ITERATIONS:
         iterations += 1
-        scale, accepted = 1.0, False
-        for _ in range(MAX_HALVINGS):
+        scale = 1.0
+        for _ in range(MAX_TRIALS):
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + scale * dx[i]
             tau[:] = 0.0
             H[:] = 0.0
-            add_ground(h, trial, sites, site_bodies, near, depth0, J, columns, counts, place, tau, H, site_record)
+            E[:] = 0.0
+            add_ground(h, trial, sites, site_bodies, near, depth0, J, columns, counts, place, tau, H, E, site_record)
             add_springs(h, trial, q, springs, spring_index, place, tau, H)
             if fulcrum[0] > 0.0:
                 add_fulcrum(h, trial, fulcrum, w0, w_row, free, tau, H, fulcrum_record)
@@ -96,23 +103,30 @@ def step(
                 r[i] = held[i] + h * (bias[c] - tau[c])
                 for k in range(nf):
                     r[i] += Mff[i, k] * (trial[free[k]] - v0[free[k]])
-            new_merit = scaled_norm(L, r)
-            if new_merit < merit * (1.0 - 1e-4 * scale) or new_merit <= TOLERANCE:
-                accepted = True
+            converged = scaled_norm(L, r) <= TOLERANCE
+            slope = 0.0
+            for i in range(nf):
+                slope += dx[i] * r[i]
+            if converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
                 break
-            scale *= 0.5
-        merit = new_merit
+            scale *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
         v[:] = trial
-        if not accepted:
+        if converged:
             break
-        if merit <= TOLERANCE:
-            converged = True
-        else:
+        slope0 = 0.0
+        for clamped in range(2):
+            if clamped == 0 and iterations < EXACT_FROM:
+                continue
             for i in range(nf):
                 dx[i] = -r[i]
                 for k in range(nf):
-                    A[i, k] = Mff[i, k] + h * H[i, k]
+                    A[i, k] = Mff[i, k] + h * (H[i, k] if clamped else H[i, k] + E[i, k])
             solve_in_place(A, dx)
+            slope0 = 0.0
+            for i in range(nf):
+                slope0 += dx[i] * r[i]
+            if slope0 < 0.0:
+                break
 
     for c in range(n):
         load[c] = bias[c] - tau[c]
@@ -122,6 +136,13 @@ def step(
     for k in range(prescribed.shape[0]):
         q[prescribed[k]] = q_next[k]
     for a in range(near.shape[0]):
-        site_record[near[a], 7] += h * site_record[near[a], 5]
-        site_record[near[a], 8] += h * site_record[near[a], 6]
+        # The contact point stays under the sphere's centre, which rolls ahead of the slipping point.
+        s, wx, wy = near[a], 0.0, 0.0
+        for k in range(counts[site_bodies[s], 0]):
+            c = columns[site_bodies[s], k]
+            if kinds[c] == REVOLUTE:
+                wx += axes[c, 0] * v[c]
+                wy += axes[c, 1] * v[c]
+        site_record[s, 7] += h * (site_record[s, 5] + sites[s, 3] * wy)
+        site_record[s, 8] += h * (site_record[s, 6] - sites[s, 3] * wx)
     return iterations, converged

@@ -146,9 +146,9 @@ class Stepper:
             M, bias = self._dynamics(q, v)
             record.iterations[k], record.converged[k] = step(
                 inputs.time_s[k + 1] - inputs.time_s[k], q, v, M, bias, prescribed, free, inputs.prescribed_q[k + 1],
-                m.tree.links, m.tree.frames, m.tree.ancestors, self._kinds, columns, counts, place, self._poses, m.sites, m.site_bodies, m.ground_height,
-                m.springs, m.spring_index, m.fulcrum, inputs.fulcrum[k + 1], m.keel_bodies, m.keel_starts,
-                m.frame_body, m.platen, m.platen_bodies, inputs.platen[k + 1], platen_velocity[k + 1],
+                m.tree.links, m.tree.frames, m.tree.ancestors, self._kinds, columns, counts, place, self._poses,
+                m.sites, m.site_bodies, m.ground_height, m.springs, m.spring_index, m.fulcrum, inputs.fulcrum[k + 1],
+                m.keel_bodies, m.keel_starts, m.frame_body, m.platen, m.platen_bodies, inputs.platen[k + 1], platen_velocity[k + 1],
                 record.load[k], record.sites[k], record.platen[k], record.fulcrum[k])
             record.q[k], record.v[k] = q, v
             if k % CHECK_EVERY == 0 or k == steps - 1:
@@ -181,7 +181,8 @@ class Stepper:
         stepper = Stepper(_replace_sites(self.mechanism, undamped))
         time = step_s * np.arange(steps + 1)
         held = Inputs(
-            time_s=time, prescribed=inputs.prescribed, prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
+            time_s=time, prescribed=inputs.prescribed,
+            prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
             fulcrum=np.full(steps + 1, inputs.fulcrum[0]), platen=np.full(steps + 1, inputs.platen[0]))
         return stepper.run(held, q0, np.zeros_like(q0)).q[-1]
 
