@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from made_trial import TrialFiles
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +17,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}: set VSF_DATA to the folder that holds them")
     return folder
+
+
+@pytest.fixture
+def trial_files(tmp_path: Path) -> TrialFiles:
+    """A small constructed walk on disk, of which a test can spoil one thing."""
+    return TrialFiles(tmp_path)

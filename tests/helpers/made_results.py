@@ -88,6 +88,7 @@ def make_walk(*, start_s=0.2, end_s=1.7, step_s=1e-3, delay_s=0.0, scale=1.0, co
         "parameters": {"foot": {"mass_kg": 0.649, "zones": [{"name": "heel", "x_mm": [21.0]}], "none": None}},
         "provenance": {"versions": {"numpy": np.__version__}, "inputs": {"walk.mot": "00ff"}, "seed": None},
         "notes": ("the knee's adduction is not recorded and held at zero",),
+        "energy_j": np.zeros((n, 2)), "energy_names": ("driver_work", "remainder"),
     }
     return WalkResult(**(values | changes))
 

@@ -89,7 +89,7 @@ def fit_offsets(
                                step_s=FIT_STEP_S, offsets=offsets)
         except SimulationError:
             return np.full(size, 10.0)
-        c = compare(walker.result(walk, trial, offsets), plate)
+        c = compare(walker.result(walk, trial, offsets, energy=False), plate)
         rows = np.flatnonzero(c.scored)[::STRIDE]
         force = (c.model - c.measured)[rows][:, [0, 2]].ravel() / (weight * FORCE_NOISE_BW)
         cop = [np.nan_to_num((s.model_cop - s.measured_cop)[::STRIDE, 0]) for s in c.stances] if plate.has_cop else []

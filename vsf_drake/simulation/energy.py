@@ -1,8 +1,9 @@
 """The energy ledger of a run: what the driver and gravity put in, where it is and where it went.
 
-Over each step the ledger takes the forces at the step's end times the displacement of the step, so
-the balance closes up to the numerical dissipation of an implicit first-order step, which shrinks
-with the step. All terms are cumulative (J) from the start.
+Springs, foam and friction work over the displacement of each step with the force at its end; the driver's
+load, which accelerates the prescribed masses from one step's velocity to the next, works over the
+mean of the two. What remains is the numerical dissipation of an implicit first-order step: it
+shrinks with the step. All terms are cumulative (J) from the start.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ def energy_ledger(mechanism: Mechanism, record: Record, keel: np.ndarray, fulcru
     h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
     q = np.vstack([record.q0, record.q])
     dq = np.diff(q, axis=0)
-    ledger = {"driver_work": np.cumsum(np.sum(record.load * dq, axis=1))}
+    mean_rate = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
+    ledger = {"driver_work": np.cumsum(np.sum(record.load * mean_rate, axis=1) * h)}
     ledger["gravity_work"], ledger["kinetic"] = _plant_energies(mechanism, record)
     ledger |= _spring_terms(mechanism, q, dq, record.v, keel)
     ledger |= _fulcrum_terms(mechanism, record, h, fulcrum_m)

@@ -59,6 +59,8 @@ class WalkResult:
     fulcrum_m: np.ndarray = _array("n", "m", "fulcrum from the keel's posterior end")
     prescribed_q: np.ndarray = _array("n, p", "by column", "commanded coordinates", columns="prescribed_names")
     prescribed_names: tuple[str, ...]
+    energy_j: np.ndarray = _array("n, E", "J", "energy ledger from the start", columns="energy_names")
+    energy_names: tuple[str, ...]
     sphere_zones: tuple[str, ...] = ()
     unconverged_steps: int
     newton_iterations: int
@@ -77,7 +79,8 @@ class WalkResult:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        sizes = {"n": len(self.time_s), "m": len(self.coordinate_names), "p": len(self.prescribed_names)}
+        sizes = {"n": len(self.time_s), "m": len(self.coordinate_names), "p": len(self.prescribed_names),
+                 "E": len(self.energy_names)}
         _check_shapes(self, {**sizes, "N": np.shape(self.sphere_normal_n)[-1]})
 
     def column(self, name: str) -> np.ndarray:
@@ -173,7 +176,9 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
     Raises:
         InputError: see `result_folder`.
     """
-    arrays, passes, described = {}, [], {}
+    arrays: dict[str, np.ndarray] = {}
+    described: dict[str, Any] = {}
+    passes: list[dict[str, Any]] = []
     for i, setting in enumerate(result.settings):
         prefix = f"setting_{i}_"
         passes.append(_scalars(setting) | {"converged": setting.converged, "arrays_prefix": prefix})

@@ -17,6 +17,7 @@ from vsf_drake.parameters import ModelParameters, Subject, check_fulcrum, check_
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
+from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import FootReaction, foot_reaction
@@ -135,8 +136,12 @@ class Walker:
             intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
             step_s=step_s, wall_s=wall, compile_s=compile_s)
 
-    def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets) -> WalkResult:
-        """Packs a run with all that it takes to understand and repeat it."""
+    def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
+        """Packs a run with all that it takes to understand and repeat it.
+
+        Args:
+            energy: whether to work out the energy ledger, which takes about as long as the run.
+        """
         record, tree = walk.record, walk.mechanism.tree
         sites = self.gait.person.foot.sites
         count = len(sites.radius)
@@ -148,6 +153,7 @@ class Walker:
         notes = list(trial.notes)
         if unconverged:
             notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+        ledger = self._ledger(walk) if energy else {}
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
             time_s=record.time_s, coordinate_names=tree.coordinate_names, q=record.q, v=record.v,
@@ -157,6 +163,8 @@ class Walker:
             sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
             socket_wrench=self._socket_wrench(walk, socket), fulcrum_m=walk.fulcrum_m[1:],
             prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
+            energy_names=tuple(ledger),
+            energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
             sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), unconverged_steps=unconverged,
             newton_iterations=int(record.iterations.sum()), converged=unconverged == 0,
             simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
@@ -166,6 +174,10 @@ class Walker:
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
                         "offsets": to_plain(offsets), "fulcrum_m": trial.fulcrum_m},
             provenance=provenance(trial.inputs), notes=tuple(notes))
+
+    def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
+        keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
+        return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
 
     def _socket_wrench(self, walk: Walk, socket: list[int]) -> np.ndarray:
         """(n, 6) force of the bushing on the socket, from its law at the ends of the steps."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
 
 MASS = 80.0
@@ -81,8 +80,3 @@ class TrialFiles:
         path = self.folder / "trial.yaml"
         path.write_text(yaml.safe_dump(self.manifest))
         return path
-
-
-@pytest.fixture
-def trial_files(tmp_path: Path) -> TrialFiles:
-    return TrialFiles(tmp_path)

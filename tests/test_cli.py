@@ -1,0 +1,130 @@
+"""The command line: what it writes, and how it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+
+import pytest
+import yaml
+
+from vsf_drake.cli import main
+
+METRICS = (
+    "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
+    "cop_r2", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "angle_rmse_deg", "null_model_grf_rmse_bw",
+    "simulated_s", "wall_s", "unconverged_steps", "converged",
+)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Runs the command line with words; returns exit code, standard output and error."""
+
+    def _run(*words) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["vsf-drake", *map(str, words)])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        captured = capsys.readouterr()
+        return stopped.value.code or 0, captured.out, captured.err
+
+    return _run
+
+
+def read_json(path):
+    def refuse(word):
+        raise AssertionError(f"{word} in {path}")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+def test_bench_writes_the_published_end_points(run, tmp_path):
+    code, out, _ = run("bench", "--out", tmp_path / "bench")
+    assert code == 0
+    table = read_json(tmp_path / "bench" / "bench.json")
+    stiffness = [row["stiffness_n_per_mm"] for row in table["settings"]]
+    assert [row["fulcrum_mm"] for row in table["settings"]] == [66, 87, 108, 129, 151]
+    assert stiffness[0] == pytest.approx(10.0, abs=0.3)
+    assert stiffness[-1] == pytest.approx(32.0, abs=0.5)
+    assert stiffness == sorted(stiffness)
+    assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
+    assert {"simulated_s", "wall_s"} <= set(table)
+    assert all({"mid_range_displacement_mm", "max_load_n"} <= set(row) for row in table["settings"])
+    assert "prediction" in out
+    assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
+
+
+def test_validate_quick_runs_on_the_embedded_data_and_calls_the_walk_synthetic(run, tmp_path):
+    code, out, _ = run("validate", "--quick", "--out", tmp_path / "results")
+    assert code == 0
+    assert "SYNTHETIC" in out.splitlines()[0]
+    assert (tmp_path / "results" / "bench.json").is_file()
+    found = list((tmp_path / "results").rglob("metrics.json"))
+    assert found
+    for path in found:
+        metrics = read_json(path)
+        assert set(METRICS) <= set(metrics)
+        assert metrics["synthetic"] is True
+        assert "synthetic" in metrics["trial"]
+        assert (path.parent / "walk.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"subjekt": "subject.yaml"}, "unknown key"),
+        ({"prosthesis": {"fulcrum_mm": 300}}, "fulcrum"),
+        ({"kinematics": "nowhere.mot"}, "nowhere.mot"),
+        ({"window": {"start_s": 0.4, "end_s": 0.5}}, "stance"),
+        ({"prosthesis": {"fulcrum_mm": "far"}}, "not a number"),
+    ],
+)
+def test_unusable_manifest_ends_with_one_message_and_code_2(run, tmp_path, trial_files, change, words):
+    manifest = trial_files.write()
+    content = yaml.safe_load(manifest.read_text(encoding="utf-8")) | change
+    manifest.write_text(yaml.safe_dump(content), encoding="utf-8")
+    code, _, err = run("simulate", manifest, "--out", tmp_path / "out")
+    assert code == 2
+    assert words in re.sub(r"\s+", " ", err)
+    assert "Traceback" not in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_manifest_ends_with_code_2(run, tmp_path):
+    code, _, err = run("simulate", tmp_path / "none.yaml", "--out", tmp_path / "out")
+    assert code == 2
+    assert "none.yaml" in err.replace("\n", "")
+
+
+def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
+    monkeypatch.setattr("vsf_drake.simulation.stepper.MAX_SPEED", 1e-6)
+    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
+    assert code == 3
+    assert "t = " in err
+    assert not (tmp_path / "out").exists()
+    assert not [p for p in tmp_path.iterdir() if p.name.endswith(".part")]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--max-load-n", "100"), "200"),
+        (("--speed-mm-per-min", "0"), "speed"),
+        (("--fulcrum-mm", "400"), "reach"),
+        (("--model", "none.yaml"), "none.yaml"),
+    ],
+)
+def test_unusable_bench_options_end_with_code_2(run, tmp_path, words, said):
+    code, _, err = run("bench", "--out", tmp_path / "out", *words)
+    assert code == 2
+    assert said in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_do_not_replace_a_file(run, tmp_path):
+    (tmp_path / "out").write_text("mine", encoding="utf-8")
+    code, _, err = run("bench", "--out", tmp_path / "out")
+    assert code == 2
+    assert "is a file" in err
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"

@@ -1,0 +1,55 @@
+"""The embedded validation: bench and walks on what `data/` ships."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
+from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.resources import resource
+from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
+
+EMBEDDED_TRIALS = ("data/synthetic_walk/trial.yaml",)
+QUICK_STEP_S = 2e-3
+
+
+@dataclass(frozen=True)
+class ValidatedWalk:
+    """One trial of the validation: what was recorded, what was simulated, with which offsets."""
+
+    trial: Trial
+    result: WalkResult
+    fit: OffsetFit | None
+
+
+def embedded_trials() -> tuple[Path, ...]:
+    """Manifests of the trials that ship with the package. All are synthetic, and say so."""
+    return tuple(resource(relative) for relative in EMBEDDED_TRIALS)
+
+
+def validate_walk(
+    manifest: str | Path, *, with_fit: bool = True, step_s: float = DEFAULT_STEP_S,
+    progress: Callable[[str, float], None] | None = None
+) -> ValidatedWalk:
+    """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
+
+    Args:
+        progress: called with what is being done and the finished fraction of it (the fit: a guess).
+
+    Raises:
+        InputError, SimulationError: see `load_trial`, `fit_offsets`, `Walker.walk`.
+    """
+    trial = load_trial(manifest)
+    walker = Walker(trial.subject, trial.model)
+    fit = None
+    if with_fit:
+        typical = 80
+        fit = fit_offsets(trial, walker=walker,
+                          progress=progress and (lambda n, _: progress("fitting offsets", min(0.99, n / typical))))
+    offsets = fit.offsets if fit else trial.offsets
+    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                       step_s=step_s, offsets=offsets, progress=progress and (lambda f: progress("walking", f)))
+    return ValidatedWalk(trial=trial, result=walker.result(walk, trial, offsets), fit=fit)
