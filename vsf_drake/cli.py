@@ -141,7 +141,8 @@ def _print_bench(table: dict[str, Any]) -> None:
                      "prediction" if published is None else f"{published:.1f}",
                      f"{row['mid_range_displacement_mm']:.2f}", f"{row['max_load_n']:.0f}")
     if table["heel_stiffness_n_per_mm"] is not None:
-        grid.add_row("heel", f"{table['heel_stiffness_n_per_mm']:.2f}", f"{table['heel_published_n_per_mm']:.1f}", "", "")
+        published = f"{table['heel_published_n_per_mm']:.1f}"
+        grid.add_row("heel", f"{table['heel_stiffness_n_per_mm']:.2f}", published, "", "")
     console.print(grid)
     console.print(f"{table['simulated_s']:.0f} s simulated in {table['wall_s']:.2f} s, "
                   f"{table['unconverged_steps']} steps unconverged", highlight=False)

@@ -23,6 +23,8 @@ _PUBLIC = "GaitModel_VSF scripts"
 _CHOICE = "choice, not measured"
 
 SIDES = ("left", "right")
+GRAVITY = 9.81
+"""m/s^2, as in Drake; what body weight means everywhere here."""
 FOAM_DAMPING_TIME_S = 0.1 * 2 * 0.6 / math.pi**2
 """Foam damping / stiffness (s) by default: loses 10 % of the energy of a 0.6 s half-sine load cycle when it acts
 in loading only (loss / stored energy = time * pi^2 / (2 * 0.6 s)), as much as the keel's. A choice; McGeehan 2021
@@ -68,7 +70,8 @@ class ContactZone:
 
     name: str
     x_mm: tuple[float, ...] = quantity(unit="mm", low=-200.0, high=500.0, source=_PUBLIC)
-    y_mm: tuple[float, ...] = quantity(unit="mm", low=-200.0, high=200.0, source="derived from the published count of 24")
+    y_mm: tuple[float, ...] = quantity(
+        unit="mm", low=-200.0, high=200.0, source="derived from the published count of 24")
     rise_mm: tuple[float, ...] = quantity(unit="mm", low=-100.0, high=100.0, source=_CHOICE)
     radius_m: float = quantity(unit="m", low=1e-4, high=0.2, source=_PUBLIC)
     stiffness: float = quantity(unit="N/m^exponent", low=0.0, high=1e30, source="derived")
@@ -160,8 +163,9 @@ class SocketParameters:
     flexion: BushingAxis = field(default_factory=lambda: _axis(1000.0, 0.1309, 5.0))
     adduction: BushingAxis = field(default_factory=lambda: _axis(1000.0, 0.0873, 5.0))
     rotation: BushingAxis = field(default_factory=lambda: _axis(300.0, 0.1745, 5.0))
-    stop_ratio: float = quantity(10.0, unit="1", low=0.0, high=1e4,
-                                 source=f"{_CHOICE}: stiffness and damping beyond a limit, as multiples of the axis's own")
+    stop_ratio: float = quantity(
+        10.0, unit="1", low=0.0, high=1e4,
+        source=f"{_CHOICE}: stiffness and damping added beyond a limit, as multiples of the axis's own")
     socket_mass_kg: float = quantity(0.8, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
     pylon_mass_kg: float = quantity(0.4, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
     pylon_radius_m: float = quantity(0.015, unit="m", low=1e-3, high=0.1, source=_PUBLIC)

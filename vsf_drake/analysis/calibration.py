@@ -68,8 +68,8 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
 
     loaded = [zone for zone in foot.zones if in_patch(zone)]
     if not loaded or any(zone.exponent != 1.0 for zone in loaded):
-        raise InputError("the bench's foam patch must hold contact spheres with exponent 1", where="foot.series_patch_m",
-                         right="Widen the patch or fit the contact of this foot directly")
+        raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
+                         where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")
     each = series_stiffness / sum(in_patch(zone) for zone in loaded)
     foam = {zone.name for zone in loaded} | {"midfoot"}
     zones = tuple(

@@ -26,10 +26,9 @@ from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, runs
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
-GRAVITY = 9.81
-"""m/s², as in Drake."""
 
 
 def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | None = None,

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.metrics import GRAVITY
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import Trial
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walker
 
 NAMES = ("height_m", "fore_aft_m", "alignment_rad")
@@ -143,8 +143,8 @@ def _height_by_impulse(walker: Walker, trial: Trial) -> float:
     low, high = -BOUNDS[0], BOUNDS[0]
     if not surplus(low) > 0 > surplus(high):
         raise InputError(
-            f"the prosthetic foot cannot carry the recorded load at any height within {1e3 * high:g} mm of the recorded "
-            "pelvis path", file=trial.path, where="offsets",
+            f"the prosthetic foot cannot carry the recorded load at any height within {1e3 * high:g} mm of the "
+            "recorded pelvis path", file=trial.path, where="offsets",
             right="Check the subject's lengths and that kinematics and forces share time and laboratory frame")
     for _ in range(8):
         middle = 0.5 * (low + high)

@@ -12,9 +12,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import check_clock, even_time
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
 from vsf_drake.motion.storage import Storage
+from vsf_drake.parameters import GRAVITY
 
 SIDES = ("right", "left")
-GRAVITY = 9.80665
 LIGHTEST_BW, HEAVIEST_BW = 0.3, 4.0
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 

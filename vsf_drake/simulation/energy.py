@@ -19,7 +19,9 @@ STORED = ("kinetic", "keel_strain", "fulcrum_strain", "socket_strain", "contact_
 LOST = ("keel_loss", "fulcrum_loss", "socket_loss", "contact_loss", "friction_loss")
 
 
-def energy_ledger(mechanism: Mechanism, record: Record, keel: np.ndarray, fulcrum_m: np.ndarray) -> dict[str, np.ndarray]:
+def energy_ledger(
+    mechanism: Mechanism, record: Record, keel: np.ndarray, fulcrum_m: np.ndarray
+) -> dict[str, np.ndarray]:
     """Terms of the balance, each (n,) J: sum of INPUTS = sum of STORED + sum of LOST + `remainder`.
 
     Args:
@@ -78,7 +80,7 @@ def _fulcrum_terms(
 ) -> dict[str, np.ndarray]:
     """The carriage's work is what the support's energy gains by moving along a bent keel."""
     stiffness, damping = mechanism.fulcrum
-    force, deflection, rate = record.fulcrum.T
+    _, deflection, rate = record.fulcrum.T
     strain = 0.5 * stiffness * deflection**2
     before = deflection - h * rate
     moved = np.diff(fulcrum_m) != 0.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
 
@@ -48,6 +48,6 @@ def simulate_standing(
     vertical = walk.prosthetic.grf_W[:, 2] + walk.intact.grf_W[:, 2]
     height = walk.record.q[:, walk.mechanism.tree.index("pelvis_ty")]
     return Standing(
-        time_s=walk.record.time_s, vertical_n=vertical, weight_n=subject.mass_kg * 9.81,
+        time_s=walk.record.time_s, vertical_n=vertical, weight_n=subject.mass_kg * GRAVITY,
         prosthetic_share=float(walk.prosthetic.grf_W[-1, 2] / vertical[-1]),
         drift_m=float(np.ptp(height[len(height) // 2 :])), walk=walk)

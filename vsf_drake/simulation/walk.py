@@ -13,7 +13,7 @@ from vsf_drake.laws.bushing import axis_force
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import ModelParameters, Subject, check_fulcrum, check_model
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject, check_fulcrum, check_model
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
@@ -25,6 +25,8 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
 
 DEFAULT_STEP_S = 1e-3
+PLAUSIBLE_PEAK_BW = (0.6, 2.5)
+"""Peak vertical force of walking, in body weights, with a wide margin."""
 MAX_STEP_S = 0.01
 
 
@@ -153,6 +155,7 @@ class Walker:
         notes = list(trial.notes)
         if unconverged:
             notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+        notes += implausible_load(walk.prosthetic.grf_W[:, 2], self.subject.mass_kg)
         ledger = self._ledger(walk) if energy else {}
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
@@ -185,6 +188,15 @@ class Walker:
         context = system.GetMyContextFromRoot(self.context)
         constants = {name: system.GetParameter(context, name) for name in system.parameter_names}
         return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
+
+
+def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
+    """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
+    peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
+    if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
+        return []
+    return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
+            "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]
 
 
 def simulate_trial(
