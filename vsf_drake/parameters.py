@@ -179,7 +179,7 @@ def _intact_zones() -> tuple[ContactZone, ...]:
         _zone("heel", (25.0, 45.0, 45.0), (0.0, 20.0, -20.0), 0.03, k),
         _zone("lateral", (110.0,), (-35.0,), 0.02, k),
         _zone("metatarsal", (180.0, 185.0, 165.0), (30.0, 0.0, -35.0), 0.015, k),
-        _zone("forefoot", (250.0, 240.0, 220.0), (30.0, 0.0, -30.0), 0.01, k),
+        _zone("forefoot", (223.0, 213.0, 193.0), (30.0, 0.0, -30.0), 0.01, k),
     )
 
 
@@ -187,7 +187,9 @@ def _intact_zones() -> tuple[ContactZone, ...]:
 class IntactFootParameters:
     """Contact of the intact (right-foot layout) foot, in a foot of 268.3 mm; scales with foot length.
 
-    Sphere x from the heel, y to the left, rise of the sphere's bottom above the flat sole.
+    Sphere x from the heel, y to the left, rise of the sphere's bottom above the flat sole. The foot has
+    no toe joint, so its contact ends where a foot bends, at 0.83 of its length (a choice; the
+    effective foot length usually quoted for able-bodied walking, unverified).
     """
 
     zones: tuple[ContactZone, ...] = field(default_factory=_intact_zones)

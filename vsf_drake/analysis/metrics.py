@@ -30,7 +30,6 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 
-
 def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | None = None,
                  comparison: Comparison | None = None) -> dict[str, Any]:
     """The numbers of `metrics.json` (definitions above); plain values, None for what is unknown.
@@ -52,7 +51,7 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
         "grf_r2": r_squared(resultants[0][s], resultants[1][s]),
         "vertical_rmse_bw": rmse(model[s, 2], measured[s, 2]),
         "fore_aft_rmse_bw": rmse(model[s, 0], measured[s, 0]),
-        "medio_lateral_rmse_bw": rmse(model[s, 1], measured[s, 1]),
+        "medio_lateral_rmse_bw": rmse(model[s, 1], measured[s, 1]) if np.any(plate.force_W[:, 1]) else None,
         "vertical_impulse_error": _relative(np.sum(model[s, 2]), np.sum(measured[s, 2])),
         **_impulse(c, *resultants),
         **_centre_of_pressure(c, result.foot_length_m),

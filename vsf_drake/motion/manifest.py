@@ -6,6 +6,7 @@
     prosthesis: {fulcrum_mm: 66}
     window: {start_s: 0.4, end_s: 1.7}
     kinematics_unit: degrees
+    belt_speed_m_per_s: 1.1
     offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 1}
     model: my_foot.yaml
     name: subject 3, trial 7
@@ -61,11 +62,11 @@ class ManifestOffsets:
 
 @dataclass(frozen=True, kw_only=True)
 class GeometricOffsets:
-    """What no recording tells to the millimetre: the person's height over the ground, and how the foot sits.
+    """How the prosthetic foot sits under its pylon, which no recording tells to the millimetre.
 
     Attributes:
-        height_m: + raises the recorded path of the pelvis, and so both feet.
-        fore_aft_m: + moves the prosthetic foot forward under its pylon.
+        height_m: + moves the foot up against the residual limb (a shorter prosthesis).
+        fore_aft_m: + moves it forward.
         alignment_rad: + turns its toe up (dorsiflexion).
     """
 
@@ -85,6 +86,8 @@ class Manifest:
     prosthesis: ProsthesisSetting
     window: Window | None = None
     kinematics_unit: str | None = choice(None, options=UNITS, source="stated, where the file's header does not")
+    belt_speed_m_per_s: float = quantity(
+        0.0, unit="m/s", low=-5.0, high=5.0, source="set on the treadmill; + when its belt runs backward")
     offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
     model: str | None = None
     name: str | None = None

@@ -20,6 +20,7 @@ from vsf_drake.motion.manifest import (
 from vsf_drake.motion.plates import PlateRecording, assign_prefixes, read_plate
 from vsf_drake.motion.storage import read_storage
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.treadmill import on_the_belt
 from vsf_drake.motion.window import (
     Span,
     check_stances,
@@ -114,13 +115,15 @@ def load_trial(path: str | Path) -> Trial:
     storage = read_storage(named["kinematics"])
     trajectory, notes = read_kinematics(storage, prosthetic_side=subject.prosthetic_side, unit=manifest.kinematics_unit)
     plates, plate_notes = _read_plates(path, manifest, named["forces"], subject)
+    speed = manifest.belt_speed_m_per_s
+    trajectory, plates, belt_notes = on_the_belt(trajectory, plates, speed_m_per_s=speed)
     window, window_notes = _window(path, manifest, trajectory, plates, subject)
     written = {"subject": manifest.subject, "kinematics": str(manifest.kinematics),
                "forces": _force_file(manifest), "model": str(manifest.model)}
     inputs = {path.name: sha256(path)} | {written[key]: sha256(file) for key, file in named.items()}
     return Trial(path=path, name=manifest.name or path.stem, subject=subject, synthetic=manifest.synthetic,
                  fulcrum_m=fulcrum_m, start_s=window[0], end_s=window[1], trajectory=trajectory, plates=plates,
-                 notes=notes + plate_notes + window_notes, model=model, inputs=inputs, offsets=to_si(manifest.offsets))
+                 notes=notes + plate_notes + belt_notes + window_notes, model=model, inputs=inputs, offsets=to_si(manifest.offsets))
 
 
 def _force_file(manifest: Manifest) -> str:

@@ -107,8 +107,8 @@ def describe_treadmill(window: Span, plate: PlateRecording) -> tuple[str, ...]:
     speed = float(np.median(np.gradient(x, time)))
     if speed > BACKWARD_M_PER_S:
         return ()
-    return (f"The centre of pressure moves at {speed:.2f} m/s through stance: a treadmill? "
-            "The model's ground stands still.",)
+    return (f"The centre of pressure moves at {speed:.2f} m/s through stance: a treadmill? The "
+            "model's ground stands still: give the manifest its belt_speed_m_per_s.",)
 
 
 def _common(a: Span, b: Span) -> Span | None:

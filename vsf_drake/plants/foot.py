@@ -117,21 +117,26 @@ def sole_height(foot: FootParameters) -> float:
     return -(0.5 * foot.keel.thickness_m + foot.foam_thickness_m)
 
 
-def mount_pose(foot: FootParameters, *, fore_aft: float = 0.0, alignment: float = 0.0) -> RigidTransform:
+def mount_pose(
+    foot: FootParameters, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
+) -> RigidTransform:
     """X_KM, pose of the mount M in K.
 
     Args:
+        height: how far (m) the foot is raised against the pylon, which shortens the prosthesis.
         fore_aft: how far (m) the foot is shifted forward under the pylon.
         alignment: how far (rad) the foot is turned toes-up against the pylon.
     """
     R_KM = RotationMatrix.MakeYRotation(alignment)
-    p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot)]
+    p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
     return RigidTransform(R_KM, p_KM)
 
 
-def set_mount(context: Context, handles: FootHandles, *, fore_aft: float, alignment: float) -> None:
-    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`."""
-    pose = mount_pose(handles.parameters, fore_aft=fore_aft, alignment=alignment)
+def set_mount(
+    context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
+) -> None:
+    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`; see `mount_pose`."""
+    pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment)
     handles.mount.SetPoseInParentFrame(context, pose)
 
 

@@ -109,14 +109,12 @@ class Walker:
         fulcrum = np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
-        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, fore_aft=offsets.fore_aft_m,
-                  alignment=offsets.alignment_rad)
+        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, height=offsets.height_m,
+                  fore_aft=offsets.fore_aft_m, alignment=offsets.alignment_rad)
         stepper = Stepper(gait_mechanism(self.gait, self.context))
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
         q, v, _ = motion.sample(moments)
-        if "pelvis_ty" in motion.names:
-            q[:, motion.names.index("pelvis_ty")] += offsets.height_m
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
                         fulcrum=np.array(fulcrum), platen=np.zeros(steps + 1))
