@@ -67,11 +67,17 @@ def test_resultant_is_the_euclidean_norm():
     time = make_walk().time_s
     steady = np.tile([0.0, 300.0, 400.0], (len(time), 1))
     plate = make_plate()
-    plate = dataclasses.replace(plate, force_W=np.tile([0.0, 0.0, 500.0], (len(plate.time_s), 1)))
+    plate = dataclasses.replace(plate, force_W=np.tile([0.0, 0.6, 500.0], (len(plate.time_s), 1)))
     m = walk_metrics(make_walk(grf_W=steady), plate)
-    assert m["grf_rmse_bw"] == pytest.approx(0.0, abs=1e-9)
+    assert m["grf_rmse_bw"] == pytest.approx(0.0, abs=1e-6)
     assert m["vertical_rmse_bw"] == pytest.approx(100.0 / WEIGHT_N)
-    assert m["medio_lateral_rmse_bw"] == pytest.approx(300.0 / WEIGHT_N)
+    assert m["medio_lateral_rmse_bw"] == pytest.approx(299.4 / WEIGHT_N)
+
+
+def test_lateral_force_that_the_plate_does_not_have_is_not_scored():
+    plate = make_plate()
+    plate = dataclasses.replace(plate, force_W=plate.force_W * [1.0, 0.0, 1.0])
+    assert walk_metrics(make_walk(), plate)["medio_lateral_rmse_bw"] is None
 
 
 def test_late_foot_is_late_because_nothing_is_shifted():

@@ -12,7 +12,8 @@ Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 - R² is 1 - SSE / SST, not a squared correlation.
 - Differences of times are model minus measured: positive is late.
 
-What cannot be known from a recording (a stance time when every stance is cut) is None.
+What cannot be known from a recording (a stance time when every stance is cut, an error in a lateral
+force that is zero throughout because nobody measured it) is None.
 """
 
 from __future__ import annotations

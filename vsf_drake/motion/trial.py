@@ -123,7 +123,8 @@ def load_trial(path: str | Path) -> Trial:
     inputs = {path.name: sha256(path)} | {written[key]: sha256(file) for key, file in named.items()}
     return Trial(path=path, name=manifest.name or path.stem, subject=subject, synthetic=manifest.synthetic,
                  fulcrum_m=fulcrum_m, start_s=window[0], end_s=window[1], trajectory=trajectory, plates=plates,
-                 notes=notes + plate_notes + belt_notes + window_notes, model=model, inputs=inputs, offsets=to_si(manifest.offsets))
+                 notes=notes + plate_notes + belt_notes + window_notes, model=model, inputs=inputs,
+                 offsets=to_si(manifest.offsets))
 
 
 def _force_file(manifest: Manifest) -> str:
