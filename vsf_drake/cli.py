@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -162,5 +163,9 @@ def _print_walk(metrics: dict[str, Any]) -> None:
     for label, key, form in rows:
         grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
     console.print(grid)
+    offsets = metrics["offsets"]
+    fitted = "not fitted" if metrics["offset_fit"] is None else "fitted to this plate"
+    console.print(f"offsets ({fitted}): height {1e3 * offsets['height_m']:.1f} mm, "
+                  f"fore-aft {1e3 * offsets['fore_aft_m']:.1f} mm, alignment {degrees(offsets['alignment_rad']):.1f}°", highlight=False)
     for note in metrics["notes"]:
         console.print(f"- {note}", highlight=False, markup=False)
