@@ -45,7 +45,8 @@ TOLERANCE = 1e-7
 def step(
     h, q, v, M, bias, prescribed, free, q_next, links, frames, ancestors, kinds, columns, counts, place, poses,
     sites, site_bodies, ground_height, springs, spring_index, fulcrum, fulcrum_position,
-    keel_bodies, keel_starts, frame_body, platen, platen_bodies, platen_height, platen_velocity, load, site_record, platen_record, fulcrum_record,
+    keel_bodies, keel_starts, frame_body, platen, platen_bodies, platen_height, platen_velocity,
+    load, site_record, platen_record, fulcrum_record,
 ):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 

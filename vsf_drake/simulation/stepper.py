@@ -148,7 +148,8 @@ class Stepper:
                 inputs.time_s[k + 1] - inputs.time_s[k], q, v, M, bias, prescribed, free, inputs.prescribed_q[k + 1],
                 m.tree.links, m.tree.frames, m.tree.ancestors, self._kinds, columns, counts, place, self._poses,
                 m.sites, m.site_bodies, m.ground_height, m.springs, m.spring_index, m.fulcrum, inputs.fulcrum[k + 1],
-                m.keel_bodies, m.keel_starts, m.frame_body, m.platen, m.platen_bodies, inputs.platen[k + 1], platen_velocity[k + 1],
+                m.keel_bodies, m.keel_starts, m.frame_body, m.platen, m.platen_bodies,
+                inputs.platen[k + 1], platen_velocity[k + 1],
                 record.load[k], record.sites[k], record.platen[k], record.fulcrum[k])
             record.q[k], record.v[k] = q, v
             if k % CHECK_EVERY == 0 or k == steps - 1:

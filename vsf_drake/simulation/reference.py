@@ -1,0 +1,183 @@
+"""The walking person under Drake's `Simulator` with error control: slow, but owing nothing to the stepper.
+
+Prescribed coordinates are held by stiff servos (`plants.device`) instead of exactly, so they lag by
+what their load bends them: micrometres and hundredths of a degree. For checking the stepper, and
+for diagrams that carry more than the stepper knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.analysis import SimulatorConfig
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.trajectories import PiecewisePolynomial
+
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.parameters import check_fulcrum
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.simulation.adaptive import advance, check_integrator, drive
+from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.reactions import LOADED_N
+from vsf_drake.simulation.stepper import Inputs, Mechanism, Stepper
+from vsf_drake.simulation.walk import Walker
+
+LOAD_STEP_S = 1e-4
+"""Step (s) of the stepper that finds the load at the start."""
+KNOT_S = 2e-3
+"""Spacing (s) of the cubic pieces that hand a spline to Drake."""
+
+
+@dataclass(frozen=True)
+class ReferenceWalk:
+    """A walk under `Simulator`, at n evenly spaced instants, the start included.
+
+    Attributes:
+        q, v: (n, coordinates) rad, m and their rates. driver_force: (n, coordinates) N m, N.
+        grf_W, intact_grf_W: (n, 3) N. cop_W, intact_cop_W: (n, 3) m, NaN where the foot is unloaded.
+        normal_n: (n, prosthetic spheres) N. socket_wrench: (n, 6).
+        commanded: (n, p) what the `prescribed` coordinates should have followed.
+        steps, evaluations: integrator steps and evaluations of the whole diagram's derivatives.
+    """
+
+    time_s: np.ndarray
+    coordinate_names: tuple[str, ...]
+    q: np.ndarray
+    v: np.ndarray
+    driver_force: np.ndarray
+    grf_W: np.ndarray
+    cop_W: np.ndarray
+    intact_grf_W: np.ndarray
+    intact_cop_W: np.ndarray
+    normal_n: np.ndarray
+    socket_wrench: np.ndarray
+    prescribed: tuple[str, ...]
+    commanded: np.ndarray
+    steps: int
+    evaluations: int
+    wall_s: float
+
+
+def simulate_reference(
+    walker: Walker,
+    trajectory: CoordinateTrajectory,
+    *,
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+    start_s: float,
+    end_s: float,
+    integrator: str = "radau3",
+    accuracy: float = 1e-3,
+    max_step_s: float = 5e-3,
+    offsets: GeometricOffsets | None = None,
+    initial_state: tuple[np.ndarray, np.ndarray] | None = None,
+    sample_s: float = 1e-3,
+    progress: Callable[[float], None] | None = None,
+) -> ReferenceWalk:
+    """Follows `trajectory` as `Walker.walk` does, by `Simulator` instead of the stepper.
+
+    Builds the walker's diagram anew inside a larger one and copies the parameters out of its Context.
+
+    Args:
+        trajectory, fulcrum_m, start_s, end_s, offsets, progress: as in `Walker.walk`.
+        integrator: one of INTEGRATORS. accuracy: its relative accuracy; max_step_s: its longest step.
+        initial_state: q and v (coordinates,) at the start, for instance a row of a `Record`; the
+            prescribed ones are taken from the trajectory. By default free coordinates start at rest.
+        sample_s: spacing of the instants that are kept.
+
+    Raises:
+        InputError: as `Walker.walk`, or the integrator is unknown.
+        SimulationError: the integrator gives up.
+    """
+    check_integrator(integrator)
+    offsets = offsets or GeometricOffsets()
+    first = walker.walk(trajectory, fulcrum_m=fulcrum_m, start_s=start_s, end_s=min(start_s + 1e-3, end_s),
+                        offsets=offsets)
+    moments = _samples(start_s, end_s, sample_s)
+    prescribed = walker.gait.prescribed
+    motion = _motion(trajectory.ordered(prescribed), offsets.height_m, start_s, end_s)
+    position = _position(fulcrum_m, start_s, end_s)
+    for extreme in (position.vector_values(moments).min(), position.vector_values(moments).max()):
+        check_fulcrum(float(extreme), walker.model.foot)
+
+    mechanism = gait_mechanism(walker.gait, walker.context)
+    gait = make_gait(walker.subject, walker.model, free=walker.free, ground_height=mechanism.ground_height)
+    builder = DiagramBuilder()
+    builder.AddSystem(gait.diagram)
+    drive(builder, "motion", motion, 1, gait.diagram.GetInputPort("desired_state"))
+    drive(builder, "fulcrum", position, 0, gait.diagram.GetInputPort("fulcrum_position"))
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    own = gait.diagram.GetMyMutableContextFromRoot(context)
+    own.get_mutable_parameters().SetFrom(walker.context.get_parameters())
+    tree = mechanism.tree
+    q, v = (np.array(x) for x in (initial_state or (first.record.q0, first.record.v0)))
+    columns = [tree.index(name) for name in prescribed]
+    q[columns], v[columns] = motion.value(start_s)[:, 0], motion.EvalDerivative(start_s)[:, 0]
+    q[columns] -= _servo_stretch(walker, mechanism, motion, position, q, v)
+    gait.plant.SetPositionsAndVelocities(gait.plant_context(context), np.concatenate((q, v)))
+
+    names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
+    ports = [gait.diagram.GetOutputPort(name) for name in names]
+    config = SimulatorConfig(
+        integration_scheme=integrator, accuracy=accuracy, max_step_size=max_step_s, start_time=start_s)
+    run = advance(diagram, context, moments, lambda: [port.Eval(own) for port in ports], config, progress)
+    rows = {name: np.array(values) for name, values in zip(names, zip(*run.rows, strict=True), strict=True)}
+    n = tree.num_coordinates
+    return ReferenceWalk(
+        time_s=moments, coordinate_names=tree.coordinate_names, q=rows["state"][:, :n], v=rows["state"][:, n:],
+        driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=_where_loaded(rows["cop"], rows["grf"]),
+        intact_grf_W=rows["intact_grf"], intact_cop_W=_where_loaded(rows["intact_cop"], rows["intact_grf"]),
+        normal_n=rows["normal_force"], socket_wrench=rows["socket_wrench"], prescribed=prescribed,
+        commanded=motion.vector_values(moments).T, steps=run.steps, evaluations=run.evaluations, wall_s=run.wall_s)
+
+
+def _servo_stretch(
+    walker: Walker, mechanism: Mechanism, motion: PiecewisePolynomial, position: PiecewisePolynomial, q: np.ndarray,
+    v: np.ndarray
+) -> np.ndarray:
+    """How far the servos of the prescribed coordinates must be off at the start to bear their load from there on.
+
+    Unloaded servos would let the body drop and ring. The load is the stepper's, of the second of two
+    short steps, since the first still sees the change from the spline's velocity to that of the step.
+    """
+    moments = motion.start_time() + LOAD_STEP_S * np.arange(3)
+    fulcrum = position.vector_values(moments)[0]
+    tree = mechanism.tree
+    columns = [tree.index(name) for name in walker.gait.prescribed]
+    inputs = Inputs(
+        time_s=moments, prescribed=np.array([*columns, tree.index("fulcrum")]), fulcrum=fulcrum,
+        prescribed_q=np.column_stack([motion.vector_values(moments).T, fulcrum]), platen=np.zeros(3))
+    load = Stepper(mechanism).run(inputs, q, v).load[1, columns]
+    driver = walker.gait.driver
+    return load / driver.GetParameter(driver.GetMyContextFromRoot(walker.context), "position_gain")
+
+
+def _samples(start_s: float, end_s: float, spacing_s: float) -> np.ndarray:
+    return start_s + spacing_s * np.arange(round((end_s - start_s) / spacing_s) + 1)
+
+
+def _knots(start_s: float, end_s: float) -> np.ndarray:
+    return np.linspace(start_s, end_s, max(2, 1 + int(np.ceil((end_s - start_s) / KNOT_S))))
+
+
+def _motion(trajectory: CoordinateTrajectory, height_m: float, start_s: float, end_s: float) -> PiecewisePolynomial:
+    """Cubic pieces through positions and velocities of `trajectory`, the pelvis raised by `height_m`."""
+    knots = _knots(start_s, end_s)
+    q, v, _ = trajectory.sample(knots)
+    if "pelvis_ty" in trajectory.names:
+        q[:, trajectory.names.index("pelvis_ty")] += height_m
+    return PiecewisePolynomial.CubicHermite(knots, q.T, v.T)
+
+
+def _position(fulcrum_m: float | Callable, start_s: float, end_s: float) -> PiecewisePolynomial:
+    """Straight pieces through the positions of the fulcrum."""
+    knots = _knots(start_s, end_s)
+    values = np.broadcast_to(fulcrum_m(knots) if callable(fulcrum_m) else fulcrum_m, knots.shape)
+    return PiecewisePolynomial.FirstOrderHold(knots, values[None, :])
+
+
+def _where_loaded(cop: np.ndarray, grf: np.ndarray) -> np.ndarray:
+    return np.where(grf[:, 2:] > LOADED_N, cop, np.nan)
