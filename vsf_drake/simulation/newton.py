@@ -10,9 +10,10 @@ Rows of prescribed coordinates are known; their equations give the loads that ho
 are solved by Newton's method. But for the dependence of friction on the normal force the residual r is
 the gradient of a potential, which is convex except where the friction curve falls; the norm of r is not
 a merit there, since a foot that begins to slide has to pass a hump of it. So the tangent takes friction's
-falling branch as flat, for which every step dx descends (dx . r < 0), and the line search shortens a step
-only where dx . r has changed sign by more than OVERSHOOT. From iteration EXACT_FROM on the falling branch
-enters the tangent too, wherever the step still descends, because a flattened one converges linearly only.
+falling branch as flat, for which every step dx descends (dx . r < 0). The line search shortens a step where
+dx . r has changed sign by more than OVERSHOOT and lengthens it where the slope has become steeper. From
+iteration EXACT_FROM on the falling branch enters the tangent too, wherever the step still descends, because
+a flattened one converges linearly only.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ MAX_ITERATIONS = 30
 MAX_TRIALS = 12
 """Lengths of one Newton step that are tried."""
 OVERSHOOT = 0.5
+"""Uphill slope after a step, relative to the downhill one before it, that is accepted."""
 EXACT_FROM = 4
+LENGTHEN = 4.0
 TOLERANCE = 1e-7
 """Converged when sqrt(r^T M^-1 r) is below this, in sqrt(kg) m/s."""
 
@@ -108,9 +111,12 @@ def step(
             slope = 0.0
             for i in range(nf):
                 slope += dx[i] * r[i]
-            if converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
+            if slope < slope0 and scale >= 1.0 and not converged:
+                scale *= LENGTHEN
+            elif converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
                 break
-            scale *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
+            else:
+                scale *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
         v[:] = trial
         if converged:
             break
