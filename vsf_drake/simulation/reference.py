@@ -92,12 +92,11 @@ def simulate_reference(
         SimulationError: the integrator gives up.
     """
     check_integrator(integrator)
-    offsets = offsets or GeometricOffsets()
     first = walker.walk(trajectory, fulcrum_m=fulcrum_m, start_s=start_s, end_s=min(start_s + 1e-3, end_s),
                         offsets=offsets)
     moments = _samples(start_s, end_s, sample_s)
     prescribed = walker.gait.prescribed
-    motion = _motion(trajectory.ordered(prescribed), offsets.height_m, start_s, end_s)
+    motion = _motion(trajectory.ordered(prescribed), start_s, end_s)
     position = _position(fulcrum_m, start_s, end_s)
     for extreme in (position.vector_values(moments).min(), position.vector_values(moments).max()):
         check_fulcrum(float(extreme), walker.model.foot)
@@ -163,12 +162,10 @@ def _knots(start_s: float, end_s: float) -> np.ndarray:
     return np.linspace(start_s, end_s, max(2, 1 + int(np.ceil((end_s - start_s) / KNOT_S))))
 
 
-def _motion(trajectory: CoordinateTrajectory, height_m: float, start_s: float, end_s: float) -> PiecewisePolynomial:
-    """Cubic pieces through positions and velocities of `trajectory`, the pelvis raised by `height_m`."""
+def _motion(trajectory: CoordinateTrajectory, start_s: float, end_s: float) -> PiecewisePolynomial:
+    """Cubic pieces through positions and velocities of `trajectory`."""
     knots = _knots(start_s, end_s)
     q, v, _ = trajectory.sample(knots)
-    if "pelvis_ty" in trajectory.names:
-        q[:, trajectory.names.index("pelvis_ty")] += height_m
     return PiecewisePolynomial.CubicHermite(knots, q.T, v.T)
 
 
