@@ -1,0 +1,82 @@
+"""The compiled scalar forces are the laws, and their derivatives those of the laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsf_drake.laws.bushing import axis_force
+from vsf_drake.laws.kelvin_voigt import normal_force as normal_law
+from vsf_drake.laws.stick_slip import friction_coefficient
+from vsf_drake.simulation.forces import friction_per_speed, normal_force, spring_force
+
+COUNT = 400
+
+
+def slopes(function, x, step):
+    """Central difference of a scalar function of the vector x, by each of its first two entries."""
+    e = np.eye(len(x))
+    return [(function(*(x + step[i] * e[i])) - function(*(x - step[i] * e[i]))) / (2 * step[i]) for i in (0, 1)]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def contact_arguments(rng):
+    for _ in range(COUNT):
+        yield np.array([rng.uniform(-2e-3, 8e-3), rng.uniform(-0.5, 0.5), 10 ** rng.uniform(3, 6),
+                        rng.choice([1.0, rng.uniform(1.0, 8.0)]), 10 ** rng.uniform(1, 4), 10 ** rng.uniform(-3.5, -2)])
+
+
+def test_normal_force_is_the_law(rng):
+    for depth, rate, k, n, b, full in contact_arguments(rng):
+        law = normal_law(max(depth, 0.0), rate, stiffness=k, exponent=n, damping=b, full_damping_depth=full)
+        np.testing.assert_allclose(normal_force(depth, rate, k, n, b, full)[0], law, rtol=1e-12)
+
+
+def test_normal_force_derivatives_equal_finite_differences(rng):
+    for x in contact_arguments(rng):
+        if abs(x[0]) < 1e-5 or abs(x[1]) < 1e-5 or abs(x[0] - x[5]) < 1e-5:
+            continue
+        expected = slopes(lambda *a: normal_force(*a)[0], x, (1e-8, 1e-6))
+        np.testing.assert_allclose(normal_force(*x)[1:], expected, rtol=2e-5, atol=1e-6 * x[2])
+
+
+def test_friction_per_speed_is_the_law(rng):
+    for _ in range(COUNT):
+        mu_s, mu_k, threshold = rng.uniform(0.1, 1, 3)
+        speed = rng.uniform(1e-9, 3.5) * threshold
+        law = friction_coefficient(speed, mu_static=mu_s, mu_kinetic=mu_k, threshold_velocity=threshold)
+        ratio, slope = friction_per_speed(speed, mu_s, mu_k, threshold)
+        np.testing.assert_allclose(ratio * speed, law, rtol=1e-12)
+        if min(abs(speed / threshold - u) for u in (1.0, 1.5)) > 1e-4:
+            near = [friction_coefficient(speed + d, mu_static=mu_s, mu_kinetic=mu_k, threshold_velocity=threshold)
+                    for d in (-1e-7, 1e-7)]
+            np.testing.assert_allclose(slope, (near[1] - near[0]) / 2e-7, rtol=1e-5, atol=1e-6)
+
+
+def test_friction_per_speed_is_finite_at_rest():
+    assert friction_per_speed(0.0, 0.5, 0.3, 0.1) == (5.0, 5.0)
+
+
+def spring_arguments(rng):
+    for _ in range(COUNT):
+        yield np.array([rng.uniform(-0.03, 0.03), rng.uniform(-1, 1), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(2, 5),
+                        10 ** rng.uniform(0, 3), 0.015, 0.5, rng.uniform(0, 20)])
+
+
+def test_spring_force_is_the_law(rng):
+    for x, rate, k, k_negative, c, limit, rate_limit, stop in spring_arguments(rng):
+        law = axis_force(x, rate, stiffness=k, stiffness_negative=k_negative, damping=c, limit=limit,
+                         rate_limit=rate_limit, stop_ratio=stop)
+        np.testing.assert_allclose(spring_force(x, rate, k, k_negative, c, limit, rate_limit, stop)[0], law, rtol=1e-12)
+
+
+def test_spring_force_derivatives_equal_finite_differences(rng):
+    for x in spring_arguments(rng):
+        if min(abs(x[0]), abs(abs(x[0]) - x[5]), abs(abs(x[1]) - x[6])) < 1e-4:
+            continue
+        expected = slopes(lambda *a: spring_force(*a)[0], x, (1e-7, 1e-6))
+        np.testing.assert_allclose(spring_force(*x)[1:], expected, rtol=1e-5, atol=1e-5 * max(x[2:5]))
