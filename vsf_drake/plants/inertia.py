@@ -71,7 +71,7 @@ def frustum(mass: float, proximal: float, distal: float, length: float) -> Spati
     radius = proximal + (distal - proximal) * s
     slice_mass = mass * (0.5 * weights) * radius**2 / np.sum(0.5 * weights * radius**2)
     z = -s * length
-    z_cm = float(slice_mass @ z)
+    z_cm = float(slice_mass @ z) / mass
     axial = float(slice_mass @ (0.5 * radius**2))
     lateral = float(slice_mass @ (0.25 * radius**2 + (z - z_cm) ** 2))
     return from_central(mass, np.array([0.0, 0.0, z_cm]), np.array([lateral, lateral, axial]))

@@ -1,0 +1,76 @@
+"""The shapes that the person is seen by: closed, where the model is, and without any part in the physics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.geometry import Role, SceneGraph, Sphere
+from pydrake.multibody.plant import MultibodyPlant
+
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.illustration import LEAST_RADIUS_M, SITE_NAME, add_visuals, frustum_shape
+from vsf_drake.plants.inertia import frustum_volume
+from vsf_drake.plants.person import add_person
+
+
+def subject(side):
+    return Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side=side)
+
+
+def drawn_person(side):
+    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    person = add_person(plant, subject(side), ModelParameters())
+    add_visuals(plant, person)
+    plant.Finalize()
+    return plant, scene_graph.model_inspector(), person
+
+
+def obj_mesh(shape):
+    lines = [line.split() for line in shape.source().in_memory().mesh_file.contents().decode().splitlines()]
+    points = np.array([[float(x) for x in line[1:]] for line in lines if line[0] == "v"])
+    faces = [[int(corner.split("/")[0]) - 1 for corner in line[1:]] for line in lines if line[0] == "f"]
+    return points, faces
+
+
+def test_frustum_is_closed_and_faces_outward():
+    points, faces = obj_mesh(frustum_shape(0.09, 0.05, 0.4))
+    edges = [(a, b) for face in faces for a, b in zip(face, face[1:] + face[:1], strict=True)]
+    assert len(edges) == len(set(edges)), "an edge is walked twice in one direction"
+    assert {(b, a) for a, b in edges} == set(edges), "the surface has a border"
+    volume = sum(np.dot(points[face[0]], np.cross(points[face[i]], points[face[i + 1]])) / 6.0
+                 for face in faces for i in range(1, len(face) - 1))
+    sides = len(points) // 2
+    polygon = sides / (2.0 * np.pi) * np.sin(2.0 * np.pi / sides)
+    assert volume == pytest.approx(polygon * frustum_volume(0.09, 0.05, 0.4), rel=1e-4)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_every_segment_and_device_part_is_drawn(side):
+    plant, inspector, person = drawn_person(side)
+    drawn = {plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name()
+             for g in inspector.GetAllGeometryIds(Role.kIllustration)}
+    bodies = [*person.segments.values(), *person.foot.keel, person.foot.frame, person.socket.socket,
+              person.socket.pylon]
+    assert drawn == {body.name() for body in bodies} | {"vsf_carriage"}
+    assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
+
+
+def test_drawn_spheres_touch_where_the_contact_spheres_do():
+    plant, inspector, person = drawn_person("right")
+    sites = person.foot.sites
+    for i, index in enumerate(sites.body_indices):
+        frame = plant.GetBodyFrameIdOrThrow(index)
+        geometry = inspector.GetGeometryIdByName(frame, Role.kIllustration, f"vsf::{SITE_NAME.format(i)}")
+        shape = inspector.GetShape(geometry)
+        centre = inspector.GetPoseInFrame(geometry).translation()
+        assert isinstance(shape, Sphere)
+        assert shape.radius() == max(sites.radius[i], LEAST_RADIUS_M)
+        np.testing.assert_allclose(centre - [0, 0, shape.radius()], sites.p_BS[i] - [0, 0, sites.radius[i]], atol=1e-15)
+
+
+def test_shapes_need_a_scene_graph():
+    plant = MultibodyPlant(0.0)
+    person = add_person(plant, subject("left"), ModelParameters())
+    with pytest.raises(ValueError, match="SceneGraph"):
+        add_visuals(plant, person)

@@ -1,0 +1,100 @@
+"""Mass properties of the solids against integrals over their volume."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsf_drake.plants.inertia import (
+    box,
+    ellipsoid_central_moments,
+    from_central,
+    frustum,
+    frustum_center,
+    frustum_taper,
+    frustum_volume,
+    shifted,
+)
+
+MASS = 3.0
+
+
+def integrate(points, weights):
+    """Centre and central moments of mass MASS spread over `points` (n, 3) with volume `weights` (n,)."""
+    w = MASS * weights / weights.sum()
+    center = w @ points / MASS
+    x, y, z = (points - center).T
+    return center, np.array([w @ (y**2 + z**2), w @ (x**2 + z**2), w @ (x**2 + y**2)])
+
+
+def gauss(count, low, high):
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (high - low) * nodes + 0.5 * (high + low), 0.5 * (high - low) * weights
+
+
+def frustum_points(proximal, distal, length):
+    (s, ws), (r, wr) = gauss(8, 0.0, 1.0), gauss(8, 0.0, 1.0)
+    angle = np.arange(16) * 2 * np.pi / 16
+    S, Q, A = np.meshgrid(s, r, angle, indexing="ij")
+    edge = proximal + (distal - proximal) * S
+    points = np.stack([edge * Q * np.cos(A), edge * Q * np.sin(A), -length * S], axis=-1)
+    weights = ws[:, None, None] * wr[None, :, None] * edge**2 * Q
+    return points.reshape(-1, 3), weights.ravel()
+
+
+def assert_inertia(inertia, center, moments):
+    assert inertia.get_mass() == pytest.approx(MASS)
+    np.testing.assert_allclose(inertia.get_com(), center, atol=1e-12)
+    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+    np.testing.assert_allclose(central.get_moments(), moments, rtol=1e-10)
+    np.testing.assert_allclose(central.get_products(), 0.0, atol=1e-12)
+    assert inertia.IsPhysicallyValid()
+
+
+@pytest.mark.parametrize("radii", [(0.095, 0.06), (0.055, 0.04), (0.05, 0.05), (0.02, 0.07)])
+def test_frustum_equals_the_integral_over_its_volume(radii):
+    center, moments = integrate(*frustum_points(*radii, 0.43))
+    assert_inertia(frustum(MASS, *radii, 0.43), center, moments)
+    assert -0.43 * frustum_center(*radii) == pytest.approx(center[2], rel=1e-12)
+    _, weights = frustum_points(*radii, 0.43)
+    assert frustum_volume(*radii, 0.43) == pytest.approx(2 * np.pi / 16 * 0.43 * weights.sum(), rel=1e-12)
+
+
+def test_frustum_moments_equal_the_textbook_formula():
+    R, r = 0.095, 0.06
+    expected = 0.3 * MASS * (R**5 - r**5) / (R**3 - r**3)
+    assert frustum(MASS, R, r, 0.43).CalcRotationalInertia().get_moments()[2] == pytest.approx(expected)
+
+
+def test_ellipsoid_equals_the_integral_over_its_volume():
+    axes = np.array([0.1, 0.15, 0.3])
+    (r, wr), (u, wu) = gauss(6, 0.0, 1.0), gauss(6, -1.0, 1.0)
+    angle = np.arange(12) * 2 * np.pi / 12
+    Q, U, A = np.meshgrid(r, u, angle, indexing="ij")
+    ring = np.sqrt(1 - U**2)
+    points = axes * np.stack([Q * ring * np.cos(A), Q * ring * np.sin(A), Q * U], axis=-1)
+    weights = wr[:, None, None] * wu[None, :, None] * Q**2
+    center, moments = integrate(points.reshape(-1, 3), weights.ravel())
+    np.testing.assert_allclose(center, 0.0, atol=1e-12)
+    np.testing.assert_allclose(ellipsoid_central_moments(MASS, axes), moments, rtol=1e-10)
+
+
+def test_box_equals_the_integral_over_its_volume():
+    size, place = np.array([0.1, 0.07, 0.02]), np.array([0.03, 0.01, 0.05])
+    axes = [gauss(3, c - 0.5 * s, c + 0.5 * s) for s, c in zip(size, place, strict=True)]
+    grid = np.stack(np.meshgrid(*(a[0] for a in axes), indexing="ij"), axis=-1).reshape(-1, 3)
+    weights = np.einsum("i,j,k->ijk", *(a[1] for a in axes)).ravel()
+    assert_inertia(box(MASS, tuple(size), tuple(place)), *integrate(grid, weights))
+
+
+def test_taper_puts_the_centre_where_it_is_wanted():
+    for center in (0.36, 0.4095, 0.4395, 0.5):
+        assert frustum_center(1.0, frustum_taper(center)) == pytest.approx(center, rel=1e-12)
+    with pytest.raises(ValueError, match="no frustum"):
+        frustum_taper(0.55)
+
+
+def test_shifted_body_stands_further_out_and_is_the_same_body():
+    moments = np.array([0.02, 0.03, 0.04])
+    out = shifted(from_central(MASS, np.array([0.1, 0.0, -0.2]), moments), np.array([0.0, 0.0, 0.3]))
+    assert_inertia(out, [0.1, 0.0, 0.1], moments)
