@@ -152,8 +152,10 @@ class Stepper:
                 inputs.platen[k + 1], platen_velocity[k + 1],
                 record.load[k], record.sites[k], record.platen[k], record.fulcrum[k])
             record.q[k], record.v[k] = q, v
-            if k % CHECK_EVERY == 0 or k == steps - 1:
+            due = k % CHECK_EVERY == 0 or k == steps - 1
+            if due or not record.converged[k]:
                 self._check(q, v, inputs.time_s[k + 1])
+            if due:
                 if progress:
                     progress((k + 1) / steps)
                 if stop and stop(k + 1, record):
