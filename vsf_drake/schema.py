@@ -2,7 +2,8 @@
 
 A schema is a dataclass whose fields are made by `quantity` (numbers with unit and source)
 or `choice` (words from a list). It has no behaviour. `load_yaml` reads a file into it,
-`check` verifies an instance that was made in Python, `dump_yaml` writes it back.
+`check` verifies an instance that was made in Python, `dump_yaml` writes it back; `to_plain` and
+`from_plain` do so with nested dicts, as saved results hold them.
 """
 
 from __future__ import annotations
@@ -95,6 +96,23 @@ def to_plain(instance: Any) -> Any:
     return instance.item() if hasattr(instance, "item") else instance
 
 
+def from_plain(schema: type[T], values: Any, *, where: str = "", file: str | Path | None = None) -> T:
+    """The `schema` that `to_plain` turned into `values`, an equal object; read as strictly as a file.
+
+    Args:
+        values: nested dicts, lists and scalars.
+        where, file: what messages call `values`, and what they come from.
+
+    Raises:
+        InputError: a key is unknown or missing; a value has the wrong type, is not finite or is out of range.
+    """
+    try:
+        node = yaml.representer.SafeRepresenter().represent_data(values)
+    except yaml.representer.RepresenterError as error:
+        raise InputError(f"holds what is not a plain value ({error.args[-1]!r})", file=file, where=where) from None
+    return _Reader(file).dataclass(node, schema, where and f"{where}.")
+
+
 def _names(schema: type) -> str:
     return ", ".join(field.name for field in dataclasses.fields(schema))
 
@@ -147,12 +165,15 @@ def _range(low: float, high: float) -> str:
 class _Reader:
     """Turns YAML nodes into dataclasses; keeps the file so that every message can name it."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: str | Path | None) -> None:
         self.file = file
 
+    @staticmethod
+    def place(node: yaml.Node, key: str) -> str:
+        return ", ".join(part for part in (node.start_mark and f"line {node.start_mark.line + 1}", key) if part)
+
     def fail(self, node: yaml.Node, key: str, what: str, right: str | None = None) -> InputError:
-        where = f"line {node.start_mark.line + 1}" + (f", {key}" if key else "")
-        return InputError(what, file=self.file, where=where, right=right)
+        return InputError(what, file=self.file, where=self.place(node, key) or None, right=right)
 
     def dataclass(self, node: yaml.Node, schema: type[T], path: str) -> T:
         if not isinstance(node, yaml.MappingNode):
@@ -183,7 +204,7 @@ class _Reader:
         items = value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
         for item in items:
             if not dataclasses.is_dataclass(item):
-                _check_scalar(item, field.metadata, f"line {node.start_mark.line + 1}, {key}", self.file)
+                _check_scalar(item, field.metadata, self.place(node, key), self.file)
 
     def value(self, node: yaml.Node, hint: Any, key: str) -> Any:
         origin, args = typing.get_origin(hint), typing.get_args(hint)
@@ -211,7 +232,10 @@ class _Reader:
     def _scalar(self, node: yaml.Node, hint: type, key: str) -> Any:
         if not isinstance(node, yaml.ScalarNode):
             raise self.fail(node, key, f"must be a single {_KINDS.get(hint, hint)}")
-        value = yaml.SafeLoader("").construct_object(node)
+        try:
+            value = yaml.SafeLoader("").construct_object(node)
+        except yaml.YAMLError:
+            raise self.fail(node, key, f"has the tag {node.tag}, which is not plain YAML") from None
         if hint is float and not isinstance(value, bool):
             try:
                 return float(value)

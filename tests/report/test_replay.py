@@ -1,0 +1,264 @@
+"""The replay: one page without a network, in which every body is where forward kinematics puts it."""
+
+from __future__ import annotations
+
+import functools
+import html
+import logging
+import re
+import socket
+
+import numpy as np
+import pytest
+from made_results import MASS_KG, MadePlate, make_walk
+from meshcat_page import commands, tracks
+from pydrake.geometry import Meshcat
+from pydrake.multibody.tree import PrismaticJoint
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.plants.illustration import SPHERE
+from vsf_drake.report import replay
+from vsf_drake.report.replay import LOADED, write_replay
+from vsf_drake.report.replay_frames import make_frames
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.results import load_walk, save_walk
+
+STEP_S, SAMPLES, RATE_HZ = 0.01, 25, 50.0
+OFFSETS = GeometricOffsets(height_m=-0.003, fore_aft_m=0.01, alignment_rad=0.05)
+WEIGHT_N = 9.81 * MASS_KG
+FORCE_W = np.array([0.3, -0.1, 1.0]) * WEIGHT_N
+
+
+def subject(side):
+    return Subject(mass_kg=MASS_KG, stature_m=1.8, sex="male", prosthetic_side=side)
+
+
+@functools.cache
+def gait(side):
+    return make_gait(subject(side), ModelParameters())
+
+
+def short_walk(side="right", **changes):
+    """A quarter of a second of smooth arbitrary motion of every joint; the foot is loaded in its second half."""
+    plant = gait(side).plant
+    joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
+    names = tuple(joint.name() for joint in sorted(joints, key=lambda j: j.position_start()) if joint.num_positions())
+    time = 0.4 + STEP_S * np.arange(SAMPLES)
+    rng = np.random.default_rng(3)
+    size = 0.3 * rng.uniform(-1.0, 1.0, len(names))
+    q = size * np.sin(5.0 * time[:, None] + rng.uniform(0.0, 6.0, len(names)))
+    q[:, names.index("pelvis_tx")] = 1.3 * time
+    q[:, names.index("pelvis_ty")] = 1.0
+    loaded = time >= 0.52 - 1e-9
+    cop = np.where(loaded[:, None], np.column_stack([time, 0.0 * time + 0.1, 0.0 * time]), np.nan)
+    normal = np.zeros((SAMPLES, 24))
+    normal[loaded, 5] = 0.05 * WEIGHT_N
+    normal[loaded, 6] = 0.30 * WEIGHT_N
+    values = {
+        "coordinate_names": names, "q": q, "v": np.zeros_like(q), "generalized_force": np.zeros_like(q), "side": side,
+        "grf_W": np.outer(loaded, FORCE_W), "cop_W": cop, "sphere_normal_n": normal,
+        "fulcrum_m": np.full(SAMPLES, 0.108),
+        "parameters": {"subject": to_plain(subject(side)), "model": to_plain(ModelParameters()),
+                       "offsets": to_plain(OFFSETS), "fulcrum_m": 0.108}}
+    walk = make_walk(start_s=0.4 - STEP_S, end_s=0.4 + STEP_S * (SAMPLES - 1), step_s=STEP_S, **(values | changes))
+    np.testing.assert_allclose(walk.time_s, time)
+    return walk
+
+
+def plate(has_cop=True):
+    """A constant force of one body weight upward, at 1 kHz, only up to 0.5 s."""
+    time = 0.001 * np.arange(501)
+    cop = np.tile([0.5, 0.2, 0.0] if has_cop else [np.nan] * 3, (501, 1))
+    return MadePlate(time, np.tile([0.0, 0.0, WEIGHT_N], (501, 1)), cop, np.zeros(501), has_cop)
+
+
+def replay_page(tmp_path, walk, **options):
+    path = tmp_path / "replay.html"
+    write_replay(walk, path, frame_rate_hz=RATE_HZ, **options)
+    return path.read_text(encoding="utf-8")
+
+
+def rotation(quaternion):
+    """Matrix of three.js's quaternion (x, y, z, w)."""
+    x, y, z, w = quaternion
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
+    walk = short_walk(side)
+    animation = tracks(replay_page(tmp_path, walk))
+    model = gait(side)
+    context = model.plant.CreateDefaultContext()
+    set_mount(context, model.person.foot, height=OFFSETS.height_m, fore_aft=OFFSETS.fore_aft_m,
+              alignment=OFFSETS.alignment_rad)
+    bodies = [*model.person.segments.values(), *model.person.foot.keel, model.person.foot.frame,
+              model.person.socket.socket, model.person.socket.pylon, model.plant.GetBodyByName("vsf_carriage")]
+    every = round(1.0 / (RATE_HZ * STEP_S))
+    for i, q in enumerate(walk.q[::every]):
+        for name, value in zip(walk.coordinate_names, q, strict=True):
+            joint = model.plant.GetJointByName(name)
+            move = joint.set_translation if isinstance(joint, PrismaticJoint) else joint.set_angle
+            move(context, value)
+        for body in bodies:
+            pose, track = body.EvalPoseInWorld(context), animation[f"/walk/{body.name()}"]
+            frames, positions = track["position"]
+            assert frames[i] == i
+            np.testing.assert_allclose(positions[i], pose.translation(), atol=1e-9)
+            np.testing.assert_allclose(rotation(track["quaternion"][1][i]), pose.rotation().matrix(), atol=1e-9)
+    moving = {path for path, track in animation.items() if path.startswith("/walk/") and "position" in track}
+    assert moving == {f"/walk/{body.name()}" for body in bodies}
+    assert len(animation["/walk/pelvis"]["position"][0]) == (SAMPLES - 1) // every + 1
+
+
+def test_frames_between_samples_are_interpolated():
+    walk = short_walk()
+    frames = make_frames(walk, plate=None, rate_hz=200.0)
+    np.testing.assert_allclose(frames.q[1::2], 0.5 * (walk.q[1:] + walk.q[:-1]), atol=1e-12)
+    np.testing.assert_allclose(frames.time_s[[0, -1]], walk.time_s[[0, -1]])
+
+
+def test_spheres_take_colour_with_their_load(tmp_path):
+    animation = tracks(replay_page(tmp_path, short_walk()))
+    sites = gait("right").person.foot.sites
+    low, high = np.array(SPHERE[:3]), np.array(LOADED)
+    for i, share in ((4, 0.0), (5, 0.5), (6, 1.0)):
+        body = gait("right").plant.get_body(sites.body_indices[i]).name()
+        colours = animation[f"/walk/{body}/site_{i}/<object>"]["material.color"][1]
+        np.testing.assert_allclose(colours[0], low)
+        np.testing.assert_allclose(colours[-1], low + share * (high - low))
+
+
+def test_arrow_stands_at_the_centre_of_pressure_and_is_a_metre_for_a_body_weight(tmp_path):
+    walk = short_walk(grf_W=np.tile(FORCE_W, (SAMPLES, 1)))
+    animation = tracks(replay_page(tmp_path, walk))
+    arrow = animation["/forces/predicted/arrow"]
+    np.testing.assert_array_equal(arrow["visible"][1], walk.time_s[::2] >= 0.52 - 1e-9)
+    np.testing.assert_allclose(arrow["position"][1], walk.cop_W[12::2], atol=1e-12)
+    tip = animation["/forces/predicted/arrow/head"]["position"][1][-1]
+    np.testing.assert_allclose(rotation(arrow["quaternion"][1][-1]) @ tip, FORCE_W / WEIGHT_N, atol=1e-9)
+    dots = [path for path in animation if path.startswith("/forces/predicted/trace/")]
+    assert len(dots) == np.count_nonzero(arrow["visible"][1])
+    frames, shown = animation["/forces/predicted/trace/8"]["visible"]
+    assert (list(frames), list(shown)) == ([0, 8], [False, True])
+
+
+def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
+    page = replay_page(tmp_path, short_walk(), plate=plate())
+    arrow = tracks(page)["/forces/measured/arrow"]
+    np.testing.assert_array_equal(arrow["visible"][1], np.arange(0.4, 0.6401, 0.02) <= 0.5 + 1e-9)
+    np.testing.assert_allclose(arrow["position"][1], np.tile([0.5, 0.2, 0.0], (6, 1)))
+    np.testing.assert_allclose(tracks(page)["/forces/measured/arrow/head"]["position"][1][-1], [0.0, 0.0, 1.0])
+    assert "force measured by the plate" in page
+    assert "/forces/measured/arrow" not in tracks(replay_page(tmp_path, short_walk()))
+
+
+def test_plate_without_centre_of_pressure_has_no_arrow(tmp_path):
+    animation = tracks(replay_page(tmp_path, short_walk(), plate=plate(False)))
+    assert not animation["/forces/measured/arrow"]["visible"][1].any()
+
+
+def test_page_loads_nothing_from_a_network(tmp_path):
+    page = replay_page(tmp_path, short_walk())
+    assert not re.findall(r"<(?:script|img|iframe|link|source)[^>]*\s(?:src|href)\s*=", page)
+    assert not re.search(r"@import|fetch\(\s*[\"']https?:|new WebSocket\(\s*[\"']", page)
+    assert 1e5 < len(page) < 15e6
+
+
+def test_camera_stands_at_the_prosthetic_side(tmp_path):
+    def camera(side):
+        found = [c for c in commands(replay_page(tmp_path, short_walk(side)))
+                 if c["type"] == "set_property" and c["property"] == "position" and "Cameras" in c["path"]]
+        return np.array(found[-1]["value"])
+
+    left, right = camera("left"), camera("right")
+    # three.js's frame is y up: (x, y, z)_W = (x, -z, y)
+    assert -left[2] > 1.0 and -right[2] < -1.0
+
+
+def test_saved_and_loaded_walk_gives_the_same_motion(tmp_path):
+    walk = short_walk("left")
+    save_walk(walk, tmp_path / "walk")
+    fresh, loaded = (tracks(replay_page(tmp_path, w)) for w in (walk, load_walk(tmp_path / "walk")))
+    assert fresh.keys() == loaded.keys()
+    for path, own in fresh.items():
+        for name, (frames, values) in own.items():
+            np.testing.assert_array_equal(frames, loaded[path][name][0])
+            np.testing.assert_array_equal(values, loaded[path][name][1])
+
+
+def test_trial_name_is_text_and_nothing_else(tmp_path):
+    name = r'</title><script>alert("1")</script> & \g<0>'
+    page = replay_page(tmp_path, short_walk(trial_name=name))
+    assert name not in page and '<script>alert("1")' not in page
+    assert f"<title>{html.escape(name)}: recorded walk</title>" in page
+    assert page.count(html.escape(name)) == 2
+
+
+def test_synthetic_walk_is_called_so(tmp_path):
+    page = replay_page(tmp_path, short_walk(synthetic=True), plate=plate())
+    assert re.search(r"<title>made-up walk: synthetic walk", page)
+    assert "reference force (synthetic)" in page and "recorded walk" not in page
+
+
+def test_steps_without_convergence_are_shown(tmp_path):
+    assert "3 STEPS NOT CONVERGED" in replay_page(tmp_path, short_walk(converged=False, unconverged_steps=3))
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"parameters": {"model": {}}}, "parameters.subject"),
+    ({"parameters": {"subject": to_plain(subject("left")), "model": {"feet": 2}, "offsets": {}}},
+     "parameters.model.feet"),
+    ({"parameters": {"subject": to_plain(subject("left")), "model": {}, "offsets": {}}}, "ankle_angle_r"),
+    ({"sphere_normal_n": np.zeros((SAMPLES, 3)), "sphere_depth_m": np.zeros((SAMPLES, 3)),
+      "sphere_friction_W": np.zeros((SAMPLES, 3, 2))}, "has 3 spheres"),
+])
+def test_walk_that_cannot_be_shown_leaves_no_file(tmp_path, changes, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        write_replay(short_walk(**changes), tmp_path / "replay.html")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 1e9, float("nan"), float("inf")])
+def test_impossible_frame_rate_is_refused(tmp_path, rate):
+    with pytest.raises(InputError, match="frames per second"):
+        write_replay(short_walk(), tmp_path / "replay.html", frame_rate_hz=rate)
+    assert not list(tmp_path.iterdir())
+
+
+def test_failure_keeps_the_older_file(tmp_path, monkeypatch):
+    path = tmp_path / "replay.html"
+    path.write_text("older")
+    monkeypatch.setattr(replay, "finish_page", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_replay(short_walk(), path)
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["older"]
+
+
+def test_missing_folder_is_named(tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        write_replay(short_walk(), tmp_path / "nowhere" / "replay.html")
+
+
+def test_no_server_and_no_message_remain(tmp_path, monkeypatch, caplog):
+    ports = []
+
+    class Noted(Meshcat):
+        def __init__(self, parameters):
+            super().__init__(parameters)
+            ports.append(self.port())
+
+    monkeypatch.setattr(replay, "Meshcat", Noted)
+    level = logging.getLogger("drake").level
+    write_replay(short_walk(), tmp_path / "replay.html")
+    with socket.socket() as client:
+        assert client.connect_ex(("127.0.0.1", ports[0])) != 0
+    assert "listening" not in caplog.text
+    assert logging.getLogger("drake").level == level
+

@@ -1,0 +1,224 @@
+"""A finished walk as a page to watch: one HTML file with Meshcat inside, which opens without a network."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from pydrake.geometry import (
+    Box,
+    Cylinder,
+    Meshcat,
+    MeshcatAnimation,
+    MeshcatCone,
+    MeshcatParams,
+    Rgba,
+    Role,
+    SceneGraph,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+
+from vsf_drake.analysis.comparison import Plate, walking_direction
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject, check_model
+from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.illustration import SITE_NAME, SPHERE, add_visuals
+from vsf_drake.plants.person import PersonHandles, add_person
+from vsf_drake.report.replay_frames import FULL_COLOUR_BW, ForceFrames, Frames, make_frames
+from vsf_drake.report.replay_page import RGB, finish_page
+from vsf_drake.schema import from_plain
+from vsf_drake.simulation.results import WalkResult
+
+T = TypeVar("T")
+
+PREDICTED: RGB = (0.90, 0.38, 0.00)
+MEASURED: RGB = (0.10, 0.25, 0.65)
+LOADED: RGB = (0.80, 0.05, 0.05)
+WALK, FORCES, GROUND = "/walk", "/forces", "/ground"
+"""Where things stand in Meshcat's tree."""
+ARROW_M_PER_BW = 1.0
+"""Length of a force arrow for one body weight (m)."""
+_SHAFT_RADIUS_M, _HEAD_LENGTH_M, _HEAD_RADIUS_M, _TRACE_RADIUS_M = 0.010, 0.07, 0.024, 0.004
+_FIELD_OF_VIEW_DEG = 35.0
+_ENDLESS = 100_000
+
+
+def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = None,
+                 frame_rate_hz: float = 60.0) -> None:
+    """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
+
+    The person and the prosthesis move as saved. Contact spheres turn red with their load. Arrows at
+    the centre of pressure show the force of the ground on the prosthetic foot (40 Hz, one metre for a
+    body weight), the dots they leave its path. Nothing is left of `path` if it fails.
+
+    Args:
+        result: the finished walk, fresh or loaded.
+        path: the file to write, in an existing folder.
+        plate: the record of the plate under the prosthetic foot, to be drawn beside the prediction.
+        frame_rate_hz: frames for a second of walking.
+
+    Raises:
+        InputError: `result` does not hold the parameters or coordinates of a person; the frame rate
+            is not above 0 and at most 1000; the file cannot be written.
+    """
+    frames = make_frames(result, plate=plate, rate_hz=frame_rate_hz)
+    meshcat = _new_meshcat()
+    animation = _record_walk(meshcat, result, frames)
+    weight = GRAVITY * result.subject_mass_kg
+    legend = [(PREDICTED, "predicted force of the ground on the prosthetic foot")]
+    _record_force(meshcat, animation, "predicted", PREDICTED, frames.predicted, weight)
+    if frames.measured is not None:
+        legend.append((MEASURED, "reference force (synthetic)" if result.synthetic else "force measured by the plate"))
+        _record_force(meshcat, animation, "measured", MEASURED, frames.measured, weight)
+    legend.append((LOADED, f"contact sphere, full colour from {100 * FULL_COLOUR_BW:g} % of body weight"))
+    _set_scene(meshcat, result, frames)
+    meshcat.SetAnimation(animation)
+    page = finish_page(meshcat.StaticHtml(), result, legend)
+    with replaced(path) as stream:
+        stream.write(page)
+
+
+def _new_meshcat() -> Meshcat:
+    """A Meshcat on any free port of this machine only, without the message that invites to look at it."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.WARNING)
+    try:
+        return Meshcat(MeshcatParams(host="localhost", port=0))
+    finally:
+        log.setLevel(level)
+
+
+def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> MeshcatAnimation:
+    """Publishes the bodies and records their poses and the colours of the spheres."""
+    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    person, offsets = _add_person(plant, result)
+    plant.Finalize()
+    order = _positions(plant, result)
+    inspector = scene_graph.model_inspector()
+    bodies = {}
+    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        bodies[body.name()] = body
+        path = f"{WALK}/{body.name()}/{inspector.GetName(geometry).rpartition('::')[2]}"
+        colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
+        meshcat.SetObject(path, inspector.GetShape(geometry), colour)
+        meshcat.SetTransform(path, inspector.GetPoseInFrame(geometry))
+    context = plant.CreateDefaultContext()
+    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
+              alignment=offsets.alignment_rad)
+    animation = MeshcatAnimation(1.0 / frames.step_s)
+    for i, q in enumerate(frames.q):
+        plant.SetPositions(context, q[order])
+        for name, body in bodies.items():
+            animation.SetTransform(i, f"{WALK}/{name}", body.EvalPoseInWorld(context))
+    low, high = np.array(SPHERE[:3]), np.array(LOADED)
+    for j, index in enumerate(person.foot.sites.body_indices):
+        path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
+        for i, load in enumerate(frames.sphere_load[:, j]):
+            animation.SetProperty(i, path, "material.color", list(low + load * (high - low)))
+    animation.set_repetitions(_ENDLESS)
+    return animation
+
+
+def _add_person(plant: MultibodyPlant, result: WalkResult) -> tuple[PersonHandles, GeometricOffsets]:
+    """The person of `result`, with visual shapes."""
+    person = add_person(plant, _part(result, "subject", Subject), check_model(_part(result, "model", ModelParameters)))
+    if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
+        raise InputError(f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
+                         f"{len(person.foot.sites.radius)}", where="sphere_normal_n")
+    add_visuals(plant, person)
+    return person, _part(result, "offsets", GeometricOffsets)
+
+
+def _part(result: WalkResult, name: str, schema: type[T]) -> T:
+    where = f"parameters.{name}"
+    if name not in result.parameters:
+        raise InputError("is missing from the result, so that it cannot be shown", where=where)
+    return from_plain(schema, result.parameters[name], where=where)
+
+
+def _positions(plant: MultibodyPlant, result: WalkResult) -> np.ndarray:
+    """(num_positions,) column of the result's q for each position of `plant`."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    moving = {joint.name(): joint.position_start() for joint in joints if joint.num_positions()}
+    different = set(moving) ^ set(result.coordinate_names)
+    if different:
+        raise InputError(f"does not match the model of the result: {', '.join(sorted(different))}",
+                         where="coordinate_names")
+    return np.array([result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)])
+
+
+def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colour: RGB, force: ForceFrames,
+                  weight: float) -> None:
+    """An arrow from the centre of pressure along the force, and a dot left in each frame."""
+    paint, path = Rgba(*colour, 0.95), f"{FORCES}/{name}"
+    meshcat.SetObject(f"{path}/arrow/shaft/rod", Cylinder(_SHAFT_RADIUS_M, 1.0), paint)
+    meshcat.SetTransform(f"{path}/arrow/shaft/rod", _upward(0.5))
+    meshcat.SetObject(f"{path}/arrow/head/cone", MeshcatCone(_HEAD_LENGTH_M, _HEAD_RADIUS_M, _HEAD_RADIUS_M), paint)
+    meshcat.SetTransform(f"{path}/arrow/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi)))
+    for part in ("shaft/rod", "head/cone"):  # painted last, over the leg that the arrow passes through
+        meshcat.SetProperty(f"{path}/arrow/{part}/<object>", "material.depthTest", False)
+        meshcat.SetProperty(f"{path}/arrow/{part}/<object>", "renderOrder", 1.0)
+    for i, shown in enumerate(force.shown):
+        animation.SetProperty(i, f"{path}/arrow", "visible", bool(shown))
+        if not shown:
+            continue
+        length = ARROW_M_PER_BW * float(np.linalg.norm(force.force_W[i])) / weight
+        along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
+        animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
+        animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - _HEAD_LENGTH_M, 0.01)])
+        animation.SetTransform(i, f"{path}/arrow/head", _upward(length))
+        dot = f"{path}/trace/{i}"
+        meshcat.SetObject(dot, Sphere(_TRACE_RADIUS_M), paint)
+        meshcat.SetTransform(dot, RigidTransform(force.cop_W[i]))
+        for frame in dict.fromkeys((0, i)):
+            animation.SetProperty(frame, dot, "visible", frame == i)
+
+
+def _upward(distance: float) -> RigidTransform:
+    return RigidTransform([0.0, 0.0, distance])
+
+
+def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
+    """Ground with a grid, and a camera at the prosthetic side that sees the whole path."""
+    names = result.coordinate_names
+    path = frames.q[:, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
+    low, high = np.floor(path.min(axis=0) - 1.0), np.ceil(path.max(axis=0) + 1.0)
+    size, middle = high - low, 0.5 * (low + high)
+    for name in ("/Grid", "/Axes"):
+        meshcat.SetProperty(name, "visible", False)
+    meshcat.SetObject(f"{GROUND}/plane", Box(*size, 0.002), Rgba(0.80, 0.82, 0.80, 0.55))
+    meshcat.SetTransform(f"{GROUND}/plane", RigidTransform([*middle, -0.002]))
+    for name, spacing, shade in (("fine", 0.1, 0.62), ("coarse", 0.5, 0.30)):
+        start, end = _grid(low, high, spacing)
+        meshcat.SetLineSegments(f"{GROUND}/{name}", start, end, 1.0, Rgba(shade, shade, shade, 1.0))
+    forward = walking_direction(result)
+    side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
+    length = float(np.linalg.norm(np.ptp(path, axis=0)))
+    half = np.tan(np.radians(0.5 * _FIELD_OF_VIEW_DEG))
+    distance = max(1.05 / half, (0.5 * length + 0.6) / (1.4 * half))
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=_FIELD_OF_VIEW_DEG, aspect=1.6))
+    centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
+    eye = centre + distance * (0.96 * side + 0.28 * forward)
+    meshcat.SetCameraPose(np.array([*eye, 1.3]), np.array([*centre, 0.70]))
+
+
+def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """(3, k) starts and ends of the lines of a grid on the ground."""
+    lines = []
+    for axis in (0, 1):
+        for value in np.arange(low[axis], high[axis] + 0.5 * spacing, spacing):
+            ends = np.zeros((2, 3))
+            ends[:, axis] = value
+            ends[:, 1 - axis] = low[1 - axis], high[1 - axis]
+            lines.append(ends)
+    stacked = np.array(lines)
+    return np.asfortranarray(stacked[:, 0].T), np.asfortranarray(stacked[:, 1].T)
