@@ -15,7 +15,7 @@ from vsf_drake.systems.driver import GaitDriver
 from vsf_drake.systems.fulcrum import FulcrumSupport
 from vsf_drake.systems.keel import KeelElasticity
 
-SERVO_FREQUENCY = 2 * np.pi * 300.0
+SERVO_FREQUENCY = 2 * np.pi * 600.0
 """Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
 
 
