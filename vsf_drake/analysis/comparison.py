@@ -28,10 +28,17 @@ _SHORTEST_RUN_S = 0.02
 class Plate(Protocol):
     """What is needed of a force plate: `vsf_drake.motion.plates.PlateRecording` has it."""
 
-    time_s: np.ndarray
-    force_W: np.ndarray
-    cop_W: np.ndarray
-    has_cop: bool
+    @property
+    def time_s(self) -> np.ndarray: ...
+
+    @property
+    def force_W(self) -> np.ndarray: ...
+
+    @property
+    def cop_W(self) -> np.ndarray: ...
+
+    @property
+    def has_cop(self) -> bool: ...
 
 
 @dataclass(frozen=True, eq=False)
