@@ -145,7 +145,8 @@ def _print_bench(table: dict[str, Any]) -> None:
         published = f"{table['heel_published_n_per_mm']:.1f}"
         grid.add_row("heel", f"{table['heel_stiffness_n_per_mm']:.2f}", published, "", "")
     console.print(grid)
-    console.print(f"{table['simulated_s']:.0f} s simulated in {table['wall_s']:.2f} s, "
+    console.print(f"{table['simulated_s']:.0f} s simulated in {table['wall_s']:.2f} s "
+                  f"(compilation, {table['compile_s']:.1f} s, apart), "
                   f"{table['unconverged_steps']} steps unconverged", highlight=False)
 
 
@@ -158,14 +159,15 @@ def _print_walk(metrics: dict[str, Any]) -> None:
         ("centre of pressure, RMSE (foot lengths)", "cop_rmse_fl", "{:.3f}"),
         ("stance, measured (s)", "stance_measured_s", "{:.3f}"), ("stance, model (s)", "stance_model_s", "{:.3f}"),
         ("unconverged steps", "unconverged_steps", "{:d}"), ("simulated (s)", "simulated_s", "{:.3f}"),
-        ("wall time (s)", "wall_s", "{:.3f}"),
+        ("wall time (s)", "wall_s", "{:.3f}"), ("compilation, apart (s)", "compile_s", "{:.1f}"),
     )
     for label, key, form in rows:
         grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
     console.print(grid)
     offsets = metrics["offsets"]
     fitted = "not fitted" if metrics["offset_fit"] is None else "fitted to this plate"
-    console.print(f"offsets ({fitted}): height {1e3 * offsets['height_m']:.1f} mm, "
-                  f"fore-aft {1e3 * offsets['fore_aft_m']:.1f} mm, alignment {degrees(offsets['alignment_rad']):.1f}°", highlight=False)
+    height, fore_aft, angle = 1e3 * offsets["height_m"], 1e3 * offsets["fore_aft_m"], degrees(offsets["alignment_rad"])
+    console.print(f"offsets ({fitted}): height {height:.1f} mm, fore-aft {fore_aft:.1f} mm, alignment {angle:.1f}°",
+                  highlight=False)
     for note in metrics["notes"]:
         console.print(f"- {note}", highlight=False, markup=False)

@@ -88,7 +88,7 @@ def bench_table(result: BenchResult) -> dict[str, Any]:
     """
     settings = [_row(setting) | _published(setting) for setting in result.forefoot]
     heel = result.heel
-    return plain({
+    content: dict[str, Any] = plain({
         "settings": settings,
         "heel_stiffness_n_per_mm": None if heel is None else _row(heel)["stiffness_n_per_mm"],
         "heel_published_n_per_mm": 1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
@@ -98,9 +98,11 @@ def bench_table(result: BenchResult) -> dict[str, Any]:
         "stiffness_above_n": STIFFNESS_ABOVE_N,
         "simulated_s": result.simulated_s,
         "wall_s": result.wall_s,
+        "compile_s": result.compile_s,
         "unconverged_steps": sum(setting.unconverged_steps for setting in result.settings),
         "converged": result.converged,
     })
+    return content
 
 
 def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:

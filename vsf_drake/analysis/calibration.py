@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
@@ -116,12 +117,12 @@ def calibrate_device(
         return np.array([stiffness(displacement(run), run.load_n) for run in passes])
 
     def residual(x: np.ndarray) -> np.ndarray:
-        r = (simulate(x) - targets) / (RELATIVE_ERROR * targets)
+        r: np.ndarray = (simulate(x) - targets) / (RELATIVE_ERROR * targets)
         if progress:
             progress(count, float(r @ r))
         return r
 
-    def cost(x: np.ndarray):
+    def cost(x: np.ndarray) -> Any:
         if x.dtype != object:
             r = residual(x)
             return float(r @ r)
@@ -139,7 +140,7 @@ def calibrate_device(
     options.SetOption(SnoptSolver.id(), "Major optimality tolerance", TOLERANCE)
     options.SetOption(SnoptSolver.id(), "Major step limit", 0.3)
     solution = SnoptSolver().Solve(prog, np.zeros(2), options)
-    best = solution.GetSolution(x)
+    best = np.asarray(solution.GetSolution(x), dtype=float)
     simulated, fitted = simulate(best), at(best)
     return DeviceCalibration(
         foot=fitted, fulcrum_stiffness=fitted.fulcrum.stiffness_n_per_m,

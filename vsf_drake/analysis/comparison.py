@@ -157,7 +157,7 @@ def walking_direction(result: WalkResult) -> np.ndarray:
 def _to_walk_axes(vectors_W: np.ndarray, heading: np.ndarray) -> np.ndarray:
     """(n, 3) vectors in W -> fore-aft, lateral (left), vertical."""
     forward, left = np.array([*heading, 0.0]), np.array([-heading[1], heading[0], 0.0])
-    return vectors_W @ np.array([forward, left, [0.0, 0.0, 1.0]]).T
+    return np.asarray(vectors_W @ np.array([forward, left, [0.0, 0.0, 1.0]]).T)
 
 
 def _resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:

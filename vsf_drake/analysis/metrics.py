@@ -74,7 +74,8 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
         "trial": result.trial_name,
         "synthetic": result.synthetic,
     }
-    return plain(metrics)
+    content: dict[str, Any] = plain(metrics)
+    return content
 
 
 def stance_curve(plate: Plate, *, subject_mass_kg: float, cutoff_hz: float = 40.0) -> np.ndarray | None:

@@ -149,4 +149,4 @@ def _height_by_impulse(walker: Walker, trial: Trial) -> float:
     for _ in range(8):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if surplus(middle) > 0 else (low, middle)
-    return 0.5 * (low + high)
+    return float(0.5 * (low + high))

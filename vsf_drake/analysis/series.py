@@ -39,7 +39,8 @@ def cumulative_integral(values: np.ndarray, step: float) -> np.ndarray:
 def uniform_grid(time_s: np.ndarray) -> np.ndarray:
     """Evenly spaced instants over the span of `time_s`, at its median spacing."""
     step = float(np.median(np.diff(time_s)))
-    return time_s[0] + step * np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1)
+    steps: np.ndarray = np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1)
+    return np.asarray(time_s[0] + step * steps)
 
 
 def runs(flags: np.ndarray) -> list[slice]:

@@ -119,6 +119,7 @@ class BenchResult:
 
     settings: tuple[BenchSetting, ...]
     wall_s: float
+    compile_s: float
     simulated_s: float
     speed_m_per_s: float
     max_load_n: float
