@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 
 from vsf_drake.analysis.json_file import write_json
-from vsf_drake.parameters import Subject, load_model
+from vsf_drake.model_file import load_model
+from vsf_drake.parameters import Subject
 from vsf_drake.resources import resource
 from vsf_drake.simulation.standing import simulate_standing
 

@@ -10,6 +10,8 @@ import pytest
 import yaml
 
 from vsf_drake.cli import main
+from vsf_drake.parameters import ModelParameters
+from vsf_drake.schema import dump_yaml
 
 METRICS = (
     "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
@@ -120,6 +122,49 @@ def test_unusable_bench_options_end_with_code_2(run, tmp_path, words, said):
     assert code == 2
     assert said in err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("foot", "fulcrum", "carriage_mass_kg"), 1.9, "weigh"),
+        (("foot", "zones"), [], "no contact zones"),
+        (("intact_foot", "zones"), [], "no contact zones"),
+        (("foot", "build_height_m"), 0.02, "leaves no room"),
+        (("foot", "zones", 4, "x_mm", 0), 400.0, "ahead of the keel"),
+        (("foot", "fulcrum", "rearmost_m"), 0.001, "heel block"),
+        (("foot", "load_point_m"), 0.3, "within the keel"),
+    ],
+)
+def test_model_that_is_no_foot_is_refused_by_name(run, tmp_path, path, value, said):
+    model = yaml.safe_load(dump_yaml(ModelParameters()))
+    part = model
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    (tmp_path / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
+    code, _, err = run("bench", "--out", tmp_path / "out", "--model", tmp_path / "model.yaml")
+    assert code == 2
+    assert said in re.sub(r"\s+", " ", err)
+    assert "model.yaml" in err.replace("\n", "")
+    assert not (tmp_path / "out").exists()
+
+
+def test_divergence_during_the_fit_is_a_failed_simulation(run, tmp_path, trial_files, monkeypatch):
+    monkeypatch.setattr("vsf_drake.simulation.stepper.MAX_SPEED", 1e-6)
+    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out", "--fit-offsets")
+    assert code == 3
+    assert "t = " in err
+
+
+def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path):
+    out = tmp_path / "results" / "synthetic_walk"
+    out.mkdir(parents=True)
+    (out / "replay.html").write_text("old", encoding="utf-8")
+    (out / "mine.txt").write_text("kept", encoding="utf-8")
+    assert run("validate", "--quick", "--out", tmp_path / "results")[0] == 0
+    assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
+    assert not (out / "replay.html").exists()
 
 
 def test_results_do_not_replace_a_file(run, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from vsf_drake.errors import InputError
+from vsf_drake.model_file import check_fulcrum, check_model, load_model
 from vsf_drake.parameters import (
     ContactZone,
     FootParameters,
@@ -16,9 +17,6 @@ from vsf_drake.parameters import (
     KeelParameters,
     ModelParameters,
     Subject,
-    check_fulcrum,
-    check_model,
-    load_model,
 )
 from vsf_drake.schema import check, dump_yaml, load_yaml
 from vsf_drake.simulation.walk import Walker
@@ -36,7 +34,6 @@ foot:
        damping_n_s_per_m: 80}
   series_stiffness_n_per_m: 5e4
   series_patch_m: 0.03
-  heel_stiffness_n_per_m: 6e4
   load_point_m: 0.2
   mass_kg: 0.8
   build_height_m: 0.09
@@ -56,7 +53,8 @@ socket:
   pylon_radius_m: 0.014
   residual_length_ratio: 0.5
 intact_foot:
-  zones: []
+  zones:
+    - {name: heel, x_mm: [30], y_mm: [0], rise_mm: [0], radius_m: 0.02, stiffness: 2e4, damping_n_s_per_m: 200}
   friction: {mu_static: 0.8}
   reference_length_m: 0.26
   ankle_x_ratio: 0.2

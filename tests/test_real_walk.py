@@ -58,9 +58,8 @@ def test_prescribed_angles_are_followed_exactly(simulated):
 
 
 def test_every_step_converges(simulated):
-    metrics = simulated[1]
-    assert metrics["converged"] is (metrics["unconverged_steps"] == 0)
-    assert metrics["unconverged_steps"] <= 0.005 * metrics["simulated_s"] / metrics["step_s"]
+    assert simulated[1]["unconverged_steps"] == 0
+    assert simulated[1]["converged"] is True
 
 
 def test_centre_of_pressure_moves_from_heel_to_toe(simulated):

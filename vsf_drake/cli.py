@@ -87,7 +87,7 @@ def validate(
 ) -> None:
     """Bench and walk on the embedded data: published bench end points, and a synthetic walk."""
     from vsf_drake.analysis.validation import QUICK_STEP_S, embedded_trials, validate_walk
-    from vsf_drake.parameters import load_model
+    from vsf_drake.model_file import load_model
     from vsf_drake.report.outputs import write_bench, write_walk
     from vsf_drake.resources import resource
     from vsf_drake.simulation.bench import run_bench
@@ -119,7 +119,7 @@ def _common(
 
 
 def _model(path: Path | None) -> Any:
-    from vsf_drake.parameters import load_model
+    from vsf_drake.model_file import load_model
     from vsf_drake.resources import resource
 
     return load_model(path or resource("models/nominal.yaml"))

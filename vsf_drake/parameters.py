@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any
 
-from vsf_drake.errors import InputError
-from vsf_drake.schema import check, choice, load_yaml, quantity
+from vsf_drake.schema import choice, quantity
 
 _PAPER = "McGeehan 2021"
 _PUBLIC = "GaitModel_VSF scripts"
 _CHOICE = "choice, not measured"
+_SOCKET = "derived from Childers 2016, PMC4208197 and Klute 2024, axis by axis as SocketParameters says"
 
 SIDES = ("left", "right")
 GRAVITY = 9.81
@@ -37,7 +37,8 @@ class KeelParameters:
 
     element_lengths_m: tuple[float, ...] = quantity(
         (0.066,) + (0.163 / 7,) * 7, unit="m", low=1e-4, high=1.0,
-        source=f"{_PAPER}: 16 rigid pieces, 8 joints, rigid posterior part of 66 mm, keel of 229 mm")
+        source=f"derived from {_PAPER}: the only layout of rigid half, joint, rigid half with 16 pieces, 8 joints, "
+        "pieces of 11.64 mm, a posterior element of 66 mm (with a joint in it) and a keel of 229 mm")
     width_m: float = quantity(0.0684, unit="m", low=1e-3, high=0.5, source=_PUBLIC)
     thickness_m: float = quantity(0.00635, unit="m", low=1e-4, high=0.05, source=_PUBLIC)
     flexural_modulus_pa: float = quantity(
@@ -74,7 +75,9 @@ class ContactZone:
         unit="mm", low=-200.0, high=200.0, source="derived from the published count of 24")
     rise_mm: tuple[float, ...] = quantity(unit="mm", low=-100.0, high=100.0, source=_CHOICE)
     radius_m: float = quantity(unit="m", low=1e-4, high=0.2, source=_PUBLIC)
-    stiffness: float = quantity(unit="N/m^exponent", low=0.0, high=1e30, source="derived")
+    stiffness: float = quantity(
+        unit="N/m^exponent", low=0.0, high=1e30,
+        source=f"derived from {_PAPER}'s 65 N/mm (heel) and studies/calibrate_device.py (midfoot, forefoot)")
     exponent: float = quantity(1.0, unit="1", low=1.0, high=20.0, source=f"{_PAPER}: first guess 1")
     damping_n_s_per_m: float = quantity(
         unit="N s/m", low=0.0, high=1e7, source="choice: see FOAM_DAMPING_TIME_S")
@@ -100,6 +103,7 @@ def _pairs(*x: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _foot_zones() -> tuple[ContactZone, ...]:
+    # Three spheres of the rigid heel block share the heel's 65 N/mm (McGeehan 2021), eight the bench's foam patch.
     heel, foam = 65e3 / 3, 62.98e3 / 8
     anterior, midfoot, forefoot = _pairs(71.2), _pairs(144.7, 155.7), _pairs(166.2, 176.7, 187.2, 197.7, 208.2, 218.7)
     return (
@@ -124,7 +128,6 @@ class FootParameters:
         source="foam under the load; studies/calibrate_device.py: published 10 and 32 N/mm")
     series_patch_m: float = quantity(
         0.040, unit="m", low=1e-3, high=0.2, source="choice: length of the foam patch that the bench loads")
-    heel_stiffness_n_per_m: float = quantity(65e3, unit="N/m", low=1e3, high=1e9, source=f"{_PAPER}: 65 N/mm")
     load_point_m: float = quantity(0.199, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 30 mm behind the keel tip")
     mass_kg: float = quantity(0.649, unit="kg", low=0.05, high=5.0, source="Glanzer 2018, with battery")
     build_height_m: float = quantity(0.087, unit="m", low=0.01, high=0.5, source="Glanzer 2018")
@@ -135,18 +138,24 @@ class FootParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class BushingAxis:
-    """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad)."""
+    """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad).
 
-    stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source="derived")
-    stiffness_negative: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source="derived")
+    The numbers come from `SocketParameters`, which says for each axis what they are taken from.
+    """
+
+    stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
+    stiffness_negative: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
     damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=f"{_CHOICE}: stiffness times 10 ms")
-    limit: float = quantity(unit="m or rad", low=1e-6, high=1.0, source="derived")
+    limit: float = quantity(unit="m or rad", low=1e-6, high=1.0, source=_SOCKET)
     rate_limit: float = quantity(unit="m/s or rad/s", low=1e-6, high=100.0, source=_CHOICE)
 
 
-def _axis(stiffness: float, limit: float, rate_limit: float, negative: float | None = None) -> BushingAxis:
-    return BushingAxis(stiffness=stiffness, stiffness_negative=stiffness if negative is None else negative,
+def _axis(
+    source: str, stiffness: float, limit: float, rate_limit: float, negative: float | None = None
+) -> Any:
+    axis = BushingAxis(stiffness=stiffness, stiffness_negative=stiffness if negative is None else negative,
                        damping=0.01 * stiffness, limit=limit, rate_limit=rate_limit)
+    return field(default=axis, metadata={"source": source})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,15 +163,21 @@ class SocketParameters:
     """Socket, pylon and the six-axis bushing between residual shank and socket.
 
     Displacements are of the socket in the frame of the residual shank (x forward, y left, z up):
-    positive tz is the socket pressed onto the limb, negative tz the socket pulled off.
+    positive tz is the socket pressed onto the limb, negative tz the socket pulled off. All are
+    orders of magnitude: McGeehan 2021 only says that the bushing is stiff and has limits, and what
+    others measured of sockets fixes a stiffness within a factor of two or so.
     """
 
-    tx: BushingAxis = field(default_factory=lambda: _axis(4e4, 0.009, 0.5))
-    ty: BushingAxis = field(default_factory=lambda: _axis(4e4, 0.009, 0.5))
-    tz: BushingAxis = field(default_factory=lambda: _axis(1e5, 0.015, 0.5, negative=1.5e4))
-    flexion: BushingAxis = field(default_factory=lambda: _axis(1000.0, 0.1309, 5.0))
-    adduction: BushingAxis = field(default_factory=lambda: _axis(1000.0, 0.0873, 5.0))
-    rotation: BushingAxis = field(default_factory=lambda: _axis(300.0, 0.1745, 5.0))
+    tx: BushingAxis = _axis("shear of 200-300 N over the 18 mm range of Childers 2016, halved", 4e4, 0.009, 0.5)
+    ty: BushingAxis = _axis("as tx", 4e4, 0.009, 0.5)
+    tz: BushingAxis = _axis(
+        "pressing: 800 N over 8 mm, the stiff end of what the 30 mm range of Childers 2016 allows; pulling: 90 N over "
+        "6 mm, PMC4208197; limit: half that range", 1e5, 0.015, 0.5, negative=1.5e4)
+    flexion: BushingAxis = _axis(
+        "stiff end of 40-60 N m over the 15 degrees of Childers 2016", 1000.0, math.radians(7.5), 5.0)
+    adduction: BushingAxis = _axis(f"stiffness as flexion; limit: {_CHOICE}", 1000.0, math.radians(5.0), 5.0)
+    rotation: BushingAxis = _axis(
+        f"0.32 N m/kg (Klute 2024) over 5 degrees; limit: {_CHOICE}", 300.0, math.radians(10.0), 5.0)
     stop_ratio: float = quantity(
         10.0, unit="1", low=0.0, high=1e4,
         source=f"{_CHOICE}: stiffness and damping added beyond a limit, as multiples of the axis's own")
@@ -174,7 +189,8 @@ class SocketParameters:
 
 
 def _intact_zones() -> tuple[ContactZone, ...]:
-    k = 10.6e3 * 24 / 10
+    """A choice, not measured: body weight (765 N) sinks ten spheres of equal stiffness by 3 mm."""
+    k = 765.0 / (10 * 3e-3)
     return (
         _zone("heel", (25.0, 45.0, 45.0), (0.0, 20.0, -20.0), 0.03, k),
         _zone("lateral", (110.0,), (-35.0,), 0.02, k),
@@ -228,49 +244,3 @@ class Subject:
         None, unit="m", low=-0.3, high=0.2, source="measured: hip centre above the pelvis origin")
     hip_lateral_m: float | None = quantity(
         None, unit="m", low=0.03, high=0.2, source="measured: hip centre beside the pelvis origin")
-
-
-def load_model(path: str | Path) -> ModelParameters:
-    """Reads and checks a model file.
-
-    Raises:
-        InputError: see `vsf_drake.schema.load_yaml` and `check_model`.
-    """
-    return check_model(load_yaml(path, ModelParameters), file=path)
-
-
-def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
-    """Returns `model` after checking ranges and what fields must share.
-
-    Raises:
-        InputError: a value is out of range, or lists of one zone differ in length, or the
-            fulcrum or the load point lies outside the keel.
-    """
-    check(model, file=file)
-    for group, zones in (("foot", model.foot.zones), ("intact_foot", model.intact_foot.zones)):
-        for i, zone in enumerate(zones):
-            if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
-                raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
-                                 file=file, where=f"{group}.zones[{i}] ({zone.name})")
-    length = sum(model.foot.keel.element_lengths_m)
-    fulcrum = model.foot.fulcrum
-    if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < model.foot.load_point_m <= length + 1e-12:
-        raise InputError(
-            f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
-            f"{model.foot.load_point_m} m must increase and lie within the keel of {length:.4f} m",
-            file=file, where="foot.fulcrum")
-    return model
-
-
-def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | None = None,
-                  where: str = "fulcrum") -> float:
-    """Returns `fulcrum_m` (m from A) if the carriage of `foot` can reach it.
-
-    Raises:
-        InputError: it is outside the range of the carriage.
-    """
-    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
-        raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,
-                         where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm")
-    return fulcrum_m

@@ -56,8 +56,8 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
     """`foot` with these stiffnesses (N/m), the keel's contact spheres in agreement with the latter.
 
     The foam that the bench finds in series with the keel is the foam that carries the walker: the
-    linear zones with a sphere in the patch of `series_patch_m` about the load point, and the midfoot's of
-    the same foam, get the stiffness with which the spheres in that patch together have `series_stiffness`.
+    linear zones with a sphere in the patch of `series_patch_m` about the load point, and those of the same
+    stiffness, get the stiffness with which the spheres in that patch together have `series_stiffness`.
 
     Raises:
         InputError: no sphere lies in the patch, or one there has an exponent other than 1.
@@ -72,7 +72,7 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
         raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
                          where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")
     each = series_stiffness / sum(in_patch(zone) for zone in loaded)
-    foam = {zone.name for zone in loaded} | {"midfoot"}
+    foam = {zone.name for zone in foot.zones if zone.stiffness in {other.stiffness for other in loaded}}
     zones = tuple(
         dataclasses.replace(zone, stiffness=each, damping_n_s_per_m=zone.damping_n_s_per_m / zone.stiffness * each)
         if zone.name in foam else zone for zone in foot.zones)

@@ -45,14 +45,15 @@ class OffsetFit:
     Attributes:
         offsets: the fitted values.
         standard_error: of each, from the Jacobian and the assumed noise (m, m, rad).
-        cost_before, cost: half the sum of squared weighted residuals at zero offsets and at the end.
+        cost_before, cost: half the sum of squared weighted residuals at zero offsets (None if the walk diverges there)
+            and at the end.
         evaluations: simulations run. success: the optimiser's own verdict; message: in its words.
         at_bound: names of offsets that ended on a bound.
     """
 
     offsets: GeometricOffsets
     standard_error: GeometricOffsets
-    cost_before: float
+    cost_before: float | None
     cost: float
     evaluations: int
     success: bool
@@ -74,6 +75,7 @@ def fit_offsets(
 
     Raises:
         InputError: at no height within the bounds does the foot meet the ground as the plate says.
+        SimulationError: a run diverges, wherever the search has got to.
     """
     walker = walker or Walker(trial.subject, trial.model)
     plate = trial.prosthetic_plate
@@ -82,13 +84,10 @@ def fit_offsets(
 
     def residuals(x: np.ndarray) -> np.ndarray:
         nonlocal count
-        count += 1
         offsets = GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
-        try:
-            walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                               step_s=FIT_STEP_S, offsets=offsets)
-        except SimulationError:
-            return np.full(size, 10.0)
+        walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                           step_s=FIT_STEP_S, offsets=offsets)
+        count += 1
         c = compare(walker.result(walk, trial, offsets, energy=False), plate)
         rows = np.flatnonzero(c.scored)[::STRIDE]
         force = (c.model - c.measured)[rows][:, [0, 2]].ravel() / (weight * FORCE_NOISE_BW)
@@ -99,10 +98,12 @@ def fit_offsets(
             progress(count, 0.5 * float(out @ out))
         return out
 
-    size = 0
-    first = residuals(np.zeros(3))
-    size = len(first)
     start = np.array([_height_by_impulse(walker, trial), 0.0, 0.0])
+    try:
+        first = residuals(np.zeros(3))
+        cost_before = 0.5 * float(first @ first)
+    except SimulationError:
+        cost_before = None
     solution = least_squares(
         residuals, start, jac=lambda x: _jacobian(residuals, x), bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR,
         xtol=1e-4, ftol=1e-5, max_nfev=30)
@@ -112,7 +113,7 @@ def fit_offsets(
     at_bound = tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active)
     return OffsetFit(
         offsets=GeometricOffsets(**values), standard_error=GeometricOffsets(**errors),
-        cost_before=0.5 * float(first @ first), cost=float(solution.cost), evaluations=count,
+        cost_before=cost_before, cost=float(solution.cost), evaluations=count,
         success=bool(solution.success), message=str(solution.message), at_bound=at_bound)
 
 
@@ -127,7 +128,10 @@ def _jacobian(residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> n
 
 
 def _height_by_impulse(walker: Walker, trial: Trial) -> float:
-    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height."""
+    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height.
+
+    A walk that diverges counts as one with the foot too deep in the ground, except at the very top.
+    """
     plate = trial.prosthetic_plate
     inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
     wanted = float(np.trapezoid(plate.force_W[inside, 2], plate.time_s[inside]))
@@ -137,6 +141,8 @@ def _height_by_impulse(walker: Walker, trial: Trial) -> float:
             walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                                step_s=SCAN_STEP_S, offsets=GeometricOffsets(height_m=height))
         except SimulationError:
+            if height >= BOUNDS[0]:
+                raise
             return np.inf
         return float(walk.prosthetic.grf_W[:, 2].sum()) * SCAN_STEP_S - wanted
 

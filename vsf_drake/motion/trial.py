@@ -7,6 +7,7 @@ from pathlib import Path
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
+from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.kinematics import read_kinematics
 from vsf_drake.motion.manifest import (
@@ -29,7 +30,7 @@ from vsf_drake.motion.window import (
     describe_stances,
     describe_treadmill,
 )
-from vsf_drake.parameters import ModelParameters, Subject, check_fulcrum, load_model
+from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.resources import resource
 from vsf_drake.schema import load_yaml
 

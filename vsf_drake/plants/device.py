@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
@@ -38,37 +39,48 @@ class DeviceSystems:
         return [self.keel.GetOutputPort("generalized_force"), self.carriage.GetOutputPort("generalized_force")]
 
 
-def velocity_indices(plant: MultibodyPlant, names: tuple[str, ...]) -> list[int]:
-    """Where the joints `names` stand in the plant's velocities (and positions)."""
-    return [plant.GetJointByName(name).velocity_start() for name in names]
+def velocity_indices(
+    plant: MultibodyPlant, names: tuple[str, ...], instance: ModelInstanceIndex | None = None
+) -> list[int]:
+    """Where the joints `names` (of `instance`, where they stand in several) are in the plant's velocities."""
+    return [plant.GetJointByName(name, instance).velocity_start() for name in names]
 
 
-def servo(plant: MultibodyPlant, names: tuple[str, ...], inertia: np.ndarray) -> GaitDriver:
+def servo(
+    plant: MultibodyPlant, names: tuple[str, ...], inertia: np.ndarray, instance: ModelInstanceIndex | None = None
+) -> GaitDriver:
     """A driver that holds the joints `names`, critically damped at SERVO_FREQUENCY on `inertia` (kg or kg m^2)."""
     return GaitDriver(
-        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, names),
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, names, instance),
         position_gain=SERVO_FREQUENCY**2 * inertia, velocity_gain=2 * SERVO_FREQUENCY * inertia)
 
 
-def add_device(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DeviceSystems:
+def add_device(
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, *, prefix: str = ""
+) -> DeviceSystems:
     """Adds and exports input `fulcrum_position` (m from A), which places support and carriage alike.
 
     The caller connects kinematics and forces (`wiring`).
+
+    Args:
+        prefix: goes before the names of systems and input, so that several feet fit into one diagram.
     """
-    keel = builder.AddNamedSystem("keel", KeelElasticity(
-        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, foot.keel_joint_names),
+    keel = builder.AddNamedSystem(f"{prefix}keel", KeelElasticity(
+        num_velocities=plant.num_velocities(),
+        velocity_indices=velocity_indices(plant, foot.keel_joint_names, foot.instance),
         stiffness=foot.joint_stiffness, damping=foot.joint_damping))
     stiffness = foot.parameters.fulcrum.stiffness_n_per_m
-    fulcrum = builder.AddNamedSystem("fulcrum", FulcrumSupport(
+    fulcrum = builder.AddNamedSystem(f"{prefix}fulcrum", FulcrumSupport(
         frame_body_index=foot.frame.index(), X_FK=RigidTransform(),
         keel_body_indices=[body.index() for body in foot.keel], keel_body_starts=foot.keel_starts,
         stiffness=stiffness, damping=stiffness * foot.parameters.fulcrum.damping_time_s))
-    carriage = builder.AddNamedSystem("carriage", servo(
-        plant, (foot.carriage_joint_name,), np.array([foot.parameters.fulcrum.carriage_mass_kg])))
-    rest = builder.AddNamedSystem("carriage_rest", ConstantVectorSource([0.0]))
-    desired = builder.AddNamedSystem("carriage_desired", Multiplexer(2))
+    carriage = builder.AddNamedSystem(f"{prefix}carriage", servo(
+        plant, (foot.carriage_joint_name,), np.array([foot.parameters.fulcrum.carriage_mass_kg]),
+        foot.instance))
+    rest = builder.AddNamedSystem(f"{prefix}carriage_rest", ConstantVectorSource([0.0]))
+    desired = builder.AddNamedSystem(f"{prefix}carriage_desired", Multiplexer(2))
     builder.Connect(rest.get_output_port(), desired.get_input_port(1))
     builder.Connect(desired.get_output_port(), carriage.GetInputPort("desired_state"))
-    builder.ExportInput(fulcrum.GetInputPort("fulcrum_position"), "fulcrum_position")
-    builder.ConnectInput("fulcrum_position", desired.get_input_port(0))
+    builder.ExportInput(fulcrum.GetInputPort("fulcrum_position"), f"{prefix}fulcrum_position")
+    builder.ConnectInput(f"{prefix}fulcrum_position", desired.get_input_port(0))
     return DeviceSystems(keel=keel, fulcrum=fulcrum, carriage=carriage)

@@ -74,6 +74,7 @@ class FootHandles:
     """What `add_foot` put into the plant.
 
     Attributes:
+        instance: the foot's model instance, in which its joint names are unique.
         frame: rigid frame of the foot; its body frame is K.
         mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
         keel: the keel's bodies from A to the toe, their frames at their joints, x along the keel.
@@ -85,6 +86,7 @@ class FootHandles:
     """
 
     parameters: FootParameters
+    instance: ModelInstanceIndex
     frame: RigidBody
     mount: Frame
     keel: list[RigidBody]
@@ -170,7 +172,7 @@ def add_foot(
     plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
     return FootHandles(
-        parameters=parameters, frame=frame, mount=mount, keel=keel, keel_starts=starts,
+        parameters=parameters, instance=instance, frame=frame, mount=mount, keel=keel, keel_starts=starts,
         keel_joint_names=joint_names, joint_stiffness=stiffness,
         joint_damping=stiffness * parameters.keel.damping_time_s, carriage_joint_name="fulcrum",
         sites=_foot_sites(parameters, frame, keel, starts))

@@ -19,6 +19,8 @@ from vsf_drake.report.walk_figure import walk_figure
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import BenchResult, WalkResult, result_folder, save_bench, save_walk
 
+REPLAY = "replay.html"
+
 
 def write_bench(result: BenchResult, out: str | Path) -> dict[str, Any]:
     """Writes bench.json, bench.png, bench.svg and the saved result to the folder `out`; returns the table.
@@ -42,7 +44,7 @@ def write_walk(
 
     Args:
         fit: the fit that the offsets come from; reported in the metrics.
-        replay: whether to write the replay.
+        replay: whether to write the replay; if not, one of an earlier run in `out` is removed.
         null_curve: see `walk_metrics`.
 
     Raises:
@@ -57,6 +59,8 @@ def write_walk(
         save_walk(result, folder)
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:
-            write_replay(result, folder / "replay.html", plate=plate)
+            write_replay(result, folder / REPLAY, plate=plate)
         write_json(folder / "metrics.json", metrics)
+    if not replay:
+        (Path(out) / REPLAY).unlink(missing_ok=True)
     return metrics

@@ -25,8 +25,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from vsf_drake.analysis.comparison import Plate, walking_direction
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
+from vsf_drake.model_file import check_model
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject, check_model
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.illustration import SITE_NAME, SPHERE, add_visuals
 from vsf_drake.plants.person import PersonHandles, add_person

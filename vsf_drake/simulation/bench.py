@@ -9,7 +9,8 @@ import numpy as np
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
-from vsf_drake.parameters import FootParameters, ModelParameters, check_fulcrum
+from vsf_drake.model_file import check_fulcrum, check_model
+from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.mechanism import bench_mechanism
@@ -21,6 +22,7 @@ PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)
 """The five settings of McGeehan et al. (2021)."""
 PUBLISHED_SPEED_M_PER_S = 0.050 / 60.0
 """50 mm/min, the same."""
+LARGEST_HEEL_DEPTH_M = 0.1
 STEPS_PER_MM = 40.0
 """Resolution of the platen's path."""
 
@@ -91,8 +93,9 @@ class Bench:
             above = np.flatnonzero(load >= stop_at_n)
             if not above.size:
                 raise SimulationError(
-                    f"the foot gave way: {load.max():.0f} N of {stop_at_n:g} N after {1e3 * platen_m[end]:.0f} mm "
-                    f"with the fulcrum at {1e3 * fulcrum_m:g} mm", time_s=float(time_s[end]))
+                    f"the {'heel' if self.heel else 'forefoot'} gave way: {load.max():.0f} N of {stop_at_n:g} N after "
+                    f"{1e3 * platen_m[end]:.0f} mm with the fulcrum at {1e3 * fulcrum_m:g} mm",
+                    time_s=float(time_s[end]))
             end = int(above[0]) + 1
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m, time_s=record.time_s[:end],
@@ -100,15 +103,30 @@ class Bench:
             unconverged_steps=int(np.sum(~record.converged[:end])))
 
     def _travel_bound(self, fulcrum_m: float, max_load_n: float) -> float:
-        """Twice what the small-deflection stiffness needs: large deflections only stiffen the keel."""
-        p = self.parameters
+        """Twice what the contact law or the small-load stiffness needs: large deflections only stiffen the keel."""
         if self.heel:
-            return 2.0 * max_load_n / p.heel_stiffness_n_per_m + 0.01
+            return 2.0 * self._heel_depth(max_load_n)
+        p = self.parameters
         bending = p.keel.flexural_modulus_pa * section_inertia(p.keel.width_m, p.keel.thickness_m)
         stiffness = combined_stiffness(
             bending_stiffness=bending, support=fulcrum_m, load_point=p.load_point_m,
             fulcrum_stiffness=p.fulcrum.stiffness_n_per_m, series_stiffness=p.series_stiffness_n_per_m)
         return 2.0 * max_load_n / stiffness + 0.005
+
+
+    def _heel_depth(self, load_n: float) -> float:
+        """Depth (m), in steps of a tenth, at which the heel's spheres together bear `load_n`."""
+        machine = self.bench.machine
+        own = machine.GetMyContextFromRoot(self.context)
+        stiffness, exponent = (machine.GetParameter(own, name) for name in ("stiffness", "exponent"))
+        height = machine.GetParameter(own, "p_BS")[:, 2]
+        depth = 1e-4
+        while np.sum(stiffness * np.maximum(depth - (height - height.min()), 0.0) ** exponent) < load_n:
+            depth *= 1.1
+            if depth > LARGEST_HEEL_DEPTH_M:
+                raise InputError(f"the heel bears less than {load_n:g} N at {1e3 * LARGEST_HEEL_DEPTH_M:g} mm",
+                                 where="foot.zones", right="Raise the stiffness of the zones on the heel block")
+        return depth
 
 
 def run_bench(
@@ -128,6 +146,7 @@ def run_bench(
     Raises:
         InputError, SimulationError: see `Bench.press`.
     """
+    check_model(model)
     passes = [(Bench(model.foot), position) for position in fulcrums_m[:1]]
     forefoot = passes[0][0] if passes else None
     passes += [(forefoot, position) for position in fulcrums_m[1:]]

@@ -36,7 +36,11 @@ def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
-    """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first."""
+    """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first.
+
+    The diagram's contact and friction are those of `make_gait`: the stepper knows the continuous
+    unloading branch and the piecewise friction law, not their variants.
+    """
     plant_context = gait.plant_context(context)
     keel, keel_index = _keel_springs(gait.plant, gait.person.foot, gait.device, context)
     socket, socket_index = _socket_springs(gait, context)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepper import Record
 
-LOADED_N = 20.0
+LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
 
 

@@ -15,9 +15,9 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
+from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import check_fulcrum
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.mechanism import gait_mechanism

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
-from vsf_drake.parameters import check_fulcrum
+from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.bench import Bench

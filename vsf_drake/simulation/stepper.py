@@ -174,8 +174,10 @@ class Stepper:
         self.run(held, np.zeros(n), np.zeros(n))
         return time.perf_counter() - started
 
-    def settle(self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100) -> np.ndarray:
-        """Rest position of the free coordinates with everything prescribed held at the first row of `inputs`.
+    def settle(
+        self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100
+    ) -> tuple[np.ndarray, float]:
+        """Rest position with everything prescribed held at the first row of `inputs`, and the largest speed left.
 
         Large implicit steps without the contact's damping, which would only delay the same equilibrium.
         """
@@ -187,7 +189,8 @@ class Stepper:
             time_s=time, prescribed=inputs.prescribed,
             prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
             fulcrum=np.full(steps + 1, inputs.fulcrum[0]), platen=np.full(steps + 1, inputs.platen[0]))
-        return stepper.run(held, q0, np.zeros_like(q0)).q[-1]
+        record = stepper.run(held, q0, np.zeros_like(q0))
+        return record.q[-1], float(np.abs(record.v[-1]).max())
 
     def _dynamics(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix and C v - tau_g at (q, v)."""

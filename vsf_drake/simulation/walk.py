@@ -10,17 +10,18 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.bushing import axis_force
+from vsf_drake.model_file import check_fulcrum, check_model
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject, check_fulcrum, check_model
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.provenance import provenance
-from vsf_drake.simulation.reactions import FootReaction, foot_reaction
+from vsf_drake.simulation.reactions import LOADED_N, FootReaction, foot_reaction
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
 
@@ -28,6 +29,8 @@ DEFAULT_STEP_S = 1e-3
 PLAUSIBLE_PEAK_BW = (0.6, 2.5)
 """Peak vertical force of walking, in body weights, with a wide margin."""
 MAX_STEP_S = 0.01
+AT_REST = 1e-3
+"""Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Walk:
         prosthetic, intact: resultants on the two feet.
         commanded: (n, prescribed) the motion at the ends of the steps.
         fulcrum_m: (n + 1,) from A, start included.
+        rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
 
     mechanism: Mechanism
@@ -49,6 +53,7 @@ class Walk:
     step_s: float
     wall_s: float
     compile_s: float
+    rest_speed: float
 
 
 class Walker:
@@ -124,7 +129,7 @@ class Walker:
         q0[prescribed] = inputs.prescribed_q[0]
         for name, value in (initial or {}).items():
             q0[tree.index(name)] = value
-        q0 = stepper.settle(inputs, q0)
+        q0, rest_speed = stepper.settle(inputs, q0)
         v0 = np.zeros_like(q0)
         v0[prescribed[:-1]] = v[0]
         record = stepper.run(inputs, q0, v0, progress=progress)
@@ -134,7 +139,7 @@ class Walker:
         return Walk(
             mechanism=stepper.mechanism, record=record, prosthetic=foot_reaction(record, slice(0, count), ground),
             intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            step_s=step_s, wall_s=wall, compile_s=compile_s)
+            step_s=step_s, wall_s=wall, compile_s=compile_s, rest_speed=rest_speed)
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
         """Packs a run with all that it takes to understand and repeat it.
@@ -154,6 +159,11 @@ class Walker:
         if unconverged:
             notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
         notes += implausible_load(walk.prosthetic.grf_W[:, 2], self.subject.mass_kg)
+        if walk.prosthetic.grf_W[0, 2] > LOADED_N:
+            notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
+                         "equilibrium and without shear: its first hundredths of a second are not the recording's.")
+        if walk.rest_speed > AT_REST:
+            notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
         ledger = self._ledger(walk) if energy else {}
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(

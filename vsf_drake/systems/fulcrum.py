@@ -34,7 +34,7 @@ def FulcrumSupport_(T):
         force then has no moment: everything is continuous as the fulcrum passes a joint.
 
         It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite
-        stiffness; the work of sliding the fulcrum under load is left out.
+        stiffness. Sliding it under load takes work, which is the carriage's: no force for it acts here.
 
         .. pydrake_system::
 

@@ -1,0 +1,81 @@
+"""Model files, and what the parameters in one must have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
+from vsf_drake.schema import check, load_yaml
+
+
+def load_model(path: str | Path) -> ModelParameters:
+    """Reads and checks a model file.
+
+    Raises:
+        InputError: see `vsf_drake.schema.load_yaml` and `check_model`.
+    """
+    return check_model(load_yaml(path, ModelParameters), file=path)
+
+
+def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
+    """Returns `model` after checking ranges and whether its parts make a foot.
+
+    Raises:
+        InputError: a value is out of range; lists of one zone differ in length; a foot has no zones, no sphere on
+            its heel block or one ahead of its keel; fulcrum or load point lie outside the keel; the parts
+            weigh more than the foot, or are higher than it.
+    """
+    check(model, file=file)
+    for group, zones in (("foot", model.foot.zones), ("intact_foot", model.intact_foot.zones)):
+        _check_zones(zones, group, file)
+    _check_foot(model.foot, file)
+    return model
+
+
+def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
+    if not zones:
+        raise InputError("there are no contact zones", file=file, where=f"{group}.zones",
+                         right="A foot needs at least one")
+    for i, zone in enumerate(zones):
+        if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
+            raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
+                             file=file, where=f"{group}.zones[{i}] ({zone.name})")
+
+
+def _check_foot(foot: FootParameters, file: str | Path | None) -> None:
+    def refuse(what: str, where: str, right: str | None = None) -> InputError:
+        return InputError(what, file=file, where=f"foot.{where}", right=right)
+
+    length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
+    if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12:
+        raise refuse(f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
+                     f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m", "fulcrum")
+    places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
+    if max(places) > length + 1e-9:
+        raise refuse(f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel", "zones",
+                     f"The keel ends at {1e3 * length:g} mm")
+    if min(places) >= fulcrum.rearmost_m:
+        raise refuse("no contact sphere sits on the heel block", "zones",
+                     f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm")
+    parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
+    if parts >= foot.mass_kg:
+        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg")
+    below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
+    if foot.build_height_m <= below:
+        raise refuse(f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
+                     f"{below:.4g} m above the sole", "build_height_m")
+
+
+def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | None = None,
+                  where: str = "fulcrum") -> float:
+    """Returns `fulcrum_m` (m from A) if the carriage of `foot` can reach it.
+
+    Raises:
+        InputError: it is outside the range of the carriage.
+    """
+    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
+    if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
+        raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,
+                         where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm")
+    return fulcrum_m
