@@ -11,6 +11,7 @@ import yaml
 
 from vsf_drake.cli import main
 from vsf_drake.parameters import ModelParameters
+from vsf_drake.resources import resource
 from vsf_drake.schema import dump_yaml
 
 METRICS = (
@@ -165,6 +166,25 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path)
     assert run("validate", "--quick", "--out", tmp_path / "results")[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
+
+
+def test_bench_does_not_mix_with_a_walk_in_one_folder(run, tmp_path, trial_files):
+    assert run("bench", "--out", tmp_path / "out", "--no-heel", "--fulcrum-mm", "151")[0] == 0
+    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
+    assert code == 2
+    assert "holds the result of a bench" in re.sub(r"\s+", " ", err)
+
+
+@pytest.mark.parametrize("name", ["subject 3 [/pre]", "$\\frac{$ x"])
+def test_odd_trial_names_are_only_names(run, tmp_path, name):
+    source = resource("data/synthetic_walk")
+    for file in source.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    manifest = yaml.safe_load((tmp_path / "trial.yaml").read_text(encoding="utf-8")) | {"name": name}
+    (tmp_path / "trial.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
+    code, out, _ = run("simulate", tmp_path / "trial.yaml", "--out", tmp_path / "out", "--no-replay")
+    assert code == 0
+    assert name in out
 
 
 def test_results_do_not_replace_a_file(run, tmp_path):

@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from vsf_drake import __version__
 from vsf_drake.errors import VsfError
@@ -52,6 +53,7 @@ def bench(
     from vsf_drake.report.outputs import write_bench
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
+    out = _target(out, "bench")
     positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with _progress() as show:
         result = run_bench(_model(model), fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
@@ -73,8 +75,9 @@ def simulate(
     from vsf_drake.analysis.validation import validate_walk
     from vsf_drake.report.outputs import write_walk
 
+    out = _target(out, "walk")
     with _progress() as show:
-        walk = validate_walk(trial, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
+        walk = validate_walk(trial.expanduser(), with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
     _print_walk(metrics)
     console.print(f"written to {out}", highlight=False)
@@ -93,6 +96,7 @@ def validate(
     from vsf_drake.simulation.bench import run_bench
     from vsf_drake.simulation.walk import DEFAULT_STEP_S
 
+    out = _target(out, "bench")
     console.print("Walking data are SYNTHETIC (built from published group means); bench end points are published.")
     with _progress() as show:
         result = run_bench(load_model(resource("models/nominal.yaml")), progress=lambda f: show("pressing", f))
@@ -103,6 +107,15 @@ def validate(
         folder = out / manifest.parent.name
         _print_walk(write_walk(walk.result, walk.trial, folder, fit=walk.fit, replay=not quick))
     console.print(f"written to {out}", highlight=False)
+
+
+def _target(out: Path, kind: str) -> Path:
+    """`out` with ~ expanded, after making sure that results can go there."""
+    from vsf_drake.simulation.archive import check_target
+
+    out = out.expanduser()
+    check_target(out, kind)
+    return out
 
 
 def _version(asked: bool) -> None:
@@ -151,7 +164,7 @@ def _print_bench(table: dict[str, Any]) -> None:
 
 
 def _print_walk(metrics: dict[str, Any]) -> None:
-    grid = Table("", "value", title=metrics["trial"], show_header=False)
+    grid = Table("", "value", title=Text(metrics["trial"]), show_header=False)
     rows = (
         ("resultant GRF, RMSE (BW)", "grf_rmse_bw", "{:.3f}"), ("resultant GRF, R²", "grf_r2", "{:.3f}"),
         ("vertical, RMSE (BW)", "vertical_rmse_bw", "{:.3f}"), ("fore-aft, RMSE (BW)", "fore_aft_rmse_bw", "{:.3f}"),
@@ -169,5 +182,7 @@ def _print_walk(metrics: dict[str, Any]) -> None:
     height, fore_aft, angle = 1e3 * offsets["height_m"], 1e3 * offsets["fore_aft_m"], degrees(offsets["alignment_rad"])
     console.print(f"offsets ({fitted}): height {height:.1f} mm, fore-aft {fore_aft:.1f} mm, alignment {angle:.1f}°",
                   highlight=False)
+    for doubt in metrics["doubts"]:
+        console.print(f"! {doubt}", style="bold yellow", highlight=False, markup=False)
     for note in metrics["notes"]:
         console.print(f"- {note}", highlight=False, markup=False)

@@ -234,8 +234,8 @@ class _Reader:
             raise self.fail(node, key, f"must be a single {_KINDS.get(hint, hint)}")
         try:
             value = yaml.SafeLoader("").construct_object(node)
-        except yaml.YAMLError:
-            raise self.fail(node, key, f"has the tag {node.tag}, which is not plain YAML") from None
+        except (yaml.YAMLError, ValueError):
+            raise self.fail(node, key, f"{node.value!r} has the tag {node.tag}, which is not plain YAML") from None
         if hint is float and not isinstance(value, bool):
             try:
                 return float(value)

@@ -126,7 +126,7 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
     Raises:
         InputError: there is no such file.
     """
-    path = manifest_path.parent / value
+    path = manifest_path.parent / Path(value).expanduser()
     if not path.is_file():
         raise InputError(f"there is no file {value}", file=manifest_path, where=key,
                          right="Paths are relative to the manifest's folder")

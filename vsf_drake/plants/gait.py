@@ -80,6 +80,8 @@ def make_gait(
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     person = add_person(plant, subject, model)
     plant.Finalize()
+    if isinstance(free, str):
+        raise ValueError(f"free must be a list of names; did you mean ({free!r},)?")
     unknown = set(free) - set(person.coordinate_names)
     if unknown:
         raise ValueError(f"no such coordinate: {', '.join(sorted(unknown))}")

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.bench_metrics import bench_table
+from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.doubts import doubts
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
@@ -51,9 +53,11 @@ def write_walk(
         InputError: `out` cannot be written.
     """
     plate = trial.prosthetic_plate
-    metrics = walk_metrics(result, plate, null_curve=null_curve)
+    comparison = compare(result, plate)
+    metrics = walk_metrics(result, plate, null_curve=null_curve, comparison=comparison)
     metrics["offsets"] = to_plain(result.parameters["offsets"])
     metrics["offset_fit"] = None if fit is None else to_plain(fit)
+    metrics["doubts"] = doubts(result, comparison, metrics, fit)
     metrics["notes"] = list(result.notes)
     with result_folder(out) as folder:
         save_walk(result, folder)

@@ -30,6 +30,8 @@ from vsf_drake.simulation.results import WalkResult
 _TIME = "time (s)"
 _FORCE = "force (BW)"
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
+MOST_LABELLED = 4
+"""Stances that the legend tells apart; a longer recording shows its footprints without one."""
 
 
 def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) -> Figure:
@@ -67,7 +69,7 @@ def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) ->
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
         _legend(figure, comparison, colour, result.synthetic)
-        figure.suptitle(_title(result, fulcrum), x=0.01, ha="left", fontsize=11)
+        figure.suptitle(_title(result, fulcrum).replace("$", r"\$"), x=0.01, ha="left", fontsize=11)
         figure.draw_without_rendering()
     return figure
 
@@ -130,7 +132,7 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
                   markevery=(5 * number, 12), markersize=4.5, label=f"stance {number}, simulated", **SIMULATED)
     if not metrics["cop_points"]:
         axes.text(0.5, 0.5, "no centre of pressure in common", transform=axes.transAxes, ha="center", color="0.35")
-    if several:
+    if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
     label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",

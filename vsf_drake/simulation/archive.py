@@ -21,8 +21,31 @@ ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
 
 
+def check_target(out: str | Path, kind: str) -> None:
+    """Whether a result of `kind` ("walk", "bench") can go to `out`; asked before a long run rather than after it.
+
+    Raises:
+        InputError: `out` or one of its parents is a file, cannot be created, or holds a result of another kind.
+    """
+    out = Path(out).absolute()
+    try:
+        if out.is_symlink() and not out.exists():
+            raise InputError("is a link to nothing", file=out, right="Choose another folder")
+        with result_folder(out, keep=False):
+            pass
+        sidecar = out / SIDECAR_FILE
+        found = yaml.safe_load(sidecar.read_text(encoding="utf-8")) if sidecar.is_file() else None
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=out) from None
+    except (UnicodeDecodeError, yaml.YAMLError):
+        return
+    if isinstance(found, dict) and found.get("kind") not in (None, kind):
+        raise InputError(f"holds the result of a {found['kind']}", file=out,
+                         right=f"Choose another folder for this {kind}")
+
+
 @contextlib.contextmanager
-def result_folder(out: str | Path) -> Iterator[Path]:
+def result_folder(out: str | Path, *, keep: bool = True) -> Iterator[Path]:
     """A temporary folder whose content becomes that of `out` only when the block ends without an exception.
 
     A new `out` appears by one rename. In an existing `out` each file replaces its namesake at the
@@ -30,6 +53,7 @@ def result_folder(out: str | Path) -> Iterator[Path]:
 
     Args:
         out: the folder to create or to fill; missing parents are created.
+        keep: false to try whether it could be written, and leave nothing.
 
     Raises:
         InputError: `out` or one of its parents is a file, or cannot be written.
@@ -48,7 +72,8 @@ def result_folder(out: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         try:
-            _move(temporary, out)
+            if keep:
+                _move(temporary, out)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=out) from None
     finally:

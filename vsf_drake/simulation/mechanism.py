@@ -18,6 +18,10 @@ from vsf_drake.simulation.stepper import Mechanism
 from vsf_drake.simulation.tree import tree_of
 
 UNLIMITED = 1e30
+LARGEST_KEEL_ANGLE = 1.0
+"""Turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)."""
+LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
+"""Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
 
 
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
@@ -32,7 +36,8 @@ def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
         plant=bench.plant, context=plant_context, tree=tree_of(bench.plant, plant_context),
         sites=np.zeros((0, len(SITE_COLUMNS))), site_bodies=np.zeros(0, dtype=np.int64), ground_height=0.0,
         springs=springs, spring_index=index, **_fulcrum(bench.foot, bench.device, context),
-        platen=platen, platen_bodies=_integers(bench.machine_bodies))
+        platen=platen, platen_bodies=_integers(bench.machine_bodies),
+        limits=_limits(bench.plant.num_velocities(), keel=index))
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
@@ -40,19 +45,35 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
 
     The diagram's contact and friction are those of `make_gait`: the stepper knows the continuous
     unloading branch and the piecewise friction law, not their variants.
+
+    Raises:
+        ValueError: the two feet stand on different levels.
     """
     plant_context = gait.plant_context(context)
     keel, keel_index = _keel_springs(gait.plant, gait.person.foot, gait.device, context)
     socket, socket_index = _socket_springs(gait, context)
     feet = (gait.ground["prosthetic"], gait.ground["intact"])
+    heights = [float(_reader(foot.contact, context)("ground_height")) for foot in feet]
+    if heights[0] != heights[1]:
+        raise ValueError(f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the other; "
+                         "the stepper knows one level")
     return Mechanism(
         plant=gait.plant, context=plant_context, tree=tree_of(gait.plant, plant_context),
         sites=np.vstack([_ground_sites(foot, context) for foot in feet]),
         site_bodies=np.concatenate([_integers(foot.sites.body_indices) for foot in feet]),
-        ground_height=float(_reader(feet[0].contact, context)("ground_height")),
+        ground_height=heights[0],
         springs=np.vstack([keel, socket]), spring_index=np.concatenate([keel_index, socket_index]),
         **_fulcrum(gait.person.foot, gait.device, context),
-        platen=np.zeros((0, 8)), platen_bodies=np.zeros(0, dtype=np.int64))
+        platen=np.zeros((0, 8)), platen_bodies=np.zeros(0, dtype=np.int64),
+        limits=_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
+
+
+def _limits(count: int, *, keel: np.ndarray, socket: np.ndarray | None = None) -> np.ndarray:
+    limits = np.full(count, UNLIMITED)
+    limits[keel] = LARGEST_KEEL_ANGLE
+    if socket is not None:
+        limits[socket] = np.repeat([LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE], 3)
+    return limits
 
 
 def _reader(system: LeafSystem, context: Context):

@@ -37,6 +37,7 @@ class Mechanism:
         fulcrum (2,): stiffness (N/m) and damping (N s/m) of the support; zero for none.
         keel_bodies, keel_starts, frame_body: what the fulcrum acts on.
         platen (P, 8), platen_bodies (P,): sites that the testing machine presses.
+        limits (n,): coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed.
     """
 
     plant: MultibodyPlant
@@ -53,6 +54,7 @@ class Mechanism:
     frame_body: int
     platen: np.ndarray
     platen_bodies: np.ndarray
+    limits: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,9 @@ class Stepper:
                 if stop and stop(k + 1, record):
                     done = k + 1
                     break
-        return record if done == steps else _cut(record, done)
+        record = record if done == steps else _cut(record, done)
+        self._check_limits(record)
+        return record
 
     def warm_up(self) -> float:
         """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was."""
@@ -206,6 +210,15 @@ class Stepper:
             v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, len(m.sites), len(SITE_RECORD))),
             platen=np.zeros((steps, len(m.platen), 3)), fulcrum=np.zeros((steps, 3)),
             iterations=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=bool))
+
+    def _check_limits(self, record: Record) -> None:
+        beyond = np.abs(record.q) > self.mechanism.limits
+        if np.any(beyond):
+            row, column = np.argwhere(beyond)[0]
+            name, limit = self.mechanism.tree.coordinate_names[column], self.mechanism.limits[column]
+            raise SimulationError(
+                f"coordinate {name} reached {record.q[row, column]:.3g}, beyond the {limit:g} (m or rad) to which the "
+                "model means anything", time_s=float(record.time_s[row]))
 
     def _check(self, q: np.ndarray, v: np.ndarray, time: float) -> None:
         with np.errstate(invalid="ignore"):

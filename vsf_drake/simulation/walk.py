@@ -18,11 +18,13 @@ from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
+from vsf_drake.simulation.assembly import SITE_COLUMNS, SPRING_COLUMNS
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import LOADED_N, FootReaction, foot_reaction
 from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
 
 DEFAULT_STEP_S = 1e-3
@@ -91,13 +93,14 @@ class Walker:
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
 
-        The run begins with the free coordinates at rest in the pose at `start_s`.
+        The run begins in the pose and with the velocities of `start_s`; socket and keel are at rest.
 
         Args:
             trajectory: must hold every prescribed coordinate (rad, m).
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
-            initial: first guess of free anatomical coordinates, by name.
+            initial: free coordinates that shall settle before the start, by name, with a first guess; others
+                start as the trajectory says.
             progress: called with the finished fraction.
 
         Raises:
@@ -107,6 +110,8 @@ class Walker:
         if not 0.0 < step_s <= MAX_STEP_S:
             raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
                              right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
+        if not end_s > start_s:
+            raise InputError(f"{start_s:g} to {end_s:g} s is no time to walk", where="start_s, end_s")
         offsets = check(offsets or GeometricOffsets())
         steps = max(1, round((end_s - start_s) / step_s))
         moments = start_s + step_s * np.arange(steps + 1)
@@ -119,19 +124,14 @@ class Walker:
         stepper = Stepper(gait_mechanism(self.gait, self.context))
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
-        q, v, _ = motion.sample(moments)
+        q = motion.sample(moments)[0]
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
                         fulcrum=np.array(fulcrum), platen=np.zeros(steps + 1))
         compile_s = stepper.warm_up()
         started = time.perf_counter()
-        q0 = np.zeros(tree.num_coordinates)
-        q0[prescribed] = inputs.prescribed_q[0]
-        for name, value in (initial or {}).items():
-            q0[tree.index(name)] = value
-        q0, rest_speed = stepper.settle(inputs, q0)
-        v0 = np.zeros_like(q0)
-        v0[prescribed[:-1]] = v[0]
+        q0, v0, rest_speed = start_state(
+            stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {})
         record = stepper.run(inputs, q0, v0, progress=progress)
         wall = time.perf_counter() - started
         count = len(self.gait.person.foot.sites.radius)
@@ -183,7 +183,9 @@ class Walker:
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
             synthetic=trial.synthetic,
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
-                        "offsets": to_plain(offsets), "fulcrum_m": trial.fulcrum_m},
+                        "offsets": to_plain(offsets),
+                        "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
+                        "stepper": used_numbers(walk.mechanism)},
             provenance=provenance(trial.inputs), notes=tuple(notes))
 
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
@@ -205,6 +207,13 @@ def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
         return []
     return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
             "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]
+
+
+def used_numbers(mechanism: Mechanism) -> dict[str, list]:
+    """Contact, springs and support as the run used them, whatever the model file says."""
+    return {"site_columns": list(SITE_COLUMNS), "sites": mechanism.sites.tolist(),
+            "spring_columns": list(SPRING_COLUMNS), "springs": mechanism.springs.tolist(),
+            "fulcrum_stiffness_and_damping": mechanism.fulcrum.tolist()}
 
 
 def simulate_trial(
