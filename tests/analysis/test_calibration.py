@@ -11,7 +11,7 @@ import pytest
 from vsf_drake.analysis.bench_metrics import bench_table, displacement, stiffness
 from vsf_drake.analysis.calibration import calibrate_device, with_compliances
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import load_model
+from vsf_drake.model_file import foam_under_load, load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.resources import resource
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
@@ -58,6 +58,7 @@ def test_forefoot_spheres_under_the_bench_patch_have_the_bench_foams_stiffness(n
     low, high = foot.load_point_m - 0.5 * foot.series_patch_m, foot.load_point_m + 0.5 * foot.series_patch_m
     total = sum(zone.stiffness for zone in foot.zones for x in zone.x_mm if low <= 1e-3 * x <= high)
     assert total == pytest.approx(foot.series_stiffness_n_per_m, rel=1e-12)
+    assert foam_under_load(foot) == pytest.approx(total)
 
 
 def test_one_setting_is_not_enough():

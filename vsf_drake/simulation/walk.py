@@ -10,7 +10,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.model_file import check_fulcrum, check_model
+from vsf_drake.model_file import check_fulcrum, check_model, foam_under_load
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
@@ -31,6 +31,8 @@ DEFAULT_STEP_S = 1e-3
 PLAUSIBLE_PEAK_BW = (0.6, 2.5)
 """Peak vertical force of walking, in body weights, with a wide margin."""
 MAX_STEP_S = 0.01
+FOAM_AGREEMENT = 0.05
+"""Share by which the foam may differ between bench and walk before a note says so (a choice)."""
 AT_REST = 1e-3
 """Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
 
@@ -162,6 +164,10 @@ class Walker:
         if walk.prosthetic.grf_W[0, 2] > LOADED_N:
             notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
                          "equilibrium and without shear: its first hundredths of a second are not the recording's.")
+        foam, series = foam_under_load(self.model.foot), self.model.foot.series_stiffness_n_per_m
+        if foam is not None and abs(foam / series - 1) > FOAM_AGREEMENT:
+            notes.append(f"The forefoot's spheres have {1e-3 * foam:.1f} N/mm where the bench's foam has "
+                         f"{1e-3 * series:.1f}: this model walks on another foam than it is tested with.")
         if walk.rest_speed > AT_REST:
             notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
         ledger = self._ledger(walk) if energy else {}
