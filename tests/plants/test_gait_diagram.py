@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.multibody.tree import JointIndex
+from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.bench import make_bench
@@ -120,3 +121,14 @@ def test_gradients_are_finite_at_rest_on_the_ground(standing):
     x[made.plant.GetJointByName("pelvis_ty").position_start()] = body.leg_length - body.hip_up
     other.SetContinuousState(np.array([AutoDiffXd(value, np.eye(len(x))[i]) for i, value in enumerate(x)]))
     assert np.all(np.isfinite(ExtractGradient(converted.EvalTimeDerivatives(other).CopyToVector())))
+
+
+def test_two_people_fit_into_one_larger_diagram(subject):
+    builder = DiagramBuilder()
+    people = [make_gait(subject, ModelParameters()) for _ in range(2)]
+    for i, person in enumerate(people):
+        builder.AddSystem(person.diagram)
+        for name in INPUTS:
+            builder.ExportInput(person.diagram.GetInputPort(name), f"{name}_{i}")
+    diagram = builder.Build()
+    assert diagram.num_continuous_states() == 2 * people[0].diagram.num_continuous_states()

@@ -61,7 +61,6 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
         builder.ExportOutput(machine.GetOutputPort(name), name)
     builder.ExportOutput(plant.get_state_output_port(), "state")
     diagram = builder.Build()
-    diagram.set_name("bench")
     context = plant.CreateDefaultContext()
     heights = [
         (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]

@@ -108,7 +108,6 @@ def make_gait(
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
     diagram = builder.Build()
-    diagram.set_name("gait")
     return GaitDiagram(diagram=diagram, plant=plant, person=person, prescribed=prescribed, device=device,
                        bushing=bushing, driver=driver, ground=ground)
 
