@@ -167,8 +167,8 @@ def test_simulated_prosthesis_carries_the_body_from_heel_to_toe(walked):
     assert 0.8 < vertical[(phase > 0.3) & (phase < 0.6)].max() < 1.6
     assert 0.4 < vertical[(phase > 0.15) & (phase < 0.5)].min()
     assert (vertical[(phase > 0.04) & (phase < 0.58)] > 0.03).all()
-    # Without an ankle the toe brushes the ground in mid-swing, shorter and lighter than a stance.
-    assert vertical[(phase > 0.65) | (phase < 0.0)].max() < 0.2
+    # Without an ankle the toe brushes the ground in mid-swing; that must not count as a stance of its own.
+    assert len(find_stances(time, walk.prosthetic.grf_W[:, 2])) == 1
     path = np.interp([0.05, 0.15, 0.3, 0.5], phase, walk.prosthetic.cop_W[:, 0])
     assert (np.diff(path) > 0.0).all() and path[-1] - path[0] > 0.15
     assert np.mean(walk.record.converged) > 0.995

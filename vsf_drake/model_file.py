@@ -33,16 +33,21 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
     return model
 
 
+def zones_under_load(foot: FootParameters) -> list[ContactZone]:
+    """The zone of each contact sphere in the patch that the bench loads, once a sphere."""
+    return [zone for zone in foot.zones for x in zone.x_mm
+            if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
+
+
 def foam_under_load(foot: FootParameters) -> float | None:
     """Stiffness (N/m) of the contact spheres in the patch that the bench loads; None unless all have exponent 1.
 
     It is the walker's side of what the bench knows as `series_stiffness_n_per_m`: the two should agree.
     """
-    near = [zone for zone in foot.zones for x in zone.x_mm
-            if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
-    if not near or any(zone.exponent != 1.0 for zone in near):
+    loaded = zones_under_load(foot)
+    if not loaded or any(zone.exponent != 1.0 for zone in loaded):
         return None
-    return sum(zone.stiffness for zone in near)
+    return sum(zone.stiffness for zone in loaded)
 
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:

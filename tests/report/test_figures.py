@@ -85,7 +85,8 @@ def test_only_stances_cut_by_the_simulated_time_are_shaded():
 
 def test_walk_without_stance_or_centre_of_pressure_is_drawn_all_the_same(tmp_path):
     walk, plate = make_walk(), make_plate(stances=())
-    save_figure(walk_figure(walk, plate, walk_metrics(walk, plate)), tmp_path / "empty")
+    for path in save_figure(walk_figure(walk, plate, walk_metrics(walk, plate)), tmp_path / "empty"):
+        assert path.stat().st_size > 0
 
 
 def test_zones_add_up_to_the_vertical_force():

@@ -21,14 +21,18 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 
 from vsf_drake.analysis.bench_metrics import PUBLISHED_STIFFNESS_N_PER_M, displacement, stiffness
 from vsf_drake.errors import InputError
-from vsf_drake.parameters import ContactZone, FootParameters
+from vsf_drake.model_file import foam_under_load, zones_under_load
+from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 
 LARGEST_RATIO = 4.0
 """Bound on calibrated / first guess, both ways."""
 RELATIVE_ERROR = 0.01
+"""Weight of a residual: share of the measured stiffness."""
 DIFFERENCE = 1e-3
+"""Step of the gradient's finite differences, in the logarithms."""
 TOLERANCE = 1e-6
+"""SNOPT's major optimality tolerance."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +66,11 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
     Raises:
         InputError: no sphere lies in the patch, or one there has an exponent other than 1.
     """
-    half, center = 0.5 * foot.series_patch_m, foot.load_point_m
-
-    def in_patch(zone: ContactZone) -> int:
-        return sum(abs(1e-3 * x - center) <= half for x in zone.x_mm)
-
-    loaded = [zone for zone in foot.zones if in_patch(zone)]
-    if not loaded or any(zone.exponent != 1.0 for zone in loaded):
+    if foam_under_load(foot) is None:
         raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
                          where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")
-    each = series_stiffness / sum(in_patch(zone) for zone in loaded)
+    loaded = zones_under_load(foot)
+    each = series_stiffness / len(loaded)
     foam = {zone.name for zone in foot.zones if zone.stiffness in {other.stiffness for other in loaded}}
     zones = tuple(
         dataclasses.replace(zone, stiffness=each, damping_n_s_per_m=zone.damping_n_s_per_m / zone.stiffness * each)
