@@ -1,0 +1,73 @@
+"""What one file of a gait laboratory holds: markers and force plates, in the world frame. Schema only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """One force plate, in the world frame W (x forward, y left, z up, floor at z = 0).
+
+    Attributes:
+        name: how the file calls it, or "1", "2", ... in the file's order.
+        force_n: (samples, 3) N, on the person.
+        cop_m: (samples, 3) m, centre of pressure on the floor (z = 0); NaN where the plate carries 20 N or less, or
+            where the file has none.
+        free_moment_nm: (samples,) N m on the person about the vertical through the centre of pressure, up +;
+            zero where the plate carries 20 N or less.
+        corners_m: (4, 3) m of the plate's surface; None where the file does not say.
+    """
+
+    name: str
+    force_n: np.ndarray
+    cop_m: np.ndarray
+    free_moment_nm: np.ndarray
+    corners_m: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Markers and plates of one file, or of a marker file and its force file. SI, world frame W.
+
+    Attributes:
+        path: the file; `force_path` the force file where it is another one.
+        markers: (frames, 3) m by label, NaN in gaps, in the file's order.
+        marker_rate_hz: frames per second; None without markers.
+        marker_start_s: time of the first frame.
+        plates: in the file's order, all sampled alike.
+        force_rate_hz: samples per second; None without plates.
+        force_start_s: time of the first sample, on the markers' clock.
+        rotation_W: (3, 3) takes a vector of the file's laboratory frame to W.
+        notes: sentences on what was assumed (units, axes, doubled labels, ...).
+    """
+
+    path: Path
+    markers: dict[str, np.ndarray]
+    marker_rate_hz: float | None
+    plates: tuple[Plate, ...] = ()
+    force_rate_hz: float | None = None
+    marker_start_s: float = 0.0
+    force_start_s: float = 0.0
+    force_path: Path | None = None
+    rotation_W: np.ndarray = field(default_factory=lambda: np.eye(3))
+    notes: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        """How many frames every marker has; 0 without markers."""
+        return len(next(iter(self.markers.values()), ()))
+
+    @property
+    def marker_time_s(self) -> np.ndarray:
+        """(frames,) s."""
+        return self.marker_start_s + np.arange(self.frames) / (self.marker_rate_hz or 1.0)
+
+    @property
+    def force_time_s(self) -> np.ndarray:
+        """(samples,) s, on the markers' clock."""
+        samples = len(self.plates[0].force_n) if self.plates else 0
+        return self.force_start_s + np.arange(samples) / (self.force_rate_hz or 1.0)

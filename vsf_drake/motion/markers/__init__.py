@@ -1,0 +1,1 @@
+"""From labelled markers to a scaled person and clinical joint angles."""
