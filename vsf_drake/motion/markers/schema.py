@@ -28,8 +28,8 @@ class SegmentMarkers:
     Attributes:
         labels: (k,) as in the recordings.
         p_BM: (k, 3) m.
-        p_PB: (3,) m, the segment's origin (its proximal joint centre) in the parent segment's frame; zero for the pelvis.
-            The model's person, whose segments hang straight under each other, need not have exactly these.
+        p_PB: (3,) m, the segment's origin (its proximal joint centre) in the parent's frame; zero for the pelvis. The
+            model's person, whose segments hang straight under each other, need not have exactly these.
     """
 
     labels: tuple[str, ...]
