@@ -15,14 +15,19 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from vsf_drake.schema import choice, quantity
+from vsf_drake.schema import quantity
+from vsf_drake.subject import SIDES, Subject
+
+__all__ = (
+    "FOAM_DAMPING_TIME_S", "GRAVITY", "SIDES", "BushingAxis", "ContactZone", "FootParameters", "FrictionParameters",
+    "FulcrumParameters", "IntactFootParameters", "KeelParameters", "ModelParameters", "SocketParameters", "Subject",
+)
 
 _PAPER = "McGeehan 2021"
 _PUBLIC = "GaitModel_VSF scripts"
 _CHOICE = "choice, not measured"
 _SOCKET = "derived from Childers 2016, PMC4208197 and Klute 2024, axis by axis as SocketParameters says"
 
-SIDES = ("left", "right")
 GRAVITY = 9.81
 """m/s^2, as in Drake; what body weight means everywhere here."""
 FOAM_DAMPING_TIME_S = 0.1 * 2 * 0.6 / math.pi**2
@@ -220,29 +225,8 @@ class IntactFootParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelParameters:
-    """Everything about the devices and the contact; the person is in `Subject`."""
+    """Everything about the devices and the contact; the person is in `Subject` (vsf_drake/subject.py)."""
 
     foot: FootParameters = field(default_factory=FootParameters)
     socket: SocketParameters = field(default_factory=SocketParameters)
     intact_foot: IntactFootParameters = field(default_factory=IntactFootParameters)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Subject:
-    """The person: measured where known, scaled from the stature (de Leva 1996) where None."""
-
-    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")
-    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="measured")
-    sex: str = choice(options=("male", "female"), source="stated")
-    prosthetic_side: str = choice(options=SIDES, source="stated")
-    name: str = "subject"
-    thigh_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.8, source="measured: hip to knee centre")
-    shank_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.8, source="measured: knee to ankle centre")
-    ankle_height_m: float | None = quantity(None, unit="m", low=0.02, high=0.2, source="measured: ankle centre to sole")
-    foot_length_m: float | None = quantity(None, unit="m", low=0.1, high=0.4, source="measured: heel to toe tip")
-    hip_forward_m: float | None = quantity(
-        None, unit="m", low=-0.2, high=0.2, source="measured: hip centre ahead of the pelvis origin")
-    hip_up_m: float | None = quantity(
-        None, unit="m", low=-0.3, high=0.2, source="measured: hip centre above the pelvis origin")
-    hip_lateral_m: float | None = quantity(
-        None, unit="m", low=0.03, high=0.2, source="measured: hip centre beside the pelvis origin")
