@@ -1,0 +1,75 @@
+"""What the commands share: the application, its consoles, its progress bar, common options, and `main`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from vsf_drake import __version__
+from vsf_drake.errors import VsfError
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+                  help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
+console = Console()
+errors = Console(stderr=True)
+
+Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
+Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
+
+
+def main() -> None:
+    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3."""
+    try:
+        app()
+    except VsfError as error:
+        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        errors.print("interrupted; nothing of the unfinished part was written")
+        sys.exit(130)
+
+
+def target(out: Path, kind: str) -> Path:
+    """`out` with ~ expanded, after making sure that results can go there."""
+    from vsf_drake.simulation.archive import check_target
+
+    out = out.expanduser()
+    check_target(out, kind)
+    return out
+
+
+def model_of(path: Path | None) -> Any:
+    """The model of a file, or the nominal one."""
+    from vsf_drake.model_file import load_model
+    from vsf_drake.resources import resource
+
+    return load_model(path or resource("models/nominal.yaml"))
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar that disappears when done; called with what is being done and the finished fraction of it."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task("preparing", total=1.0)
+        yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        console.print(__version__, highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+) -> None:
+    pass

@@ -1,0 +1,60 @@
+"""`vsf-drake simulate`: a recorded walk on the model."""
+
+from __future__ import annotations
+
+from math import degrees
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from vsf_drake.cli.app import Out, app, console, progress, target
+
+
+@app.command()
+def simulate(
+    trial: Annotated[Path, typer.Argument(help="Trial manifest (YAML).")],
+    out: Out,
+    fit_offsets: Annotated[bool, typer.Option(
+        "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
+    step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
+    replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
+) -> None:
+    """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
+    from vsf_drake.analysis.validation import validate_walk
+    from vsf_drake.report.outputs import write_walk
+
+    out = target(out, "walk")
+    with progress() as show:
+        walk = validate_walk(trial.expanduser(), with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
+    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
+    print_walk(metrics)
+    console.print(f"written to {out}", highlight=False)
+
+
+def print_walk(metrics: dict[str, Any]) -> None:
+    """The scores of a walk, its offsets, doubts and notes."""
+    grid = Table("", "value", title=Text(metrics["trial"]), show_header=False)
+    rows = (
+        ("resultant GRF, RMSE (BW)", "grf_rmse_bw", "{:.3f}"), ("resultant GRF, R²", "grf_r2", "{:.3f}"),
+        ("vertical, RMSE (BW)", "vertical_rmse_bw", "{:.3f}"), ("fore-aft, RMSE (BW)", "fore_aft_rmse_bw", "{:.3f}"),
+        ("vertical impulse, error", "vertical_impulse_error", "{:+.1%}"),
+        ("centre of pressure, RMSE (foot lengths)", "cop_rmse_fl", "{:.3f}"),
+        ("stance, measured (s)", "stance_measured_s", "{:.3f}"), ("stance, model (s)", "stance_model_s", "{:.3f}"),
+        ("unconverged steps", "unconverged_steps", "{:d}"), ("simulated (s)", "simulated_s", "{:.3f}"),
+        ("wall time (s)", "wall_s", "{:.3f}"), ("compilation, apart (s)", "compile_s", "{:.1f}"),
+    )
+    for label, key, form in rows:
+        grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
+    console.print(grid)
+    offsets = metrics["offsets"]
+    fitted = "not fitted" if metrics["offset_fit"] is None else "fitted to this plate"
+    height, fore_aft, angle = 1e3 * offsets["height_m"], 1e3 * offsets["fore_aft_m"], degrees(offsets["alignment_rad"])
+    console.print(f"offsets ({fitted}): height {height:.1f} mm, fore-aft {fore_aft:.1f} mm, alignment {angle:.1f}°",
+                  highlight=False)
+    for doubt in metrics["doubts"]:
+        console.print(f"! {doubt}", style="bold yellow", highlight=False, markup=False)
+    for note in metrics["notes"]:
+        console.print(f"- {note}", highlight=False, markup=False)
