@@ -1,0 +1,165 @@
+"""Joint angles: the model's own coordinates, ISB and Grood-Suntay in sign and value, left and right."""
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from scipy.spatial.transform import Rotation
+
+from vsf_drake.motion.markers.joint_angles import (
+    COORDINATES,
+    JOINTS,
+    coordinates_of,
+    gimbal_notes,
+    joint_angles,
+    joint_coordinates,
+    joint_rotation,
+    orientations_of,
+)
+from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.person import add_person
+
+# ISB axes (x forward, y up, z right) in the segments' (x forward, y left, z up).
+ISB = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]).T
+FORWARD, UP, RIGHT = np.eye(3)[0], np.eye(3)[2], -np.eye(3)[1]
+BOTH = pytest.mark.parametrize("side", ["right", "left"])
+
+
+def about(axis, angle):
+    return Rotation.from_rotvec(angle * axis).as_matrix()
+
+
+def random_angles(count=200, seed=0):
+    return np.random.default_rng(seed).uniform([-1.5, -1.2, -1.5], [2.0, 1.2, 1.5], size=(count, 3))
+
+
+@BOTH
+def test_pure_flexion_moves_the_distal_end_where_anatomy_says(side):
+    """Hip flexion carries the knee forward, knee flexion the ankle backward, dorsiflexion the toes up."""
+    for joint, sense in (("hip", 1.0), ("knee", -1.0), ("ankle", 1.0)):
+        R = about(RIGHT, sense * 0.4)
+        np.testing.assert_allclose(joint_angles(R, joint, side), [0.4, 0, 0], atol=1e-12)
+        end = R @ (FORWARD if joint == "ankle" else -UP)
+        assert (end[2] if joint == "ankle" else sense * end[0]) > 0.38
+
+
+@BOTH
+@pytest.mark.parametrize("joint", JOINTS)
+def test_pure_adduction_brings_the_distal_end_to_the_midline(joint, side):
+    """Varus of the knee is adduction; the midline lies to the left of a right leg."""
+    inward = 1.0 if side == "right" else -1.0
+    R = about(FORWARD, inward * 0.3)
+    np.testing.assert_allclose(joint_angles(R, joint, side), [0, 0.3, 0], atol=1e-12)
+    assert inward * (R @ -UP)[1] > 0.29
+
+
+@BOTH
+@pytest.mark.parametrize("joint", JOINTS)
+def test_pure_internal_rotation_turns_the_front_to_the_midline(joint, side):
+    inward = 1.0 if side == "right" else -1.0
+    R = about(UP, inward * 0.25)
+    np.testing.assert_allclose(joint_angles(R, joint, side), [0, 0, 0.25], atol=1e-12)
+    assert inward * (R @ FORWARD)[1] > 0.24
+
+
+@BOTH
+@pytest.mark.parametrize("joint", JOINTS)
+def test_combined_turns_follow_the_isb_sequence_z_x_y(joint, side):
+    """Wu et al. 2002: flexion about z, adduction about x, internal rotation about y, each in the turned frame."""
+    angles = random_angles()
+    s = 1.0 if side == "right" else -1.0
+    signed = angles * [-1.0 if joint == "knee" else 1.0, s, s]
+    R_isb = Rotation.from_euler("ZXY", signed).as_matrix()
+    R = ISB @ R_isb @ ISB.T
+    np.testing.assert_allclose(joint_angles(R, joint, side), angles, atol=1e-9)
+    np.testing.assert_allclose(joint_rotation(angles, joint, side), R, atol=1e-12)
+
+
+@BOTH
+def test_knee_agrees_with_the_vector_formulas_of_grood_and_suntay(side):
+    """e1 = I, e3 = k, e2 = e3 x e1: flexion, adduction and rotation from dot products of the bones' axes.
+
+    The adduction has the sign of the anatomy (a distal tibia towards the midline), see
+    `test_pure_adduction_brings_the_distal_end_to_the_midline`.
+    """
+    rng = np.random.default_rng(3)
+    R_WF = Rotation.random(200, random_state=4).as_matrix()
+    angles = rng.uniform([-0.2, -0.5, -0.6], [2.2, 0.5, 0.6], size=(200, 3))
+    R_WT = R_WF @ joint_rotation(angles, "knee", side)
+    right, front, up = R_WF @ RIGHT, R_WF @ FORWARD, R_WF @ UP
+    i, j, k = R_WT @ RIGHT, R_WT @ FORWARD, R_WT @ UP
+    e2 = np.cross(k, right)
+    e2 /= np.linalg.norm(e2, axis=1)[:, None]
+
+    def dot(a, b):
+        return np.einsum("ni,ni->n", a, b)
+
+    s = 1.0 if side == "right" else -1.0
+    flexion = np.arctan2(-dot(e2, up), dot(e2, front))
+    adduction = s * np.arcsin(dot(right, k))
+    external = s * np.arctan2(-dot(e2, i), dot(e2, j))
+    np.testing.assert_allclose(np.column_stack([flexion, adduction, -external]), angles, atol=1e-9)
+    np.testing.assert_allclose(joint_angles(R_WF.transpose(0, 2, 1) @ R_WT, "knee", side), angles, atol=1e-9)
+
+
+def test_left_mirrors_right():
+    mirror = np.diag([1.0, -1.0, 1.0])
+    R = Rotation.random(50, random_state=1).as_matrix()
+    for joint in JOINTS:
+        np.testing.assert_allclose(joint_angles(mirror @ R @ mirror, joint, "left"), joint_angles(R, joint, "right"))
+
+
+def test_pelvis_tilts_backward_and_lists_and_turns_as_in_opensim():
+    """OpenSim: tilt about z (right), list about x (forward), rotation about y (up), in that order; + tilt: front up."""
+    angles = random_angles()
+    R = ISB @ Rotation.from_euler("ZXY", angles).as_matrix() @ ISB.T
+    np.testing.assert_allclose(joint_angles(R, "pelvis", "right"), angles, atol=1e-9)
+    assert (about(RIGHT, 0.2) @ FORWARD)[2] > 0
+
+
+@pytest.mark.parametrize("prosthetic_side", ["right", "left"])
+def test_coordinates_are_those_of_the_simulated_person(prosthetic_side):
+    plant = MultibodyPlant(0.0)
+    subject = Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side=prosthetic_side)
+    person = add_person(plant, subject, ModelParameters())
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    rng = np.random.default_rng(5)
+    missing = joint_coordinates("ankle", prosthetic_side)
+    assert set(person.coordinate_names) == set(COORDINATES) - set(missing)
+    for _ in range(20):
+        values = rng.uniform(-1.2, 1.2, len(COORDINATES))
+        q = np.zeros(plant.num_positions())
+        for name in person.coordinate_names:
+            q[plant.GetJointByName(name).position_start()] = values[COORDINATES.index(name)]
+        plant.SetPositions(context, q)
+        R_W = {name: body.EvalPoseInWorld(context).rotation().matrix()[None] for name, body in person.segments.items()}
+        ankle = joint_rotation(values[[COORDINATES.index(name) for name in missing]], "ankle", prosthetic_side)
+        R_W[f"foot_{prosthetic_side}"] = R_W[f"shank_{prosthetic_side}"] @ ankle
+        p = person.pelvis.EvalPoseInWorld(context).translation()
+        np.testing.assert_allclose(coordinates_of(R_W, p[None])[0], values, atol=1e-12)
+        back, p_back = orientations_of(values)
+        np.testing.assert_allclose(p_back, p, atol=1e-15)
+        for segment in SEGMENTS:
+            np.testing.assert_allclose(back[segment], R_W[segment][0], atol=1e-12)
+
+
+def test_angles_are_continuous_through_half_a_turn():
+    values = np.zeros((100, len(COORDINATES)))
+    column = COORDINATES.index("pelvis_rotation")
+    values[:, column] = np.linspace(-2.0, 4.5, 100)
+    R_W, p = orientations_of(values)
+    np.testing.assert_allclose(coordinates_of(R_W, p), values, atol=1e-12)
+
+
+def test_adduction_near_a_right_angle_is_noted():
+    values = np.zeros((3, len(COORDINATES)))
+    assert gimbal_notes(values) == ()
+    values[1, COORDINATES.index("hip_adduction_l")] = 1.4
+    (note,) = gimbal_notes(values)
+    assert "hip_adduction_l" in note and "80 degrees" in note
+
+
+def test_segments_hang_from_their_parents():
+    assert [PARENTS[s] for s in SEGMENTS[1:]] == ["pelvis", "thigh_right", "shank_right",
+                                                  "pelvis", "thigh_left", "shank_left"]

@@ -1,0 +1,105 @@
+"""Rigid poses of marker clusters: exact on rigid clusters, least squares on others, never a mirror or a guess."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from vsf_drake.motion.markers.poses import cluster_width, rigid_poses
+
+CLUSTER = np.array([[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]])
+
+
+def moved(cluster, seed=0, frames=40):
+    rng = np.random.default_rng(seed)
+    R = Rotation.random(frames, random_state=seed).as_matrix()
+    p = rng.normal(size=(frames, 3))
+    return R, p, cluster @ R.transpose(0, 2, 1) + p[:, None, :]
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), count=st.integers(3, 8), flat=st.booleans())
+def test_a_rigid_cluster_gives_back_its_pose(seed, count, flat):
+    cluster = 0.1 * np.random.default_rng(seed).normal(size=(count, 3))
+    cluster[:, 1] *= not flat
+    if cluster_width(cluster) < 0.01:
+        return
+    R, p, seen = moved(cluster, seed)
+    poses = rigid_poses(cluster, seen)
+    np.testing.assert_allclose(poses.R_WB, R, atol=1e-11)
+    np.testing.assert_allclose(poses.p_WB, p, atol=1e-11)
+    assert poses.residual_m.max() < 1e-12
+
+
+def test_noisy_clusters_get_the_least_weighted_squares_of_a_general_minimiser():
+    R, p, seen = moved(CLUSTER, frames=5)
+    seen += 0.01 * np.random.default_rng(1).normal(size=seen.shape)
+    weights = np.array([1.0, 2.0, 0.5, 3.0])
+    poses = rigid_poses(CLUSTER, seen, weights)
+    for n in range(5):
+        def residual(x, n=n):
+            fitted = CLUSTER @ (Rotation.from_rotvec(x[:3]).as_matrix() @ R[n]).T + x[3:]
+            return (np.sqrt(weights)[:, None] * (fitted - seen[n])).ravel()
+        best = least_squares(residual, np.r_[np.zeros(3), p[n]], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        np.testing.assert_allclose(poses.R_WB[n], Rotation.from_rotvec(best[:3]).as_matrix() @ R[n], atol=1e-7)
+        np.testing.assert_allclose(poses.p_WB[n], best[3:], atol=1e-8)
+        own = np.linalg.norm(poses.R_WB[n] @ CLUSTER.T + poses.p_WB[n][:, None] - seen[n].T, axis=0)
+        np.testing.assert_allclose(poses.residual_m[n], own, atol=1e-14)
+
+
+def test_a_mirrored_cluster_is_rotated_not_reflected():
+    poses = rigid_poses(CLUSTER, moved(CLUSTER * [1, -1, 1])[2])
+    np.testing.assert_allclose(np.linalg.det(poses.R_WB), 1.0, atol=1e-12)
+    assert (poses.residual_m.max(axis=1) > 0.01).all()
+
+
+def test_markers_out_of_sight_are_left_out_of_their_frames_only():
+    R, _, seen = moved(CLUSTER)
+    seen[3:7, 1] = np.nan
+    seen[5, 2, 0] = np.nan
+    poses = rigid_poses(CLUSTER, seen)
+    assert poses.found.tolist() == [n != 5 for n in range(40)]
+    np.testing.assert_allclose(poses.R_WB[poses.found], R[poses.found], atol=1e-12)
+    assert np.isnan(poses.R_WB[5]).all() and np.isnan(poses.p_WB[5]).all()
+    assert np.isnan(poses.residual_m[3:7, 1]).all() and not np.isnan(poses.residual_m[3, [0, 2, 3]]).any()
+
+
+def test_a_weight_of_zero_is_a_marker_not_used():
+    R, _, seen = moved(CLUSTER)
+    seen[:, 0] += 1.0
+    poses = rigid_poses(CLUSTER, seen, np.array([0.0, 1, 1, 1]))
+    np.testing.assert_allclose(poses.R_WB, R, atol=1e-12)
+
+
+@pytest.mark.parametrize("cluster", [CLUSTER[:2], np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1]), np.zeros((4, 3))])
+def test_markers_on_a_line_give_no_pose(cluster):
+    poses = rigid_poses(cluster, moved(cluster)[2])
+    assert not poses.found.any() and np.isnan(poses.R_WB).all()
+    assert cluster_width(cluster) < 1e-9
+
+
+def test_far_from_the_origin_nothing_is_lost():
+    cluster = CLUSTER + np.array([0.0, 0.0, 30.0])
+    R, _, seen = moved(cluster)
+    np.testing.assert_allclose(rigid_poses(cluster, seen).R_WB, R, atol=1e-11)
+
+
+def test_points_of_the_segment_follow_it():
+    seen = moved(CLUSTER)[2]
+    poses = rigid_poses(CLUSTER, seen)
+    np.testing.assert_allclose(poses.points(CLUSTER), seen, atol=1e-12)
+    np.testing.assert_allclose(poses.points(CLUSTER[2]), seen[:, 2], atol=1e-12)
+
+
+def test_width_is_the_distance_from_the_line():
+    square = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.02, 0], [0, 0.02, 0]])
+    assert cluster_width(square) == pytest.approx(0.01)
+
+
+def test_shapes_and_weights_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match="do not fit"):
+        rigid_poses(CLUSTER, np.zeros((5, 3, 3)))
+    with pytest.raises(ValueError, match="weights"):
+        rigid_poses(CLUSTER, np.zeros((5, 4, 3)), np.array([1, 1, 1, -1]))

@@ -1,0 +1,99 @@
+"""Rigid pose of a cluster of markers in every frame, by least squares.
+
+The pose (R, p) minimises sum_k w_k |R m_k + p - x_k|^2 over the markers k seen in the frame, with m_k in the
+segment's frame B and x_k in W: R from the singular value decomposition of the weighted cross-dispersion matrix, the
+reflection excluded by the sign of its determinant (Soederkvist & Wedin 1993, doi 10.1016/0021-9290(93)90098-Y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FEWEST_MARKERS = 3
+LEAST_WIDTH_M = 1e-3
+"""Markers whose RMS distance from the straight line through them is below a millimetre leave the turn about that line
+to their noise: no pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPoses:
+    """Poses of a segment B over n frames; NaN where the markers do not determine one.
+
+    Attributes:
+        R_WB: (n, 3, 3).
+        p_WB: (n, 3) m.
+        residual_m: (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen.
+        found: (n,) bool, False where the pose is NaN.
+    """
+
+    R_WB: np.ndarray
+    p_WB: np.ndarray
+    residual_m: np.ndarray
+    found: np.ndarray
+
+    def points(self, p_BQ: np.ndarray) -> np.ndarray:
+        """(n, 3) or (n, k, 3) m: the points `p_BQ`, (3,) or (k, 3) in B, in W."""
+        p_BQ = np.asarray(p_BQ, dtype=float)
+        if p_BQ.ndim == 1:
+            return self.R_WB @ p_BQ + self.p_WB
+        return p_BQ @ self.R_WB.transpose(0, 2, 1) + self.p_WB[:, None, :]
+
+
+def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray, weights: np.ndarray | None = None) -> RigidPoses:
+    """The pose of the segment in each of n frames.
+
+    Args:
+        p_BM: (k, 3) m, the markers in the segment's frame.
+        p_WM: (n, k, 3) m, the markers as seen, NaN where not seen.
+        weights: (k,) or (n, k), not negative; one for every marker if None. A weight of zero is a marker not used.
+
+    Returns:
+        Poses from the markers seen in each frame. Fewer than three of them, or three and more on one line, give NaN
+        and `found` False in that frame.
+
+    Raises:
+        ValueError: shapes do not fit, or a weight is negative or not finite.
+    """
+    p_BM, p_WM = np.asarray(p_BM, dtype=float), np.asarray(p_WM, dtype=float)
+    if p_BM.ndim != 2 or p_BM.shape[1] != 3 or p_WM.ndim != 3 or p_WM.shape[1:] != p_BM.shape:
+        raise ValueError(f"markers {p_BM.shape} in B and {p_WM.shape} in W do not fit")
+    n, k = p_WM.shape[:2]
+    w = np.ones((n, k)) if weights is None else np.array(np.broadcast_to(np.asarray(weights, dtype=float), (n, k)))
+    if not (np.isfinite(w).all() and (w >= 0).all()):
+        raise ValueError("weights must be finite and not negative")
+    w[~np.isfinite(p_WM).all(axis=2)] = 0.0
+    seen = w > 0
+    x = np.where(seen[:, :, None], p_WM, 0.0)
+    total = np.maximum(w.sum(axis=1), np.finfo(float).tiny)[:, None]
+    mean_B, mean_W = w @ p_BM / total, np.einsum("nk,nki->ni", w, x) / total
+    from_mean_B, from_mean_W = p_BM - mean_B[:, None, :], x - mean_W[:, None, :]
+    found = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, seen) > LEAST_WIDTH_M)
+    U, _, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", w, from_mean_W, from_mean_B))
+    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    R_WB = U @ Vt
+    p_WB = mean_W - np.einsum("nij,nj->ni", R_WB, mean_B)
+    R_WB[~found], p_WB[~found] = np.nan, np.nan
+    residual = np.linalg.norm(p_BM @ R_WB.transpose(0, 2, 1) + p_WB[:, None, :] - p_WM, axis=2)
+    return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), found=found)
+
+
+def cluster_width(p_BM: np.ndarray) -> float:
+    """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for two or fewer.
+
+    A marker error e turns the pose about that line by about e / (sqrt(k) width).
+    """
+    p_BM = np.asarray(p_BM, dtype=float)
+    if len(p_BM) < FEWEST_MARKERS:
+        return 0.0
+    return float(_width((p_BM - p_BM.mean(axis=0))[None], np.ones((1, len(p_BM)), dtype=bool))[0])
+
+
+def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """(n,) m: RMS distance of the seen markers from the line through them, from (n, k, 3) about any point near."""
+    count = np.maximum(seen.sum(axis=1), 1)[:, None]
+    centred = from_mean - (np.einsum("nk,nki->ni", seen.astype(float), from_mean) / count)[:, None, :]
+    dispersion = np.einsum("nk,nki,nkj->nij", seen.astype(float), centred, centred) / count[:, :, None]
+    values = np.linalg.eigvalsh(dispersion)
+    return np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
