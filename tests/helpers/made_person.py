@@ -105,7 +105,7 @@ def _label_sets() -> dict[str, dict[str, str]]:
             "asis": "S.ASIS", "psis": "S.PSIS", "thigh_1": "S.TH1", "thigh_2": "S.TH2", "thigh_3": "S.TH3",
             "knee_lateral": "S.Knee", "knee_medial": "S.Knee.Med", "shank_1": "S.SH1", "shank_2": "S.SH2",
             "shank_3": "S.SH3", "ankle_lateral": "S.Ankle", "ankle_medial": "S.Ankle.Med", "heel": "S.Heel",
-            "toe": "S.Toe", "met5": "S.MT5"},
+            "toe_tip": "S.Toe", "met5": "S.MT5"},
         "ior": {
             "asis": "SASIS", "psis": "SPSIS", "trochanter": "SGT", "knee_lateral": "SLE", "knee_medial": "SME",
             "fibula_head": "SHF", "tibial_tuberosity": "STT", "ankle_lateral": "SLM", "ankle_medial": "SMM",
