@@ -14,6 +14,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.inertia import frustum_taper, frustum_volume
+from vsf_drake.plants.placement import FootPlacement, foot_placement
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,17 @@ SHANK_RADIUS_M = 0.055
 """Proximal radius of the shank frustum (m), from the same scripts."""
 ANKLE_HEIGHT_RATIO = 0.039
 """Ankle height / stature: Drillis & Contini (1966) as commonly quoted; not checked against the original."""
+LEAST_PYLON_M = 0.01
+"""Shortest pylon (m) that is still one: room for its adapters (a choice)."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """The subject's segments in SI units. Masses sum to the subject's mass, prosthesis included."""
+    """The subject's segments in SI units. Masses sum to the subject's mass, prosthesis included.
+
+    Lengths are the intact leg's unless they say otherwise. Below the prosthetic knee: residual shank,
+    pylon, and the foot at `placement`, `prosthesis_length` in all from the knee centre to the sole.
+    """
 
     mass_kg: float
     table: SegmentTable
@@ -73,9 +80,12 @@ class Body:
     foot_mass: float
     prosthesis_mass: float
     thigh_length: float
+    prosthetic_thigh_length: float
     shank_length: float
     residual_length: float
     pylon_length: float
+    prosthesis_length: float
+    placement: FootPlacement
     ankle_height: float
     foot_length: float
     trunk_length: float
@@ -85,15 +95,28 @@ class Body:
 
     @property
     def leg_length(self) -> float:
-        """Hip centre to sole with the leg straight (m)."""
+        """Hip centre to sole with the intact leg straight (m)."""
         return self.thigh_length + self.shank_length + self.ankle_height
+
+    @property
+    def prosthetic_leg_length(self) -> float:
+        """Hip centre to sole down the prosthetic leg's long axis, straight and unloaded (m)."""
+        return self.prosthetic_thigh_length + self.prosthesis_length
+
+    def thigh_length_of(self, *, intact: bool) -> float:
+        """Hip to knee centre (m) of the intact or the prosthetic leg."""
+        return self.thigh_length if intact else self.prosthetic_thigh_length
 
 
 def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
     """Segments of `subject`: measured lengths where given, else stature times the table's ratio.
 
-    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from leg length, relative to the
-    midpoint of the anterior superior iliac spines, unless measured. The residual shank is the
+    The pylon is as long as it takes for the measured prosthesis: knee to sole down the shank's axis, less
+    the residual shank and what the placed foot takes up of it. Masses go by body mass, not by length: the
+    two thighs weigh the same, and whatever limbs and prosthesis leave is head, arms and trunk.
+
+    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's
+    length, relative to the midpoint of the anterior superior iliac spines, unless measured. The residual shank is the
     proximal part of the intact one, cut at `residual_length_ratio`, of the same density.
 
     Raises:
@@ -106,12 +129,16 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     ankle = subject.ankle_height_m or ANKLE_HEIGHT_RATIO * subject.stature_m
     leg = (0.009 + thigh + shank) / (1 - 0.078)
     residual = socket.residual_length_ratio * shank
-    pylon = shank + ankle - residual - foot.build_height_m
-    if pylon < 0.01:
+    prosthesis_length = subject.prosthesis_length_m or shank + ankle
+    placement = foot_placement(subject)
+    foot_height = placement.sole_below(foot.build_height_m)
+    pylon = prosthesis_length - residual - foot_height
+    if pylon < LEAST_PYLON_M:
         raise InputError(
-            f"no room for the pylon: knee to sole {shank + ankle:.3f} m less residual shank {residual:.3f} m "
-            f"and foot {foot.build_height_m:.3f} m leaves {pylon:.3f} m",
-            where="subject", right="Lower socket.residual_length_ratio or correct the lengths")
+            f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual shank {residual:.3f} m "
+            f"and foot {foot_height:.3f} m leaves {pylon:.3f} m",
+            where="subject", right=f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or "
+            f"correct {'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}")
     mass = subject.mass_kg
     shank_mass = mass * table.shank_mass
     prosthesis = foot.mass_kg + socket.socket_mass_kg + socket.pylon_mass_kg
@@ -128,7 +155,8 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
         mass_kg=mass, table=table, pelvis_mass=mass - limbs,
         thigh_mass=mass * table.thigh_mass, shank_mass=shank_mass, residual_shank_mass=residual_mass,
         foot_mass=mass * table.foot_mass, prosthesis_mass=prosthesis,
-        thigh_length=thigh, shank_length=shank, residual_length=residual, pylon_length=pylon,
+        thigh_length=thigh, prosthetic_thigh_length=subject.prosthetic_thigh_length_m or thigh, shank_length=shank,
+        residual_length=residual, pylon_length=pylon, prosthesis_length=prosthesis_length, placement=placement,
         ankle_height=ankle, foot_length=subject.foot_length_m or scale * table.foot_length,
         trunk_length=scale * table.trunk_length,
         hip_forward=measured(subject.hip_forward_m, 0.011 - 0.063 * leg),

@@ -66,7 +66,7 @@ def _draw_person(plant: MultibodyPlant, person: PersonHandles) -> None:
         intact = side != person.subject.prosthetic_side
         if part == "thigh":
             _draw(plant, segment, "thigh", frustum_shape(THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper,
-                                                         body.thigh_length), SKIN)
+                                                         body.thigh_length_of(intact=intact)), SKIN)
             _draw(plant, segment, "hip", Sphere(THIGH_RADIUS_M), SKIN)
         elif part == "shank":
             length = body.shank_length if intact else body.residual_length

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex, RigidBody
 
 from vsf_drake.parameters import IntactFootParameters, ModelParameters, Subject
 from vsf_drake.plants.anthropometry import (
@@ -67,7 +67,8 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
     """Adds the person with the prosthesis on `subject.prosthetic_side`.
 
     28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum
-    carriage 1) and the keel's own on top.
+    carriage 1) and the keel's own on top. Thighs may differ in length, and the foot sits under the pylon as
+    the subject says (`placement`).
 
     Raises:
         InputError: see `anthropometry.scale_body`.
@@ -88,10 +89,12 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
     foot = _add_intact_foot(plant, instance, body, model.intact_foot, shanks[intact_side], intact_side)
     segments[f"foot_{intact_side}"] = foot
     sites = intact_foot_sites(model.intact_foot, body, foot, intact_side)
+    mirrored = subject.prosthetic_side == "left"
     socket = add_socket(
         plant, shanks[subject.prosthetic_side].body_frame(), model.socket, residual_length=body.residual_length,
-        pylon_length=body.pylon_length, mirrored=subject.prosthetic_side == "left")
-    device = add_foot(plant, socket.distal, model.foot)
+        pylon_length=body.pylon_length, mirrored=mirrored)
+    place = plant.AddFrame(FixedOffsetFrame("foot_place", socket.distal, body.placement.pose(mirrored=mirrored)))
+    device = add_foot(plant, place, model.foot)
     return PersonHandles(
         subject=subject, body=body, coordinate_names=tuple(names), pelvis=pelvis, segments=segments,
         intact_sites=sites, socket=socket, foot=device)
@@ -112,11 +115,11 @@ def _add_pelvis(plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body)
 def _add_leg(
     plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, pelvis: RigidBody, side: str, intact: bool
 ) -> tuple[RigidBody, RigidBody]:
-    table, mirrored = body.table, side == "left"
+    table, mirrored, thigh_length = body.table, side == "left", body.thigh_length_of(intact=intact)
     thigh_taper, shank_taper = frustum_taper(table.thigh_center), frustum_taper(table.shank_center)
     thigh = plant.AddRigidBody(
         f"thigh_{side}", instance,
-        frustum(body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, body.thigh_length))
+        frustum(body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, thigh_length))
     mass, length = body.shank_mass, body.shank_length
     if not intact:
         mass, length = body.residual_shank_mass, body.residual_length
@@ -127,7 +130,7 @@ def _add_leg(
     lateral = body.hip_lateral if mirrored else -body.hip_lateral
     hip = np.array([body.hip_forward, lateral, body.hip_up])
     add_chain(plant, instance, pelvis.body_frame(), hip, thigh, rotations(names[:3], mirrored))
-    knee = np.array([0.0, 0.0, -body.thigh_length])
+    knee = np.array([0.0, 0.0, -thigh_length])
     add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
     return thigh, shank
 
