@@ -1,0 +1,223 @@
+"""Fills what the cameras did not see, where that is honest, and refuses where it is not.
+
+Only markers of the calibration's clusters count. A gap of any of them is closed by the first rule that applies:
+
+1. Three or more other markers of its segment, not on a line, are seen throughout: the marker is put where their rigid
+   pose says, plus its offset from that pose before and after the gap (in the segment's frame), passed linearly from one
+   to the other, so that the path is continuous. Such a gap may have any length, since the segment's pose rests on the
+   others: beyond `longest_gap_s`, "the segment goes on without it", which is noted.
+2. The gap is no longer than `longest_gap_s`: a cubic spline through the frames around it.
+3. It reaches an end of the recording: the recording is trimmed to where every needed marker is there, which is noted.
+   A stretch of less than `SHORTEST_STRETCH_S` between such a gap and the end is trimmed off with it.
+4. Otherwise the recording is refused, with the marker and the interval named.
+
+A marker that is never seen is left out if its segment can do without it, else refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.markers.clusters import determines, needs_joint_centre, subset
+from vsf_drake.motion.markers.poses import rigid_poses
+from vsf_drake.motion.markers.schema import Gap, SegmentMarkers
+
+LONGEST_GAP_S = 0.1
+SHORTEST_STRETCH_S = 0.5
+"""Shorter than a step at any walking speed: nothing in it can be analysed."""
+FEWEST_FRAMES = 6
+"""What a quintic spline through the coordinates needs."""
+SPLINE_FRAMES = 4
+"""Frames on either side of a gap that shape the spline across it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FilledMarkers:
+    """The usable part of a recording without gaps.
+
+    Attributes:
+        segments: the calibration's, with those markers that the recording has.
+        markers: (n, 3) m by label, without NaN.
+        seen: (n,) bool by label, False where filled.
+        start_frame: first frame of the recording that is used; n frames from there are.
+        gaps: what was filled within these.
+        notes: sentences on what was left out, trimmed or filled at length.
+    """
+
+    segments: dict[str, SegmentMarkers]
+    markers: dict[str, np.ndarray]
+    seen: dict[str, np.ndarray]
+    start_frame: int
+    gaps: tuple[Gap, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass
+class _Work:
+    """Markers while they are being filled."""
+
+    recording: Recording
+    longest: int
+    markers: dict[str, np.ndarray]
+    gaps: list[tuple[str, int, int, str]] = field(default_factory=list)
+
+    def seconds(self, frames: int) -> float:
+        return self.recording.marker_start_s + frames / (self.recording.marker_rate_hz or 1.0)
+
+    def interval(self, start: int, stop: int) -> str:
+        return f"{self.seconds(start):.3f} to {self.seconds(stop - 1):.3f} s"
+
+
+def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
+              longest_gap_s: float = LONGEST_GAP_S) -> FilledMarkers:
+    """The usable part of `recording` without gaps in the markers of `segments`, by the rules above.
+
+    Raises:
+        InputError: a segment lacks markers; a gap cannot be filled; too few frames have every needed marker.
+    """
+    if not longest_gap_s >= 0.0:
+        raise InputError(f"the longest gap to fill is {longest_gap_s:g} s", where="longest_gap_s",
+                         right="It must be zero or more")
+    rate = recording.marker_rate_hz
+    if not recording.markers or not rate:
+        raise InputError("there are no markers in this recording", file=recording.path)
+    present, notes = _present(recording, segments)
+    labels = dict.fromkeys(label for markers in present.values() for label in markers.labels)
+    work = _Work(recording, int(np.floor(longest_gap_s * rate + 1e-9)),
+                 {label: np.array(recording.markers[label], dtype=float) for label in labels})
+    for path in work.markers.values():
+        path[~np.isfinite(path).all(axis=1)] = np.nan
+    for markers in present.values():
+        _fill_from_clusters(work, markers)
+    for label in labels:
+        _fill_by_spline(work, label)
+    for markers in present.values():
+        _fill_from_clusters(work, markers)
+    start, stop = _usable(work, notes)
+    gaps = []
+    for label, filled_from, filled_to, how in sorted(work.gaps, key=lambda gap: (gap[1], gap[0])):
+        first, last = max(filled_from, start), min(filled_to, stop)
+        if first < last:
+            gaps.append(Gap(label, work.seconds(first), work.seconds(last - 1), how))
+            if last - first > work.longest:
+                notes.append(f"{label} was not seen from {work.interval(first, last)}: its segment goes on without it")
+    return FilledMarkers(
+        segments=present, markers={label: path[start:stop] for label, path in work.markers.items()},
+        seen={label: np.isfinite(recording.markers[label][start:stop]).all(axis=1) for label in labels},
+        start_frame=start, gaps=tuple(gaps), notes=tuple(notes))
+
+
+def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
+             ) -> tuple[dict[str, SegmentMarkers], list[str]]:
+    """The segments with the markers that are seen at least once; refuses where those do not suffice."""
+    present, notes = {}, []
+    for name, markers in segments.items():
+        absent = [label for label in markers.labels if label not in recording.markers
+                  or not np.isfinite(recording.markers[label]).all(axis=1).any()]
+        present[name] = subset(markers, tuple(label for label in markers.labels if label not in absent))
+        if not determines(name, present[name].p_BM):
+            left = ", ".join(present[name].labels) or "none"
+            what = (f"{', '.join(absent)} never appear{'s' * (len(absent) == 1)}, and without "
+                    f"{'it' if len(absent) == 1 else 'them'} too few markers are left") if absent else (
+                    "too few markers are mapped, or they lie on one line")
+            raise InputError(f"{what} to follow the {name.replace('_', ' ')} (left: {left})", file=recording.path,
+                             right="Three markers that do not lie on a line are needed, or two and the joint centre")
+        if absent:
+            notes.append(f"{', '.join(absent)} never seen: the {name.replace('_', ' ')} is followed without")
+    return present, notes
+
+
+def _runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
+    """The stretches [start, stop) in which `flags` (n,) is True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _fill_from_clusters(work: _Work, markers: SegmentMarkers) -> None:
+    """Rule 1 for every gap of the segment's markers; what is filled here does not serve to fill another."""
+    before = {label: work.markers[label].copy() for label in markers.labels}
+    for own, label in enumerate(markers.labels):
+        for start, stop in list(_runs(np.isnan(work.markers[label][:, 0]))):
+            _fill_one_from_cluster(work, markers, own, before, (start, stop))
+
+
+def _fill_one_from_cluster(work: _Work, markers: SegmentMarkers, own: int, before: dict[str, np.ndarray],
+                           gap: tuple[int, int]) -> None:
+    """Rule 1 for marker number `own`; at the recording's ends as far out as the others are seen without a break."""
+    (start, stop), frames = gap, work.recording.frames
+    first, last = max(start - 1, 0), min(stop + 1, frames)
+    edges = [frame for frame in (start - 1, stop) if 0 <= frame < frames]
+    seen = np.stack([np.isfinite(path[:, 0]) for path in before.values()], axis=1)
+    others = [k for k in range(len(markers.labels)) if k != own and all(seen[edge, k] for edge in edges)]
+    if len(edges) == 2:
+        others = [k for k in others if seen[first:last, k].all()]
+    if not edges or needs_joint_centre(markers.p_BM[others]):
+        return
+    unseen = start + np.flatnonzero(~seen[start:stop][:, others].all(axis=1))
+    if unseen.size and start == 0:
+        first = start = int(unseen[-1]) + 1
+    elif unseen.size:
+        last = stop = int(unseen[0])
+    if start == stop:
+        return
+    paths = np.stack(list(before.values()), axis=1)[first:last]
+    poses = rigid_poses(markers.p_BM[others], paths[:, others])
+    offset_B = np.einsum("nji,nj->ni", poses.R_WB, paths[:, own] - poses.p_WB) - markers.p_BM[own]
+    known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)
+    blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
+    placed = np.einsum("nij,nj->ni", poses.R_WB, markers.p_BM[own] + blended) + poses.p_WB
+    work.markers[markers.labels[own]][start:stop] = placed[start - first:stop - first]
+    work.gaps.append((markers.labels[own], start, stop, "rigid cluster"))
+
+
+def _fill_by_spline(work: _Work, label: str) -> None:
+    """Rule 2: gaps between seen frames, from up to `SPLINE_FRAMES` known ones on either side."""
+    path = work.markers[label]
+    known = np.flatnonzero(np.isfinite(path[:, 0]))
+    for start, stop in list(_runs(np.isnan(path[:, 0]))):
+        left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
+        if stop - start > work.longest or not left.size or not right.size:
+            continue
+        around = np.concatenate((left, right))
+        path[start:stop] = CubicSpline(around, path[around])(np.arange(start, stop))
+        work.gaps.append((label, start, stop, "spline"))
+
+
+def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
+    """Rules 3 and 4: the frames [start, stop) that have every marker."""
+    recording, frames = work.recording, work.recording.frames
+    missing = {label: np.isnan(path[:, 0]) for label, path in work.markers.items()}
+    complete = list(_runs(~np.any(list(missing.values()), axis=0)))
+    if not complete:
+        worst = sorted(missing, key=lambda label: -missing[label].sum())[:4]
+        seen = ", ".join(f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst)
+        raise InputError(f"no frame shows every needed marker: {seen}", file=recording.path)
+    start, stop = max(complete, key=lambda run: run[1] - run[0])
+    shortest = SHORTEST_STRETCH_S * (recording.marker_rate_hz or 1.0)
+    others = [run for run in complete if run != (start, stop) and run[1] - run[0] >= shortest]
+    if others or (len(complete) > 1 and stop - start < shortest):
+        run = (others or [r for r in complete if r != (start, stop)])[0]
+        low, high = (run[1], start) if run[1] <= start else (stop, run[0])
+        label, (first, last) = max(
+            ((label, gap) for label, flags in missing.items() for gap in _runs(flags)
+             if gap[0] < high and gap[1] > low), key=lambda item: item[1][1] - item[1][0])
+        raise InputError(
+            f"marker {label} is missing from {work.interval(first, last)}, longer than the "
+            f"{work.longest / (recording.marker_rate_hz or 1.0):g} s that may be filled, and its segment has no three "
+            "others to stand in", file=recording.path,
+            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps")
+    lacking = [label for label, flags in missing.items() if flags.any()]
+    if stop - start < FEWEST_FRAMES:
+        raise InputError(f"only {stop - start} frames show every needed marker; {', '.join(lacking)} "
+                         f"{'is' if len(lacking) == 1 else 'are'} missing elsewhere", file=recording.path,
+                         right=f"At least {FEWEST_FRAMES} are needed")
+    if (start, stop) != (0, frames):
+        notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
+                     f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} not always seen")
+    return start, stop
