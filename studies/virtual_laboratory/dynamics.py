@@ -1,0 +1,218 @@
+"""One implicit step of the virtual prosthesis, compiled.
+
+Backward Euler on positions: every mass point obeys m ((x - x0) / h - v0) / h = m g + f(x, (x - x0) / h), all
+forces at the end of the step, written in the coordinates (pose of P, hinge angles) and solved by Newton. The
+tangent is assembled body by body as 6 x 6 blocks about P's origin and summed from the toe to A (a composite
+body for each hinge), so that the chain's rotations are exact however far it bends.
+
+Spatial vectors are (about/moment, along/force) in P's axes about P's origin.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from virtual_laboratory.device import Device, State
+from virtual_laboratory.laws import (
+    axial,
+    foam_with_hysteresis,
+    friction,
+    hardening,
+    rotation_matrix,
+    rotation_vector,
+)
+
+TOLERANCE = 1e-9
+"""Largest Newton correction (m, rad) at which a step counts as solved."""
+MOST_ITERATIONS = 40
+LARGEST_CORRECTION = 0.05
+"""Newton corrections are cut to this (m, rad), ten times the motion of a fast step."""
+
+
+@numba.njit(cache=True)
+def chain(device: Device, q: np.ndarray, hinges: np.ndarray, angles: np.ndarray) -> None:
+    """Hinge positions (N + 1, the last is the tip; x, z in P) and the bars' angles (N)."""
+    angle = 0.0
+    hinges[0, 0], hinges[0, 1] = device.anchor[0], device.anchor[2]
+    for i in range(len(q)):
+        angle += q[i]
+        angles[i] = angle
+        hinges[i + 1, 0] = hinges[i, 0] + device.lengths[i] * math.cos(angle)
+        hinges[i + 1, 1] = hinges[i, 1] + device.lengths[i] * math.sin(angle)
+
+
+@numba.njit(cache=True)
+def cell_in_p(device: Device, k: int, hinges: np.ndarray, angles: np.ndarray) -> tuple[float, float, float]:
+    """Position in P of foam cell `k`."""
+    body = device.bodies[k]
+    a, b, c = device.points[k, 0], device.points[k, 1], device.points[k, 2]
+    if body == 0:
+        return a, b, c
+    cosine, sine = math.cos(angles[body - 1]), math.sin(angles[body - 1])
+    return hinges[body - 1, 0] + a * cosine - c * sine, b, hinges[body - 1, 1] + a * sine + c * cosine
+
+
+@numba.njit(cache=True)
+def add_point(
+    wrench: np.ndarray, block: np.ndarray, x: float, y: float, z: float, f: np.ndarray, D: np.ndarray
+) -> None:
+    """Adds force `f` (P axes) at (x, y, z) and its stiffness `D` (3, 3) to a body's wrench and 6 x 6 block."""
+    wrench[0] += y * f[2] - z * f[1]
+    wrench[1] += z * f[0] - x * f[2]
+    wrench[2] += x * f[1] - y * f[0]
+    for i in range(3):
+        wrench[3 + i] += f[i]
+    # block += [rx; 1] D [rx; 1]^T with rx the cross matrix of r
+    E = np.empty((3, 3))
+    for j in range(3):
+        E[0, j] = y * D[2, j] - z * D[1, j]
+        E[1, j] = z * D[0, j] - x * D[2, j]
+        E[2, j] = x * D[1, j] - y * D[0, j]
+    for i in range(3):
+        block[i, 0] += E[i, 2] * y - E[i, 1] * z
+        block[i, 1] += E[i, 0] * z - E[i, 2] * x
+        block[i, 2] += E[i, 1] * x - E[i, 0] * y
+        for j in range(3):
+            block[i, 3 + j] += E[i, j]
+            block[3 + j, i] += E[i, j]
+            block[3 + i, 3 + j] += D[i, j]
+
+
+@numba.njit(cache=True)
+def add_masses(
+    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, h: float,
+    wrench: np.ndarray, block: np.ndarray, turning: np.ndarray,
+) -> None:
+    """Inertia and weight of every mass point."""
+    rigid, bars = len(device.masses), len(device.lengths)
+    D, f, fw = np.zeros((3, 3)), np.empty(3), np.empty(3)
+    for k in range(rigid + bars):
+        if k < rigid:
+            x, y, z = device.mass_points[k, 0], device.mass_points[k, 1], device.mass_points[k, 2]
+            mass, body = device.masses[k], 0
+        else:
+            body = k - rigid + 1
+            x, y, z = hinges[body, 0], device.anchor[1], hinges[body, 1]
+            mass = device.node_masses[body - 1]
+        for i in range(3):
+            now = p[i] + R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+            fw[i] = -mass * ((now - state.mass_x[k, i]) / h - state.mass_v[k, i]) / h
+            D[i, i] = mass / (h * h)
+        fw[2] -= mass * device.gravity
+        for i in range(3):
+            f[i] = R[0, i] * fw[0] + R[1, i] * fw[1] + R[2, i] * fw[2]
+        add_point(wrench[body], block[body], x, y, z, f, D)
+        turning[body] += f[0] * x + f[2] * z
+
+
+@numba.njit(cache=True)
+def add_ground(
+    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, angles: np.ndarray, h: float,
+    wrench: np.ndarray, block: np.ndarray, turning: np.ndarray, forces: np.ndarray, shear: np.ndarray,
+) -> None:
+    """Contact of every foam cell; its force (W) goes to `forces`, the remaining shear of its anchor to `shear`."""
+    fw, f, D, DW = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
+    for k in range(len(device.bodies)):
+        forces[k, 0] = forces[k, 1] = forces[k, 2] = 0.0
+        shear[k, 0] = shear[k, 1] = 0.0
+        x, y, z = cell_in_p(device, k, hinges, angles)
+        height = p[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
+        if height >= 0.0:
+            continue
+        rate = (min(state.cell_x[k, 2], 0.0) - height) / h
+        normal, slope = foam_with_hysteresis(
+            -height, rate, h, device.foam_stiffness[k], device.dense_depth[k], device.hysteresis)
+        if normal <= 0.0:
+            continue
+        dx = p[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z - state.cell_x[k, 0]
+        dy = p[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z - state.cell_x[k, 1]
+        stiffness = device.shear_stiffness[k]
+        damping = stiffness * device.shear_damping_time
+        fw[0], fw[1], shear[k, 0], shear[k, 1], slips = friction(
+            state.shear[k, 0] + dx, state.shear[k, 1] + dy, dx / h, dy / h, stiffness, damping,
+            device.friction * normal)
+        fw[2] = normal
+        tangential = stiffness + damping / h
+        DW[0, 0] = DW[1, 1] = tangential
+        DW[0, 1] = DW[1, 0] = 0.0
+        DW[2, 2] = slope
+        if slips:
+            _slip_stiffness(DW, fw, state.shear[k], dx, dy, stiffness, damping / h)
+        for i in range(3):
+            forces[k, i] = fw[i]
+            f[i] = R[0, i] * fw[0] + R[1, i] * fw[1] + R[2, i] * fw[2]
+        _rotate(DW, R, D)
+        body = device.bodies[k]
+        add_point(wrench[body], block[body], x, y, z, f, D)
+        turning[body] += f[0] * x + f[2] * z
+
+
+@numba.njit(cache=True)
+def _slip_stiffness(
+    D: np.ndarray, f: np.ndarray, shear: np.ndarray, dx: float, dy: float, stiffness: float, damping: float
+) -> None:
+    """Tangent of the cut force: only across the direction of slip (how it grows with the normal force is left out)."""
+    tx = stiffness * (shear[0] + dx) + damping * dx
+    ty = stiffness * (shear[1] + dy) + damping * dy
+    size = math.sqrt(tx * tx + ty * ty)
+    limit = math.sqrt(f[0] ** 2 + f[1] ** 2)
+    across = limit / size * (stiffness + damping)
+    ux, uy = tx / size, ty / size
+    D[0, 0], D[0, 1] = across * uy * uy, -across * ux * uy
+    D[1, 0], D[1, 1] = -across * ux * uy, across * ux * ux
+
+
+@numba.njit(cache=True)
+def _rotate(D_W: np.ndarray, R: np.ndarray, D: np.ndarray) -> None:
+    """D = R^T D_W R."""
+    for i in range(3):
+        a0 = R[0, i] * D_W[0, 0] + R[1, i] * D_W[1, 0]
+        a1 = R[0, i] * D_W[0, 1] + R[1, i] * D_W[1, 1]
+        a2 = R[2, i] * D_W[2, 2]
+        for j in range(3):
+            D[i, j] = a0 * R[0, j] + a1 * R[1, j] + a2 * R[2, j]
+
+
+@numba.njit(cache=True)
+def socket_displacement(
+    device: Device, R: np.ndarray, p: np.ndarray, R_S: np.ndarray, p_S: np.ndarray
+) -> np.ndarray:
+    """(6,) displacement (m) and rotation vector (rad) of P against the end of the residual limb, in S."""
+    u = np.empty(6)
+    gap = p - p_S + device.residual_length * R_S[:, 2]
+    u[:3] = R_S.T @ gap
+    u[3:] = rotation_vector(R_S.T @ R)
+    return u
+
+
+@numba.njit(cache=True)
+def add_socket(
+    device: Device, state: State, R: np.ndarray, R_S: np.ndarray, u: np.ndarray, h: float,
+    wrench: np.ndarray, block: np.ndarray, load: np.ndarray,
+) -> None:
+    """The limb's action on the socket; `load` gets the socket's action on the limb in S about its end."""
+    s = device.socket
+    force, slope = np.empty(6), np.empty(6)
+    force[0], slope[0] = hardening(u[0], s[3], s[4])
+    force[1], slope[1] = hardening(u[1], s[3], s[4])
+    force[2], slope[2] = axial(u[2], s[0], s[1], s[2])
+    force[3], slope[3] = hardening(u[3], s[5], s[6])
+    force[4], slope[4] = hardening(u[4], s[5], s[6])
+    force[5], slope[5] = hardening(u[5], s[7], s[8])
+    for i in range(6):
+        force[i] += device.socket_damping[i] * (u[i] - state.socket[i]) / h
+        slope[i] += device.socket_damping[i] / h
+    w = u[3:]
+    W = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    inverse_left = np.eye(3) - 0.5 * W + W @ W / 12.0
+    moment = inverse_left.T @ force[3:]
+    Q = R_S.T @ R
+    B = inverse_left @ Q
+    wrench[0, :3] -= Q.T @ moment
+    wrench[0, 3:] -= Q.T @ force[:3]
+    block[0, :3, :3] += B.T @ np.diag(slope[3:]) @ B
+    block[0, 3:, 3:] += Q.T @ np.diag(slope[:3]) @ Q
+    load[:3] = force[:3]
+    load[3:] = moment + np.cross(u[:3], force[:3])

@@ -1,0 +1,98 @@
+"""Force laws of the virtual laboratory, compiled. None is shared with the model under test.
+
+Foam: progressive to densification, with hysteresis after Hunt & Crossley (1975, doi 10.1115/1.3423596).
+Friction: Coulomb with an elastic anchor (the bristle of Cundall & Strack 1979, doi 10.1680/geot.1979.29.1.47):
+below mu N the sole shears and does not creep. Socket: exponential, as soft tissue hardens.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+DENSE_FROM = 0.85
+"""Compression / densification depth beyond which the foam goes on with the stiffness it has there, so that a Newton
+iterate beyond densification still has a finite force."""
+
+
+@numba.njit(cache=True)
+def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, float]:
+    """Elastic force (N) k d / (1 - d / dense) of a foam cell and its slope (N/m); zero out of contact."""
+    if depth <= 0.0:
+        return 0.0, 0.0
+    u = depth / dense_depth
+    if u < DENSE_FROM:
+        return stiffness * depth / (1.0 - u), stiffness / (1.0 - u) ** 2
+    slope = stiffness / (1.0 - DENSE_FROM) ** 2
+    force = stiffness * DENSE_FROM * dense_depth / (1.0 - DENSE_FROM)
+    return force + slope * (depth - DENSE_FROM * dense_depth), slope
+
+
+@numba.njit(cache=True)
+def foam_with_hysteresis(
+    depth: float, rate: float, step: float, stiffness: float, dense_depth: float, hysteresis: float
+) -> tuple[float, float]:
+    """Force f (1 + c rate) >= 0 and its slope in depth when rate = (depth - before) / step."""
+    force, slope = foam(depth, stiffness, dense_depth)
+    factor = 1.0 + hysteresis * rate
+    if factor <= 0.0:
+        return 0.0, 0.0
+    return force * factor, slope * factor + force * hysteresis / step
+
+
+@numba.njit(cache=True)
+def friction(
+    shear_x: float, shear_y: float, rate_x: float, rate_y: float, stiffness: float, damping: float, limit: float
+) -> tuple[float, float, float, float, bool]:
+    """Force (x, y) of an anchor sheared by (x, y), the shear that remains and whether it slips.
+
+    Sticking, the force is -(k shear + c rate); where that exceeds `limit` (mu N) it is cut to it and the
+    anchor follows (radial return), which never gives energy back.
+    """
+    fx, fy = -(stiffness * shear_x + damping * rate_x), -(stiffness * shear_y + damping * rate_y)
+    size = math.sqrt(fx * fx + fy * fy)
+    if size <= limit:
+        return fx, fy, shear_x, shear_y, False
+    ratio = limit / size
+    fx, fy = fx * ratio, fy * ratio
+    return fx, fy, -fx / stiffness, -fy / stiffness, True
+
+
+@numba.njit(cache=True)
+def hardening(u: float, stiffness: float, scale: float) -> tuple[float, float]:
+    """k a sinh(u / a) and its slope, continued as a straight line beyond u = 4 a."""
+    x = min(max(u / scale, -4.0), 4.0)
+    slope = stiffness * math.cosh(x)
+    return stiffness * scale * math.sinh(x) + slope * (u - x * scale), slope
+
+
+@numba.njit(cache=True)
+def axial(u: float, force: float, scale: float, linear: float) -> tuple[float, float]:
+    """F (exp(u / a) - 1) + linear u and its slope, continued as a straight line beyond u = 4 a."""
+    x = min(u / scale, 4.0)
+    grown = math.exp(x)
+    slope = force / scale * grown
+    return force * (grown - 1.0) + linear * u + slope * (u - x * scale), slope + linear
+
+
+@numba.njit(cache=True)
+def rotation_vector(R: np.ndarray) -> np.ndarray:
+    """Rotation vector (rad) of a rotation matrix whose angle is well below pi."""
+    w = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    if sine < 1e-9:
+        return w
+    return w * (math.atan2(sine, cosine) / sine)
+
+
+@numba.njit(cache=True)
+def rotation_matrix(w: np.ndarray) -> np.ndarray:
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+    a = math.sin(angle) / angle if angle > 1e-9 else 1.0
+    b = (1.0 - math.cos(angle)) / angle**2 if angle > 1e-4 else 0.5
+    W = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    return np.eye(3) + a * W + b * (W @ W)

@@ -1,0 +1,182 @@
+"""The synthetic person's body as the model has it, and the motion that everything starts from.
+
+Coordinates, in this order everywhere: `vsf_drake.motion.kinematics.person_coordinates("right")`, m and rad. Poses,
+Jacobians and the centre of mass come from the very plant that `vsf_drake` walks with, the prosthesis undeformed, so
+that what is written as joint angles is what the virtual prosthesis was driven by.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from scipy.interpolate import BSpline
+from virtual_laboratory.targets import Draw
+
+from vsf_drake.motion.kinematics import person_coordinates
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.foot import sole_height
+from vsf_drake.plants.person import add_person
+
+ANGLES = Path(__file__).resolve().parents[2] / "data" / "published" / "able_bodied_angles_1p1mps.csv"
+LEG = {"hip_flexion": "hip_flexion", "hip_adduction": "hip_adduction", "hip_rotation": "hip_rotation",
+       "knee_angle": "knee_flexion", "knee_adduction": "knee_adduction", "knee_rotation": "knee_rotation"}
+COORDINATES = person_coordinates("right")
+SEGMENTS = ("pelvis", "thigh_right", "shank_right", "vsf_frame", "thigh_left", "shank_left", "foot_left")
+SHANK, DEVICE, INTACT_FOOT = SEGMENTS.index("shank_right"), SEGMENTS.index("vsf_frame"), SEGMENTS.index("foot_left")
+PUBLISHED_STRIDE_M = 1.1 * 1.26
+"""Stride (m) that the published angles make on this subject's legs (studies/make_synthetic_walk.py)."""
+LOADING_PEAK, LOADING_WIDTH = 0.14, 0.055
+"""Phase of the published knee's flexion under load and the width of the bump that is taken from it."""
+DEGREE, KNOT_SPACING_S = 5, 0.04
+"""Corrections are quintic splines; knots every 40 ms let them reach about 10 Hz."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The body over N instants, S segments (`SEGMENTS`) and the 21 coordinates.
+
+    Attributes:
+        R_WB, p_WB: (N, S, 3, 3) and (N, S, 3) m.
+        J_WB: (N, S, 6, 21) rotation (rad) and translation of the origin (m) per coordinate, in W.
+        com_W: (N, 3) m; J_com: (N, 3, 21).
+    """
+
+    R_WB: np.ndarray
+    p_WB: np.ndarray
+    J_WB: np.ndarray
+    com_W: np.ndarray
+    J_com: np.ndarray
+
+    def point(self, segment: int, p_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A point fixed in a segment, p_B (N, 3) or (3,) m: where it is (N, 3) m in W, and its (N, 3, 21) Jacobian."""
+        lever = np.einsum("nij,nj->ni", self.R_WB[:, segment], np.broadcast_to(p_B, self.p_WB[:, segment].shape))
+        return self.p_WB[:, segment] + lever, self.carried(segment, lever)
+
+    def carried(self, segment: int, lever_W: np.ndarray) -> np.ndarray:
+        """(N, 3, 21) Jacobian of the segment's material point at `lever_W` (N, 3) m from its origin."""
+        turn, shift = self.J_WB[:, segment, :3], self.J_WB[:, segment, 3:]
+        return shift + np.cross(turn, lever_W[:, :, None], axisa=1, axisb=1, axisc=1)
+
+
+class Person:
+    """Kinematics of the subject, by Drake."""
+
+    def __init__(self, subject: Subject, model: ModelParameters) -> None:
+        self.subject, self.model = subject, model
+        self._plant = MultibodyPlant(0.0)
+        self.handles = add_person(self._plant, subject, model)
+        self._plant.Finalize()
+        self._context = self._plant.CreateDefaultContext()
+        self._bodies = [self._plant.GetBodyByName(name) for name in SEGMENTS]
+        joints = [self._plant.GetJointByName(name) for name in COORDINATES]
+        self._position = np.array([joint.position_start() for joint in joints])
+        self._velocity = np.array([joint.velocity_start() for joint in joints])
+        rest = self.poses(np.zeros((1, len(COORDINATES))))
+        self.p_SK = rest[1][0, DEVICE] - rest[1][0, SHANK]
+        """(3,) m, origin of the keel frame in the shank's, the prosthesis undeformed."""
+        self.sole_height = sole_height(model.foot)
+
+    def _set(self, q: np.ndarray) -> None:
+        full = np.zeros(self._plant.num_positions())
+        full[self._position] = q
+        self._plant.SetPositions(self._context, full)
+
+    def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """R_WB (N, S, 3, 3) and p_WB (N, S, 3) m of the segments for coordinates q (N, 21)."""
+        X = np.empty((len(q), len(self._bodies), 3, 4))
+        for k, row in enumerate(q):
+            self._set(row)
+            X[k] = [body.EvalPoseInWorld(self._context).GetAsMatrix34() for body in self._bodies]
+        return X[..., :3], X[..., 3]
+
+    def centre_of_mass(self, q: np.ndarray) -> np.ndarray:
+        """(N, 3) m of the whole person, prosthesis included, for coordinates q (N, 21)."""
+        found = np.empty((len(q), 3))
+        for k, row in enumerate(q):
+            self._set(row)
+            found[k] = self._plant.CalcCenterOfMassPositionInWorld(self._context)
+        return found
+
+    def linearise(self, q: np.ndarray) -> Linearised:
+        """Poses, centre of mass and their Jacobians for coordinates q (N, 21)."""
+        R_WB, p_WB = self.poses(q)
+        world, count = self._plant.world_frame(), len(COORDINATES)
+        J_WB, J_com = np.empty((len(q), len(SEGMENTS), 6, count)), np.empty((len(q), 3, count))
+        for k, row in enumerate(q):
+            self._set(row)
+            for i, body in enumerate(self._bodies):
+                J_WB[k, i] = self._plant.CalcJacobianSpatialVelocity(
+                    self._context, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), world, world)[
+                        :, self._velocity]
+            J_com[k] = self._plant.CalcJacobianCenterOfMassTranslationalVelocity(
+                self._context, JacobianWrtVariable.kV, world, world)[:, self._velocity]
+        return Linearised(R_WB, p_WB, J_WB, self.centre_of_mass(q), J_com)
+
+
+@dataclass(frozen=True)
+class Splines:
+    """Smooth functions over `time_s` (N,): values (N, K), and what their roughness costs.
+
+    Attributes:
+        values: (N, K) of the K splines; each row has DEGREE + 1 non-zero ones from `first` (N,) on.
+        roughness: (K, K) mean over time of products of third derivatives.
+    """
+
+    time_s: np.ndarray
+    values: np.ndarray
+    first: np.ndarray
+    roughness: np.ndarray
+
+
+def make_splines(time_s: np.ndarray) -> Splines:
+    """Clamped splines over the span of `time_s` (N,) s, evenly spaced knots."""
+    start, end = float(time_s[0]), float(time_s[-1])
+    inner = np.linspace(start, end, round((end - start) / KNOT_SPACING_S) + 1)
+    knots = np.concatenate([np.full(DEGREE, start), inner, np.full(DEGREE, end)])
+    count = len(knots) - DEGREE - 1
+    values = BSpline.design_matrix(np.clip(time_s, start, end), knots, DEGREE).toarray()
+    third = BSpline(knots, np.eye(count), DEGREE).derivative(3)(time_s)
+    first = np.clip(np.searchsorted(inner, time_s, side="right") - 1, 0, len(inner) - 2)
+    return Splines(time_s, values, first, third.T @ third / len(time_s))
+
+
+def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
+    """(N, 21) published curves with the trial's own speed, cadence and amplitudes; heel strike of the right at 0 s.
+
+    The right knee gives way less under load. The pelvis goes at a steady speed at height zero: placing it over the
+    feet is up to the fit.
+    """
+    series = _read_series()
+    right, left = time_s / draw.stride_s, (time_s - draw.intact_strike_s) / draw.stride_s
+    stretch = draw.speed_m_per_s * draw.stride_s / PUBLISHED_STRIDE_M
+
+    def wave(name: str, phase: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        a = series[name]
+        turn = 2 * np.pi * np.multiply.outer(phase, np.arange(1, (len(a) + 1) // 2))
+        return a[0] + scale * (np.cos(turn) @ a[1::2] + np.sin(turn) @ a[2::2])
+
+    angles = {"pelvis_tilt": -wave("pelvis_anterior_tilt", right) - draw.tilt_deg,
+              "pelvis_list": -wave("pelvis_up", right, draw.list_scale),
+              "pelvis_rotation": wave("pelvis_forward", right, draw.rotation_scale)}
+    for side, phase in (("r", right), ("l", left)):
+        angles |= {f"{name}_{side}": wave(published, phase, stretch if name == "hip_flexion" else 1.0)
+                   for name, published in LEG.items()}
+        angles[f"hip_flexion_{side}"] += draw.tilt_deg
+    published_peak = float(wave("knee_flexion", np.array([LOADING_PEAK]))[0])
+    off = (right % 1.0 - LOADING_PEAK) / LOADING_WIDTH
+    angles["knee_angle_r"] -= (published_peak - draw.knee_loading_deg) * np.exp(-0.5 * off**2)
+    angles["ankle_angle_l"] = wave("ankle_dorsiflexion", left)
+    values = {name: np.radians(curve) for name, curve in angles.items()}
+    values["pelvis_tx"] = draw.speed_m_per_s * (time_s - 0.5 * draw.stance_s)
+    return np.column_stack([values.get(name, np.zeros(len(time_s))) for name in COORDINATES])
+
+
+def _read_series() -> dict[str, np.ndarray]:
+    """Angle -> (1 + 2 * harmonics,) coefficients a0, a1, b1, a2, ... in degrees."""
+    rows = list(csv.reader(line for line in ANGLES.read_text().splitlines() if not line.startswith("#")))
+    return {row[0]: np.array(row[1:-1], dtype=float) for row in rows[1:]}

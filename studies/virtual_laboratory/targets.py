@@ -1,0 +1,207 @@
+"""What each trial aims at: random draws of how somebody walks, and the forces that go with them.
+
+Nothing here is measured. Ranges are those usually given for the prosthetic side of people with one transtibial
+prosthesis who walk at 1.0 to 1.2 m/s (vertical peaks 1.0 to 1.1 BW, trough 0.78 to 0.88, braking 0.10 to 0.14,
+propulsion 0.08 to 0.13, step width 0.12 to 0.16 m, stance knee flexion 5 to 12 degrees: textbook knowledge, not traced
+to one source). Stance times are published (McGeehan 2021, doi 10.1115/1.4050456).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.stats import norm
+
+CONDITIONS = {"low": 66.0, "medium": 108.0, "high": 151.0}
+"""Fulcrum position (mm) by name of the published condition."""
+TRIALS_PER_CONDITION = 3
+STANCE_S = {"low": (0.73, 0.02), "medium": (0.79, 0.01), "high": (0.71, 0.02)}
+"""Published stance time of the prosthetic foot, mean and standard deviation (s)."""
+SPREAD = {
+    "walk_m": (0.82, 0.02),
+    "duty": (0.61, 0.008),
+    "intact_duty": (0.64, 0.008),
+    "intact_step": (0.487, 0.008),
+    "step_width_m": (0.140, 0.008),
+    "toe_out_deg": (6.0, 1.5),
+    "tilt_deg": (0.0, 1.5),
+    "list_scale": (1.0, 0.15),
+    "rotation_scale": (1.0, 0.2),
+    "knee_loading_deg": (10.0, 1.5),
+    "first_peak_bw": (1.05, 0.025),
+    "trough_bw": (0.83, 0.025),
+    "second_peak_bw": (1.05, 0.025),
+    "loading": (0.0, 0.008),
+    "first_peak_at": (0.25, 0.02),
+    "trough_at": (0.48, 0.015),
+    "second_peak_at": (0.76, 0.015),
+    "unloading": (0.0, 0.006),
+    "braking_bw": (0.12, 0.010),
+    "propulsion_bw": (0.105, 0.012),
+    "lateral_bw": (0.045, 0.007),
+    "roll_over": (0.0, 0.02),
+}
+"""Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs from
+stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+WIDEST_SD = 1.6
+"""No draw lies farther from its mean than this many standard deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """How one trial is walked. Times in s from the prosthetic foot's heel strike.
+
+    Attributes:
+        walk_m: what the body advances during the prosthetic stance.
+        duty, intact_duty: stance / stride of either foot; intact_step: instant of the intact foot's strike / stride.
+        step_width_m, toe_out_deg: of the feet on the floor.
+        tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published pelvic curves.
+        knee_loading_deg: prosthetic knee's flexion under load at the start of the fit.
+        first_peak_bw ... lateral_bw: forces in body weights; ..._at: when, in parts of stance.
+        loading, unloading: how much later the foot takes over and gives up its load, in parts of stance.
+        roll_over: how much later the centre of pressure passes along the foot, in parts of stance.
+    """
+
+    condition: str
+    number: int
+    stance_s: float
+    walk_m: float
+    duty: float
+    intact_duty: float
+    intact_step: float
+    step_width_m: float
+    toe_out_deg: float
+    tilt_deg: float
+    list_scale: float
+    rotation_scale: float
+    knee_loading_deg: float
+    first_peak_bw: float
+    trough_bw: float
+    second_peak_bw: float
+    loading: float
+    first_peak_at: float
+    trough_at: float
+    second_peak_at: float
+    unloading: float
+    braking_bw: float
+    propulsion_bw: float
+    lateral_bw: float
+    roll_over: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.condition}_{self.number}"
+
+    @property
+    def fulcrum_m(self) -> float:
+        return 1e-3 * CONDITIONS[self.condition]
+
+    @property
+    def stride_s(self) -> float:
+        return self.stance_s / self.duty
+
+    @property
+    def speed_m_per_s(self) -> float:
+        return self.walk_m / self.stance_s
+
+    @property
+    def intact_strike_s(self) -> float:
+        return self.intact_step * self.stride_s
+
+    @property
+    def intact_lift_s(self) -> float:
+        """End of the intact foot's stance in which the prosthetic foot strikes."""
+        return self.intact_strike_s - (1.0 - self.intact_duty) * self.stride_s
+
+
+def draw_trials(seed: int) -> list[Draw]:
+    """Nine trials. Every quantity is drawn once from each third of its normal distribution, in random order.
+
+    Three such draws (a Latin hypercube) have the stated spread, where three independent ones may by chance lie together.
+    """
+    random = np.random.default_rng(seed)
+    trials = []
+    for condition, stance in STANCE_S.items():
+        drawn = {}
+        for name, (mean, deviation) in {"stance_s": stance, **SPREAD}.items():
+            third = (random.permutation(TRIALS_PER_CONDITION) + random.uniform(size=TRIALS_PER_CONDITION))
+            size = np.clip(norm.ppf(third / TRIALS_PER_CONDITION), -WIDEST_SD, WIDEST_SD)
+            drawn[name] = mean + deviation * size
+        trials += [Draw(condition=condition, number=i + 1, **{n: float(v[i]) for n, v in drawn.items()})
+                   for i in range(TRIALS_PER_CONDITION)]
+    return trials
+
+
+def describe(draw: Draw) -> dict[str, float]:
+    """The draw's numbers by name."""
+    return {f.name: getattr(draw, f.name) for f in fields(draw) if f.name not in ("condition", "number")}
+
+
+def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
+    """Smooth through `points` from (0, 0) to (1, 0), level at both ends; zero outside. `part` (n,) is of stance."""
+    x, y = np.array([(0.0, 0.0), *points, (1.0, 0.0)]).T
+    level = ([(1, 0.0)], [(1, 0.0)])
+    return np.where((part > 0.0) & (part < 1.0), make_interp_spline(x, y, bc_type=level)(np.clip(part, 0.0, 1.0)), 0.0)
+
+
+def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
+    """(n, 3) in body weights in W: forward, left, up; what the fit aims at, not what comes out."""
+    d = draw
+    part = time_s / d.stance_s
+    first, middle, second = d.first_peak_at, d.trough_at, d.second_peak_at
+    vertical = _curve(part, [
+        (0.04 + 0.5 * d.loading, 0.17), (0.25 * first + 0.04 + d.loading, 0.45),
+        (0.62 * first + d.loading, 0.83 * d.first_peak_bw), (first, d.first_peak_bw),
+        (0.5 * (first + middle), 0.48 * d.first_peak_bw + 0.52 * d.trough_bw), (middle, d.trough_bw),
+        (0.5 * (middle + second), 0.5 * (d.trough_bw + d.second_peak_bw)), (second, d.second_peak_bw),
+        (0.5 * second + 0.47 + d.unloading, 0.80 * d.second_peak_bw), (0.935 + 0.7 * d.unloading, 0.37),
+        (0.97 + 0.4 * d.unloading, 0.12)])
+    forward = _curve(part, [
+        (0.05, -0.25 * d.braking_bw), (0.17, -d.braking_bw), (0.33, -0.55 * d.braking_bw), (0.52, 0.0),
+        (0.70, 0.55 * d.propulsion_bw), (0.855, d.propulsion_bw), (0.93, 0.5 * d.propulsion_bw),
+        (0.97, 0.15 * d.propulsion_bw)])
+    left = _curve(part, [
+        (0.05, 0.05 * d.lateral_bw), (0.22, d.lateral_bw), (0.47, 0.75 * d.lateral_bw), (0.76, 0.95 * d.lateral_bw),
+        (0.9, 0.4 * d.lateral_bw), (0.97, 0.08 * d.lateral_bw)])
+    return np.column_stack([forward, left, vertical])
+
+
+def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
+    """(n, 3) in body weights in W: of the intact foot, so that both feet carry the person over a stride.
+
+    Vertical and lateral impulses over one stride balance weight and the other foot exactly; the forward one likewise.
+    """
+    d = draw
+    length = d.intact_duty * d.stride_s
+    fine = np.linspace(0.0, d.stance_s, 1001)
+    means = np.trapezoid(prosthetic_force(d, fine), fine, axis=0) / d.stride_s
+    part = np.linspace(0.0, 1.0, 1001)
+
+    def shape(x: np.ndarray, bump: float = 0.0) -> np.ndarray:
+        vertical = _curve(x, [(0.04, 0.17), (0.10, 0.5), (0.15, 0.85), (0.23, 1.08), (0.35, 0.92), (0.47, 0.78),
+                              (0.60, 0.90), (0.76, 1.07), (0.87, 0.78), (0.94, 0.35), (0.97, 0.12)])
+        forward = _curve(x, [(0.05, -0.035), (0.17, -0.145), (0.33, -0.07), (0.52, 0.0), (0.70, 0.08), (0.86, 0.16),
+                             (0.93, 0.08), (0.97, 0.025)])
+        lateral = _curve(x, [(0.05, 0.05), (0.22, 1.0), (0.47, 0.75), (0.76, 0.95), (0.9, 0.4), (0.97, 0.08)])
+        return np.column_stack([forward, lateral, vertical])
+
+    reached = np.trapezoid(shape(part), part, axis=0) * d.intact_duty
+    lateral_scale, vertical_scale = -means[1] / reached[1], (1.0 - means[2]) / reached[2]
+    level = (-means[0] - reached[0]) / (np.trapezoid(shape(part)[:, 2], part) * d.intact_duty)
+
+    def one(start_s: float) -> np.ndarray:
+        force = shape((time_s - start_s) / length)
+        vertical = force[:, 2]
+        return np.column_stack([force[:, 0] + level * vertical, lateral_scale * force[:, 1], vertical_scale * vertical])
+
+    return sum(one(d.intact_strike_s + k * d.stride_s) for k in (-1, 0, 1))
+
+
+def roll_over(part: np.ndarray, delay: float = 0.0) -> np.ndarray:
+    """Centre of pressure along a foot, 0 at its heel's and 1 at its forefoot's support, over parts of stance (n,)."""
+    at = np.array([0.0, 0.10, 0.20, 0.30, 0.42, 0.55, 0.68, 0.82, 1.0])
+    at[1:-1] += delay
+    along = np.array([0.0, 0.03, 0.13, 0.34, 0.57, 0.75, 0.88, 0.97, 1.0])
+    return np.clip(make_interp_spline(at, along, k=3)(np.clip(part, 0.0, 1.0)), 0.0, 1.0)
