@@ -1,0 +1,208 @@
+"""Every check of one trial, from markers or from joint angles, and what a report needs to show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.recording import angle_checks, force_checks, ground_checks, marker_checks
+from vsf_drake.analysis.recording.check import Check, worst
+from vsf_drake.analysis.recording.foot import FootMotion
+from vsf_drake.analysis.recording.foot_checks import foot_checks
+from vsf_drake.analysis.recording.model_feet import model_feet
+from vsf_drake.motion.contacts import Contact
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
+from vsf_drake.motion.markers.schema import Calibration, FootTrack, TrackedMotion
+from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
+from vsf_drake.motion.trial import Trial
+
+GRID_S = 1e-3
+PARTIAL_S = 0.12
+"""A plate that sees less of a stance than its motion tells by more than this has seen a part of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerEvidence:
+    """What a trial made from markers leaves to check.
+
+    Attributes:
+        tracked: the motion. calibration: the standing person. recording: the walk as read.
+        cutoff_hz: of the filter; None where the recording was taken as filtered already.
+        contacts: which plate is which foot.
+    """
+
+    tracked: TrackedMotion
+    calibration: Calibration
+    recording: Recording
+    cutoff_hz: float | None
+    contacts: tuple[Contact, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """A trial with all that was found about it.
+
+    Attributes:
+        checks: in the order of the report. notes: the trial's, and the tracking's.
+        feet: the feet that were judged, as markers saw them where there are any. model_feet: the model's.
+        measured, stances: by side, the stances that plates saw, and all of them.
+    """
+
+    trial: Trial
+    markers: MarkerEvidence | None
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+    feet: dict[str, FootMotion]
+    model_feet: dict[str, FootMotion]
+    measured: dict[str, list[Stance]]
+    stances: dict[str, list[Stance]]
+
+    @property
+    def mark(self) -> str:
+        """The worst of all marks."""
+        return worst(check.mark for check in self.checks)
+
+
+def examine(trial: Trial, markers: MarkerEvidence | None = None) -> Examined:
+    """Looks at one trial from every side.
+
+    Args:
+        trial: as loaded. markers: what it was made from, if that was markers.
+
+    Raises:
+        InputError: the person's segments do not fit together.
+    """
+    model = model_feet(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
+    feet = model if markers is None else _tracked_feet(trial, markers)
+    pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
+    measured = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
+    moving = _moving(feet, pelvis, trial)
+    stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
+               for side in SIDES}
+    checks: list[Check] = []
+    for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
+        cop = _cop_at(feet[side].time_s, trial.plates.get(side))
+        checks += foot_checks(feet[side], stances[side], cop)
+        checks += _ground(model[side], [s for s in measured.get(side, []) if _overlaps(s, trial)], trial)
+        if cop is not None:
+            checks += _present(force_checks.cop_under_foot(feet[side], trial.plates[side], cop))
+    checks += _forces(trial, measured, moving)
+    checks += _angles(trial, markers, pelvis)
+    if markers is not None:
+        checks += _markers(markers)
+    notes = trial.notes if markers is None else tuple(dict.fromkeys((*trial.notes, *markers.tracked.notes)))
+    return Examined(trial, markers, tuple(checks), notes, feet, model, measured, stances)
+
+
+def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
+    """(n, 3) m, the pelvis's origin at `time_s`."""
+    names = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+    return os_to_world(trial.trajectory.ordered(names).sample(time_s)[0])
+
+
+def _tracked_feet(trial: Trial, markers: MarkerEvidence) -> dict[str, FootMotion]:
+    """The feet as markers saw them, moved onto the belt as the trial's pelvis was."""
+    tracked = markers.tracked
+    time = np.clip(tracked.time_s, trial.trajectory.start_s, trial.trajectory.end_s)
+    columns = [tracked.names.index(name) for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
+    shift = pelvis_in_world(time, trial) - os_to_world(tracked.values[:, columns])
+    shift[:, 2] = 0.0
+    feet = {}
+    for side, track in tracked.feet.items():
+        points = [p + shift for p in (track.heel_W, track.toe_W, track.ankle_W)]
+        feet[side] = FootMotion(side, tracked.time_s, *points, prosthetic=side == trial.subject.prosthetic_side,
+                                lowest_m=np.minimum(points[0][:, 2], points[1][:, 2]))
+    return feet
+
+
+def _moving(feet: Mapping[str, FootMotion], pelvis: np.ndarray, trial: Trial) -> dict[str, list[Stance]]:
+    tracks = {side: FootTrack(foot.heel_W, foot.toe_W, foot.ankle_W) for side, foot in feet.items()}
+    paths = {side: _at(foot.time_s, trial.trajectory.time_s, pelvis) for side, foot in feet.items()}
+    forward = walking_direction(tracks, pelvis)
+    return {side: kinematic_stances(foot.time_s, tracks[side], paths[side], forward_W=forward)
+            for side, foot in feet.items()}
+
+
+def _joined(moving: Sequence[Stance], measured: Sequence[Stance]) -> list[Stance]:
+    """All stances; where a plate saw the whole of one, its instants."""
+    found = []
+    for stance in moving:
+        whole = [m for m in measured if _common(m, stance) > 0.5 * m.duration_s
+                 and abs(m.start_s - stance.start_s) + abs(m.end_s - stance.end_s) < 2 * PARTIAL_S and m.complete]
+        found.append(whole[0] if whole else stance)
+    found += [m for m in measured if not any(_common(m, s) > 0.0 for s in found)]
+    return sorted(found, key=lambda s: s.start_s)
+
+
+def _ground(foot: FootMotion, stances: Sequence[Stance], trial: Trial) -> list[Check]:
+    return [*_present(ground_checks.touch_down(foot, stances)),
+            *_present(ground_checks.depth(foot, stances, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m))]
+
+
+def _forces(trial: Trial, measured: Mapping[str, list[Stance]], moving: Mapping[str, list[Stance]]) -> list[Check]:
+    motion = trial.trajectory.ordered(("pelvis_ty",))
+    start = max([motion.start_s, *(float(plate.time_s[0]) for plate in trial.plates.values())])
+    end = min([motion.end_s, *(float(plate.time_s[-1]) for plate in trial.plates.values())])
+    time = np.arange(start, end, GRID_S)
+    if len(time) < 3:
+        return []
+    vertical = force_checks.total_vertical(time, trial.plates)
+    known = force_checks.covered(time, trial.plates, measured, moving)
+    _, velocity, acceleration = motion.sample(time)
+    found = [force_checks.mass(time, vertical, velocity[:, 0], known, mass_kg=trial.subject.mass_kg,
+                               feet=len(trial.plates))]
+    found += _present(force_checks.lag(time, vertical, acceleration[:, 0], known))
+    return found + _present(force_checks.event_lag(measured, moving))
+
+
+def _angles(trial: Trial, markers: MarkerEvidence | None, pelvis: np.ndarray) -> list[Check]:
+    motion = trial.trajectory
+    angles = dict(zip(motion.names, motion.values.T, strict=True))
+    speed = np.linalg.norm(np.gradient(pelvis[:, :2], motion.time_s, axis=0), axis=1)
+    standing = None if markers is None else markers.calibration.angles_rad
+    found = [angle_checks.zeroed(motion.time_s, angles, standing, speed)]
+    found += _present(angle_checks.ankle_offset(angles, next(s for s in SIDES if s != trial.subject.prosthetic_side)))
+    found += _present(angle_checks.smoothness(motion.time_s, angles))
+    return found + angle_checks.walking(motion.time_s, pelvis)
+
+
+def _markers(markers: MarkerEvidence) -> list[Check]:
+    tracked, recording = markers.tracked, markers.recording
+    used = {label for segment in markers.calibration.segments.values() for label in segment.labels}
+    raw = {label: values for label, values in recording.markers.items() if label in used}
+    found = [marker_checks.residuals(tracked.residual_rms_m), marker_checks.cluster_motion(tracked.cluster_motion_m),
+             marker_checks.joint_gaps(tracked.joint_gap_m), marker_checks.gaps_filled(tracked.gaps),
+             marker_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=markers.cutoff_hz)]
+    checks = [check for check in found if check is not None]
+    checks += [Check("plate and foot", "doubtful", c.start_s, "s", f"Plate {c.plate} from {c.start_s:.3f} to "
+                     f"{c.end_s:.3f} s: {c.doubt}.", c.side) for c in markers.contacts if c.doubt]
+    return checks + marker_checks.leg_lengths(markers.calibration.lengths_m)
+
+
+def _cop_at(time_s: np.ndarray, plate: PlateRecording | None) -> np.ndarray | None:
+    """(n, 3) centre of pressure at `time_s`, NaN where unknown."""
+    if plate is None or not plate.has_cop:
+        return None
+    return np.column_stack([np.interp(time_s, plate.time_s, plate.cop_W[:, k], left=np.nan, right=np.nan)
+                            for k in range(3)])
+
+
+def _at(time_s: np.ndarray, known_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(time_s, known_s, column) for column in values.T])
+
+
+def _overlaps(stance: Stance, trial: Trial) -> bool:
+    return min(stance.end_s, trial.end_s) > max(stance.start_s, trial.start_s)
+
+
+def _common(a: Stance, b: Stance) -> float:
+    return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
+
+
+def _present(check: Check | None) -> list[Check]:
+    return [] if check is None else [check]
+

@@ -1,0 +1,107 @@
+"""How a foot moved, and when it stood flat. Arrays only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.motion.events import Stance
+
+FLAT_RAD = np.radians(3.0)
+"""A foot is flat while its sole is within this of its usual angle in mid-stance (a choice)."""
+MIDDLE = (0.25, 0.45)
+"""Shares of stance in which every foot of a walk is flat: after the forefoot is down, before the heel rises."""
+SEARCH = (0.10, 0.70)
+"""Shares of stance in which flat instants are looked for."""
+SHORTEST_FLAT_S = 0.10
+"""A foot that keeps its angle for less than this (a prosthesis under a turning shank) is judged over `MIDDLE`."""
+FEWEST_FRAMES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class FootMotion:
+    """Points of one foot over time, in W.
+
+    Attributes:
+        side: "right" or "left".
+        time_s: (n,) s, evenly spaced.
+        heel_W, toe_W, ankle_W: (n, 3) m; heel and toe on the sole, at one height when it is flat.
+        lowest_m: (n,) m, height of the foot's lowest point.
+        prosthetic: whether this is the prosthesis.
+        undeformed: whether the foot was put under the shank as a rigid body, and so turns with it where a real
+            prosthetic foot bends and stays flat.
+    """
+
+    side: str
+    time_s: np.ndarray
+    heel_W: np.ndarray
+    toe_W: np.ndarray
+    ankle_W: np.ndarray
+    lowest_m: np.ndarray
+    prosthetic: bool = False
+    undeformed: bool = False
+
+    @property
+    def pitch_rad(self) -> np.ndarray:
+        """(n,) angle of the sole against the floor, toe up +."""
+        along = self.toe_W - self.heel_W
+        return np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1]))
+
+    @property
+    def height_m(self) -> np.ndarray:
+        """(n,) height of the middle of the sole."""
+        return 0.5 * (self.heel_W[:, 2] + self.toe_W[:, 2])
+
+    def rows(self, start_s: float, end_s: float) -> np.ndarray:
+        """(n,) bool: the frames from `start_s` to `end_s`."""
+        return (self.time_s >= start_s) & (self.time_s <= end_s)
+
+
+def shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
+    """The instants (s) at two shares of a stance."""
+    return stance.start_s + share[0] * stance.duration_s, stance.start_s + share[1] * stance.duration_s
+
+
+def flat_phase(foot: FootMotion, stance: Stance) -> np.ndarray | None:
+    """Indices of the frames in which the foot stands flat in `stance`; None if fewer than three are known.
+
+    The longest run within 3 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
+    """
+    middle = np.flatnonzero(foot.rows(*shares(stance, MIDDLE)))
+    if len(middle) < FEWEST_FRAMES or not stance.complete:
+        return None
+    pitch = foot.pitch_rad
+    usual = float(np.median(pitch[middle]))
+    near = np.flatnonzero(foot.rows(*shares(stance, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
+    runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
+    longest = max(runs, key=len)
+    if len(longest) < FEWEST_FRAMES or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S:
+        return middle
+    return longest
+
+
+def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:
+    """(n, 2) horizontal velocity (m/s) of that part of the foot, taken as rigid, which is at `point_W` (n, 3).
+
+    NaN where the point is. With the centre of pressure as point it is the slip of the sole under the load.
+    """
+    origin, R = _frame(foot)
+    fixed = np.einsum("nji,nj->ni", R, np.asarray(point_W) - origin)
+    R_dot, v = np.gradient(R, foot.time_s, axis=0), np.gradient(origin, foot.time_s, axis=0)
+    return (v + np.einsum("nij,nj->ni", R_dot, fixed))[:, :2]
+
+
+def floor_point(foot: FootMotion) -> np.ndarray:
+    """(n, 3) m: the floor under the middle of the sole."""
+    middle = 0.5 * (foot.heel_W + foot.toe_W)
+    return np.column_stack([middle[:, :2], np.zeros(len(middle))])
+
+
+def _frame(foot: FootMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Origin (n, 3) and axes (n, 3, 3) of the foot from its three points: x to the toe, y left."""
+    x = foot.toe_W - foot.heel_W
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross(foot.ankle_W - foot.heel_W, x)
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    return foot.heel_W, np.stack([x, y, np.cross(x, y)], axis=2)

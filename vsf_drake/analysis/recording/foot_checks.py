@@ -1,0 +1,177 @@
+"""How well a foot stands: sole angle, height and its drift, slip, swing clearance.
+
+The model follows the recorded shank, so whatever a foot does here that a foot on the ground cannot do becomes force:
+a rising sole unloads, a sliding one rubs. The intact foot's force does not act on the prosthesis while
+every joint is prescribed, so its errors are doubts at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from vsf_drake.analysis.recording.check import (
+    ALIGNMENT_BW_PER_DEG,
+    DOUBTFUL_BW,
+    GOOD_BW,
+    HEIGHT_BW_PER_MM,
+    Check,
+    at_most,
+    grade,
+)
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
+from vsf_drake.motion.events import Stance
+
+ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)
+"""Sole angle at foot-flat: 3 % body weight at 0.8 degrees; the second is the fit of the offsets' prior, since a
+constant error of alignment is what that fit takes out."""
+ROLLING_DEG = (5.0, 8.0)
+"""The same for a rigid prosthetic foot under a turning shank: it passes through flat rather than keeping it. Choices:
+a shank turns by about 10 degrees in mid-stance; the fit's prior."""
+HEIGHT_MM = (5.0, 50.0)
+"""Height of the flat sole. The first is a choice: shoes give and skin moves by that much, and 1 mm costs 3 % body
+weight before, nothing after the fit of the offsets; the second is that fit's prior."""
+DRIFT_MM = (GOOD_BW / HEIGHT_BW_PER_MM, DOUBTFUL_BW / HEIGHT_BW_PER_MM)
+"""Change of height within and between foot-flats, which no constant offset takes out: 1.1 and 3.6 mm."""
+FRICTION_PER_M_PER_S = 0.5 / 0.1
+"""Friction of the model's ground per slip speed below the threshold (McGeehan 2021: 0.5 at 0.1 m/s)."""
+SLIP_M_PER_S = (GOOD_BW / FRICTION_PER_M_PER_S, DOUBTFUL_BW / FRICTION_PER_M_PER_S)
+"""A slip of 6 mm/s makes 3 % body weight of friction, 20 mm/s 10 %; at 0.1 m/s the model's foot slides for good."""
+ROLLING_SLIP_M_PER_S = (0.03, 0.1)
+"""The same for a rigid prosthetic foot: with 0.02 m of bending and 1.5 rad/s of shank it seems to slip by 0.03 m/s
+where a real one rests. The second is the threshold of friction."""
+CLEARANCE_MM = (10.0, 0.0)
+"""Height of the lowest point in mid-swing: with 8 mm a prototype's foot dragged (its keel sags); below 0 it cuts."""
+CUT_MM = -15.0
+"""A swing foot deeper in the ground than this makes a force that stops it."""
+SWING = (0.25, 0.75)
+"""Shares of the swing in which a foot that clears the ground is up (a choice)."""
+
+
+def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray | None = None) -> list[Check]:
+    """Every check of one foot.
+
+    Args:
+        foot: its motion. stances: its stances, in order.
+        cop_W: (n, 3) m centre of pressure at the foot's times, NaN where there is none.
+    """
+    flats = {number: rows for number, stance in enumerate(stances, start=1)
+             if (rows := flat_phase(foot, stance)) is not None}
+    if not flats:
+        return [Check("foot-flat", "doubtful", None, "", f"The {foot.side} foot has no complete stance in which it "
+                      "could be looked at: sole angle, height and slip cannot be told.", foot.side),
+                *clearance(foot, stances)]
+    found = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
+    found += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
+    found.append(height(foot, list(flats.values())))
+    if len(flats) > 1:
+        found.append(height_between(foot, list(flats.values())))
+    return found + clearance(foot, stances)
+
+
+def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
+    """Mean angle of the sole against the floor at foot-flat."""
+    angle = float(np.degrees(np.mean(foot.pitch_rad[rows])))
+    name, where = "sole angle at foot-flat", _where(foot, number)
+    way = "up" if angle > 0 else "down"
+    if foot.undeformed:
+        sentence = (f"{where} is {abs(angle):.1f}° toe {way} on average in mid-stance as a rigid body under its shank; "
+                    "the keel's bending, which is left out here, takes up a part.")
+        return Check(name, grade(angle, *ROLLING_DEG), angle, "deg", sentence, foot.side, number)
+    cost = 100 * ALIGNMENT_BW_PER_DEG * abs(angle)
+    sentence = (f"{where} is {abs(angle):.1f}° toe {way} when it stands flat: about {cost:.0f} % of body weight in the "
+                "force unless the offsets are fitted.")
+    return Check(name, _mark(foot, grade(angle, *ANGLE_DEG)), angle, "deg", sentence, foot.side, number)
+
+
+def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
+    """Change of the foot's height from the beginning to the end of foot-flat (straight line through it)."""
+    name, where = "height drift through foot-flat", _where(foot, number)
+    time = foot.time_s[rows]
+    height_m = foot.ankle_W[rows, 2] if foot.undeformed else foot.height_m[rows]
+    value = 1e3 * float(np.polyfit(time - time[0], height_m, 1)[0] * (time[-1] - time[0]))
+    way = "rises" if value > 0 else "sinks"
+    if foot.undeformed:
+        sentence = (f"{where}: the ankle {way} by {abs(value):.1f} mm through mid-stance, as it does over a bending "
+                    "keel; of a foot that is not tracked itself no drift can be told from that.")
+        return Check(name, "good", value, "mm", sentence, foot.side, number)
+    cost = 100 * HEIGHT_BW_PER_MM * abs(value)
+    sentence = (f"{where} {way} by {abs(value):.1f} mm while it stands flat: about {cost:.0f} % of body weight in the "
+                "vertical force, which no offset takes out.")
+    return Check(name, _mark(foot, grade(value, *DRIFT_MM)), value, "mm", sentence, foot.side, number)
+
+
+def slip(foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: np.ndarray | None = None) -> Check:
+    """Mean slip of the sole at foot-flat, at the centre of pressure where it is known; m/s, and mm in the sentence."""
+    point = floor_point(foot)
+    if cop_W is not None:
+        point = np.where(np.isfinite(cop_W).all(axis=1, keepdims=True), cop_W, point)
+    velocity = slip_velocity(foot, point)[rows].mean(axis=0)
+    speed, lasted = float(np.hypot(*velocity)), float(foot.time_s[rows[-1]] - foot.time_s[rows[0]])
+    name, where = "slip at foot-flat", _where(foot, number)
+    found = f"{where} slides at {speed:.3f} m/s ({1e3 * speed * lasted:.1f} mm in {lasted:.2f} s) while it stands flat"
+    if foot.undeformed:
+        sentence = (f"{found}, as a rigid body under its shank; the bending keel explains up to "
+                    f"{ROLLING_SLIP_M_PER_S[0]:g} m/s of that.")
+        mark = grade(speed, *ROLLING_SLIP_M_PER_S)
+    else:
+        share = 100 * min(FRICTION_PER_M_PER_S * speed, 0.5)
+        sentence = f"{found}: the model's ground answers with up to {share:.0f} % of body weight of friction."
+        mark = _mark(foot, grade(speed, *SLIP_M_PER_S))
+    return Check(name, mark, speed, "m/s", sentence, foot.side, number)
+
+
+def height(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
+    """Mean height of the sole at foot-flat over all stances."""
+    value = 1e3 * float(np.mean([foot.height_m[rows].mean() for rows in flats]))
+    name, where = "sole height at foot-flat", _where(foot, None)
+    way = "above" if value > 0 else "below"
+    if foot.undeformed:
+        sentence = (f"{where}, as a rigid body, is {abs(value):.1f} mm {way} the floor in mid-stance; heel and keel "
+                    "give by some 10 to 60 mm under body weight. See its height at touch-down.")
+        return Check(name, "good", value, "mm", sentence, foot.side)
+    sentence = (f"{where} stands flat {abs(value):.1f} mm {way} the floor: about "
+                f"{100 * HEIGHT_BW_PER_MM * abs(value):.0f} % of body weight unless the offsets are fitted.")
+    return Check(name, _mark(foot, grade(value, *HEIGHT_MM)), value, "mm", sentence, foot.side)
+
+
+def height_between(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
+    """Range of the sole's height at foot-flat over the stances."""
+    levels = [1e3 * float(foot.height_m[rows].mean()) for rows in flats]
+    value = max(levels) - min(levels)
+    name, where = "height between stances", _where(foot, None)
+    limits = (5 * DRIFT_MM[0], 5 * DRIFT_MM[1]) if foot.undeformed else DRIFT_MM
+    sentence = (f"{where} stands at heights that differ by {value:.1f} mm from stance to stance: one height of the "
+                "prosthesis cannot fit all of them" + (", though a bending keel may." if foot.undeformed else "."))
+    return Check(name, _mark(foot, grade(value, *limits)), value, "mm", sentence, foot.side)
+
+
+def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
+    """Least height of the foot's lowest point in mid-swing, between every two stances."""
+    found = []
+    for number, (before, after) in enumerate(pairwise(stances), start=1):
+        start, length = before.end_s, after.start_s - before.end_s
+        rows = foot.rows(start + SWING[0] * length, start + SWING[1] * length)
+        if rows.any() and before.end_seen and after.start_seen:
+            found.append((float(1e3 * foot.lowest_m[rows].min()), number))
+    if not found:
+        return []
+    value, number = min(found)
+    mark = "good" if value >= CLEARANCE_MM[0] else "doubtful" if value >= CUT_MM else "unusable"
+    brushes = ("the model's foot may brush the ground" + (", as keel and socket sag in swing." if foot.prosthetic else
+                                                          "; a toe that bends in life is stiff there."))
+    meaning = ("it swings clear." if value >= CLEARANCE_MM[0] else brushes if value >= CLEARANCE_MM[1] else
+               "in the model it cuts the ground in mid-swing.")
+    sentence = f"The {foot.side} foot clears the floor by {value:.0f} mm in swing: {meaning}"
+    return [Check("swing clearance", _mark(foot, mark), value, "mm", sentence, foot.side, number)]
+
+
+def _where(foot: FootMotion, number: int | None) -> str:
+    name = f"The {foot.side} ({'prosthetic' if foot.prosthetic else 'intact'}) foot"
+    return f"{name} in stance {number}" if number else name
+
+
+def _mark(foot: FootMotion, mark: str) -> str:
+    return mark if foot.prosthetic else at_most(mark, "doubtful")
