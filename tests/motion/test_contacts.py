@@ -1,0 +1,233 @@
+"""Every contact goes to the foot that stands on the plate, and what is not known is said."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from made_steps import (
+    FORCE_TIME,
+    HALF_WIDTH_M,
+    STANCE_S,
+    TIME,
+    WEIGHT_N,
+    feet,
+    load,
+    plate,
+    recording,
+    rectangle,
+    step_load,
+    steps,
+)
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.contacts import assign_plates
+from vsf_drake.motion.events import find_stances
+
+
+def assign(*plates, stated=None):
+    tracks, pelvis = feet()
+    return assign_plates(recording(*plates), TIME, tracks, pelvis, stated=stated)
+
+
+def sides(result):
+    return [(c.plate, c.side) for c in result.contacts]
+
+
+def everywhere(**changed):
+    """A plate for each step, one of them changed or, if None, taken away."""
+    steps_ = {"R0": ("right", 0), "L0": ("left", 0), "R1": ("right", 1), "L1": ("left", 1)}
+    made = {name: plate(name, step_load(*step)) for name, step in steps_.items()} | changed
+    return [p for p in made.values() if p is not None]
+
+
+def test_consecutive_steps_on_many_plates_go_to_the_right_feet():
+    result = assign(*everywhere(), plate("empty"))
+    assert sides(result) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]
+    assert all(c.doubt is None and c.distance_m < 0.03 for c in result.contacts)
+    for side, names in (("right", ("R0", "R1")), ("left", ("L0", "L1"))):
+        wanted = sum(p.force_n for p in everywhere() if p.name in names)
+        assert np.array_equal(result.plates[side].force_W, wanted)
+        assert len(find_stances(FORCE_TIME, result.plates[side].force_W[:, 2])) == 2
+
+
+def test_plates_names_do_not_matter():
+    swapped = [dataclasses.replace(p, name={"R0": "left", "L0": "right"}.get(p.name, p.name)) for p in everywhere()]
+    assert dict(sides(assign(*swapped)))["left"] == "right"
+
+
+def test_one_plate_hit_by_the_feet_in_turn_is_split():
+    early = plate("1", step_load("right", 0, end_s=0.82), step_load("left", 0))
+    assert sides(assign(early)) == [("1", "right"), ("1", "left")]
+
+
+def test_both_feet_on_one_plate_are_unusable():
+    long = plate("1", step_load("right", 0), step_load("left", 0))
+    result = assign(long, plate("R1", step_load("right", 1)))
+    shared = [c for c in result.contacts if c.plate == "1"]
+    assert shared and all(c.side is None and "unusable" in c.doubt for c in shared)
+    assert "left" not in result.plates
+    assert result.plates["right"].force_W[FORCE_TIME < 1.3].max() == 0.0
+    for side in ("right", "left"):
+        start = next(s for s, _ in steps(side) if s > 0.0)
+        assert any(a < start + 0.1 and b > start + STANCE_S - 0.1 for a, b in result.unmeasured[side])
+
+
+def test_foot_that_lands_on_the_plate_of_the_other_makes_it_unusable():
+    """The left heel lands beside the right foot: the plate reads both, its corners tell."""
+    (start, x), (_, y) = steps("left")[2], (0, HALF_WIDTH_M)
+    corners = rectangle((-0.1, x + 0.4), (-0.3, 0.3))
+    result = assign(plate("1", step_load("right", 0), load(start, (x, y), newton=400.0), corners=corners),
+                    plate("R1", step_load("right", 1)))
+    assert all(c.side is None for c in result.contacts if c.plate == "1")
+
+
+def test_one_foot_on_two_plates_is_their_sum():
+    """Heel on one plate and toes on the next: same resultant, same centre of pressure, same moment."""
+    force, cop = step_load("right", 0)
+    share = 1.0 / (1.0 + np.exp(-40.0 * (np.nan_to_num(cop[:, 0]) - 0.12)))
+    parts = []
+    for name, part, shift in (("heel", 1 - share, -0.05), ("toe", share, 0.05)):
+        f = force * part[:, None]
+        c = np.where(f[:, 2:] > 20.0, cop + np.array([0.0, shift, 0.0]), np.nan)
+        parts.append(dataclasses.replace(plate(name), force_n=f, cop_m=c,
+                                         free_moment_nm=np.where(f[:, 2] > 20, 1.0, 0)))
+    result = assign(*parts, *everywhere(R0=None))
+    got = result.plates["right"]
+    rows = (FORCE_TIME > 0.35) & (FORCE_TIME < 0.95)
+    assert np.allclose(got.force_W[rows], force[rows], atol=5.0)
+    both = rows & (parts[0].force_n[:, 2] > 20) & (parts[1].force_n[:, 2] > 20)
+    assert both.sum() > 50
+    f, c = [p.force_n[both] for p in parts], [p.cop_m[both] for p in parts]
+    about_origin = sum(np.cross(ci, fi) + np.array([0, 0, 1.0]) for ci, fi in zip(c, f, strict=True))
+    again = np.cross(got.cop_W[both], got.force_W[both]) + got.free_moment_nm[both, None] * [0, 0, 1.0]
+    assert np.allclose(again, about_origin, atol=1e-9)
+
+
+def test_scuff_in_swing_is_no_contact():
+    scuff = load(1.05, (0.6, -HALF_WIDTH_M), newton=60.0, end_s=1.15)
+    result = assign(*everywhere(R0=plate("R0", step_load("right", 0), scuff)))
+    assert sum(c.plate == "R0" for c in result.contacts) == 1
+
+
+def test_step_off_the_plates_is_unmeasured():
+    result = assign(*everywhere(R1=None))
+    start = [s for s, _ in steps("right") if s > 0.0][1]
+    ((a, b),) = [span for span in result.unmeasured["right"] if span[0] < 2.0]
+    assert a == pytest.approx(start - 0.05, abs=0.05) and b == pytest.approx(start + STANCE_S + 0.05, abs=0.05)
+    assert not any(a < 2.0 < b for a, b in result.unmeasured["left"])
+    assert any("no plate measures" in note and "right" in note for note in result.notes)
+
+
+def test_foot_half_a_stance_on_the_floor_is_doubted():
+    force, cop = step_load("right", 1)
+    late = FORCE_TIME < 1.4 + 0.3
+    force[late] = 0.0
+    cop[late] = np.nan
+    result = assign(*everywhere(R1=plate("R1", (force, cop))))
+    (contact,) = [c for c in result.contacts if c.plate == "R1"]
+    assert contact.side == "right" and "stands on no plate for 0.3" in contact.doubt
+    assert any(a < 1.5 and b > 2.0 for a, b in result.unmeasured["right"])
+
+
+def test_same_load_reported_twice_counts_once():
+    once, twice = assign(*everywhere()), assign(*everywhere(), plate("copy", step_load("right", 0)))
+    assert np.array_equal(once.plates["right"].force_W, twice.plates["right"].force_W)
+    assert any("Plates R0 and copy report the same force" in note for note in twice.notes)
+
+
+def test_overlapping_corners_are_doubted():
+    one = dataclasses.replace(everywhere()[0], corners_m=rectangle((-0.1, 0.5), (-0.3, 0.0)))
+    other = dataclasses.replace(everywhere()[1], corners_m=rectangle((0.4, 1.0), (-0.05, 0.3)))
+    result = assign(one, other, *everywhere()[2:])
+    assert "Plates R0 and L0 overlap by 50 mm: their corners are doubtful." in result.notes
+
+
+def moved(p, rotate=0.0, shift=(0.0, 0.0)):
+    turn = np.array([[np.cos(rotate), -np.sin(rotate), 0], [np.sin(rotate), np.cos(rotate), 0], [0, 0, 1]])
+    return dataclasses.replace(p, force_n=p.force_n @ turn.T, cop_m=p.cop_m @ turn.T + [*shift, 0.0])
+
+
+@pytest.mark.parametrize("change", [{"shift": (0.0, 1.0)}, {"rotate": np.pi / 2, "shift": (0.5, 0.6)},
+                                    {"rotate": np.pi, "shift": (-0.5, 0.0)}])
+def test_plates_that_lie_elsewhere_are_refused(change):
+    with pytest.raises(InputError, match=r"plate \w+: the centre of pressure is [\d.]+ m from the nearest foot.*"
+                                         r"corners, the unit.*up and the forward axis"):
+        assign(*(moved(p, **change) for p in everywhere()))
+
+
+def test_one_displaced_plate_is_named_and_not_used():
+    result = assign(*everywhere(L1=moved(everywhere()[3], shift=(0.0, 0.6))))
+    (contact,) = [c for c in result.contacts if c.plate == "L1"]
+    assert contact.side is None and "m from the nearest foot" in contact.doubt
+    assert contact.distance_m == pytest.approx(0.6 - 2 * HALF_WIDTH_M, abs=0.2)
+
+
+def test_plate_turned_in_its_place_is_doubted():
+    right = everywhere()[0]
+    middle = np.nanmean(right.cop_m, axis=0)[:2]
+    turned = moved(moved(right, shift=-middle), rotate=np.pi, shift=middle)
+    (contact, *_) = assign(*everywhere(R0=turned)).contacts
+    assert contact.side == "right" and "from toe to heel" in contact.doubt
+
+
+def test_plate_beside_the_foot_is_doubted():
+    (contact, *_) = assign(*everywhere(R0=moved(everywhere()[0], shift=(0.0, -0.1)))).contacts
+    assert contact.side == "right" and "10 cm beside the foot" in contact.doubt
+
+
+def test_stated_plates_win_and_a_contradiction_is_noted():
+    result = assign(*everywhere()[:2], stated={"right": "L0", "left": "R0"})
+    assert dict(sides(result)) == {"L0": "right", "R0": "left"}
+    assert all("it is stated as the" in c.doubt for c in result.contacts)
+    assert assign(*everywhere()[:2], stated={"right": "R0", "left": "L0"}).contacts[0].doubt is None
+    with pytest.raises(InputError, match=r"forces\.right: there is no plate 9\. Plates are: R0, L0"):
+        assign(*everywhere()[:2], stated={"right": "9"})
+
+
+def test_plates_without_centre_of_pressure_are_told_by_time():
+    blind = [dataclasses.replace(p, cop_m=np.full_like(p.cop_m, np.nan)) for p in everywhere()]
+    result = assign(*blind)
+    assert dict(sides(result)) == {"R0": "right", "R1": "right", "L0": "left", "L1": "left"}
+    assert not result.plates["right"].has_cop and "told by its times" in result.contacts[0].doubt
+
+
+def test_treadmill_belts_stay_with_their_feet():
+    """Seen from the laboratory the feet run backward under a pelvis that stays."""
+    tracks, pelvis = feet()
+    drift = np.column_stack([1.18 * TIME, 0 * TIME, 0 * TIME])
+    back = np.column_stack([1.18 * FORCE_TIME, 0 * FORCE_TIME, 0 * FORCE_TIME])
+    belts = [dataclasses.replace(p, cop_m=p.cop_m - back) for p in (
+        plate("1", step_load("left", 0), step_load("left", 1)),
+        plate("2", step_load("right", 0), step_load("right", 1)))]
+    tracks = {s: dataclasses.replace(t, heel_W=t.heel_W - drift, toe_W=t.toe_W - drift) for s, t in tracks.items()}
+    result = assign_plates(recording(*belts), TIME, tracks, pelvis - drift)
+    assert [c.side for c in result.contacts] == ["right", "left", "right", "left"]
+    assert result.contacts[0].doubt is None or "toe to heel" not in result.contacts[0].doubt
+
+
+def test_force_down_or_sideways_is_refused():
+    with pytest.raises(InputError, match=r"made\.c3d: plate R0: its vertical force is negative"):
+        assign(*(dataclasses.replace(p, force_n=-p.force_n) for p in everywhere()))
+    with pytest.raises(InputError, match="not vertical"):
+        assign(*(dataclasses.replace(p, force_n=p.force_n[:, [2, 1, 0]]) for p in everywhere()))
+
+
+def test_no_plates_or_empty_plates_are_refused():
+    with pytest.raises(InputError, match="has no force plates"):
+        assign()
+    with pytest.raises(InputError, match="no plate carries a person"):
+        assign(plate("1"))
+
+
+def test_plate_that_was_not_zeroed_is_noted():
+    first = everywhere()[0]
+    result = assign(dataclasses.replace(first, force_n=first.force_n + np.array([0, 0, 9.0])), *everywhere()[1:])
+    assert any("reads 9.0 N while it is empty" in note for note in result.notes)
+
+
+def test_total_force_is_kept():
+    result = assign(*everywhere())
+    total = sum(p.force_W[:, 2] for p in result.plates.values())
+    assert total.max() <= 2 * WEIGHT_N and np.allclose(total, sum(p.force_n[:, 2] for p in everywhere()))
