@@ -1,1 +1,6 @@
-"""Recordings in: the trial manifest, OpenSim tables, joint trajectories, force plates, stances, filters."""
+"""Recordings in: laboratory files, the trial manifest, joint trajectories, force plates, stances, filters."""
+
+from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.formats.recording import Recording
+
+__all__ = ["Recording", "read_trial"]

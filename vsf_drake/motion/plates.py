@@ -11,6 +11,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import check_clock, even_time
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
+from vsf_drake.motion.floor_load import floor_load
 from vsf_drake.motion.storage import Storage
 from vsf_drake.parameters import GRAVITY
 
@@ -133,33 +134,25 @@ def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateR
         point = np.zeros((len(time), 3))
         for axis in axes:
             point[:, "xyz".index(axis)] = storage.column(f"{prefix}_p{axis}", rows=loaded)
-        cop[loaded], moment[loaded] = _centre_of_pressure(point[loaded], force[loaded], torque[loaded])
+        cop[loaded], moment[loaded] = floor_load(*(os_to_world(v[loaded]) for v in (point, force, torque)))
         height = float(np.median(point[loaded, 1])) if loaded.any() else 0.0
         if abs(height) > 1e-3:
             notes.append(f"The plate of {prefix} lies at y = {1e3 * height:.1f} mm; its centre of pressure was "
                          "taken to the model's ground at 0.")
     else:
         notes.append(f"There is no centre of pressure for {prefix}.")
-    recording = PlateRecording(time, os_to_world(force), os_to_world(cop), moment, has_cop)
+    recording = PlateRecording(time, os_to_world(force), cop, moment, has_cop)
     return recording, tuple(notes)
 
 
-def _centre_of_pressure(point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where on y = 0 the load (`force`, `torque` about `point`) has a vertical moment only, and that moment.
-
-    OpenSim's frame. With r = centre - point: torque = r x force + (0, moment, 0), r_y = -point_y.
-    """
-    r_y = -point[:, 1]
-    r_z = (r_y * force[:, 2] - torque[:, 0]) / force[:, 1]
-    r_x = (torque[:, 2] + r_y * force[:, 0]) / force[:, 1]
-    moment = torque[:, 1] - (r_z * force[:, 0] - r_x * force[:, 2])
-    return np.column_stack([point[:, 0] + r_x, np.zeros(len(point)), point[:, 2] + r_z]), moment
+def torque_names(prefix: str, axis: str) -> list[str]:
+    """The spellings of the torque column that belongs to a force prefix: ground_torque_r_x for ground_force_r, ..."""
+    return [f"{prefix.replace('force', 'torque')}_{axis}", f"{prefix.replace('force', 'moment')}_m{axis}",
+            f"{prefix.replace('force', 'moment')}_{axis}", f"{prefix}_m{axis}"]
 
 
 def _torque_name(storage: Storage, prefix: str, axis: str) -> str | None:
-    stems = (f"{prefix.replace('force', 'torque')}_", f"{prefix.replace('force', 'moment')}_m",
-             f"{prefix.replace('force', 'moment')}_", f"{prefix}_m")
-    return next((stem + axis for stem in stems if stem + axis in storage.names), None)
+    return next((name for name in torque_names(prefix, axis) if name in storage.names), None)
 
 
 def _torque(storage: Storage, prefix: str, axis: str, loaded: np.ndarray) -> np.ndarray:

@@ -1,0 +1,101 @@
+"""C3D: markers and force plates of a trial in the binary format of most laboratories.
+
+Read by our own few lines rather than by ezc3d, which needs ten times the file's size in memory and ends the process
+(segmentation fault) on some damaged files; the tests compare the two.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.c3d_data import Layout, read_layout, read_points
+from vsf_drake.motion.formats.c3d_parameters import C3dDescription, read_description
+from vsf_drake.motion.formats.c3d_plates import read_plates
+from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
+from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
+from vsf_drake.motion.formats.units import file_length_factor
+
+_NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
+"""Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
+
+
+def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
+    """Reads a C3D file into its laboratory frame, SI.
+
+    Raises:
+        InputError: the file is truncated or damaged, its unit is unknown, a label stands twice.
+    """
+    c3d = read_description(path)
+    layout = read_layout(c3d)
+    rate = c3d.number("POINT:RATE") or c3d.header.rate_hz
+    if not (np.isfinite(rate) and 0.0 < rate < 1e6):
+        raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
+    factor = file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
+    notes: list[str] = []
+    start = (layout.first_frame - 1) / rate
+    labels, kept = _labels(c3d, layout, notes)
+    markers = None
+    if labels:
+        positions = read_points(c3d, layout)
+        if len(kept) < layout.points:
+            positions = positions[:, kept]
+        positions *= factor
+        labels, kept = _merge_doubled(labels, positions, notes)
+        refuse_doubled(labels, path, "POINT:LABELS")
+        if len(kept) < positions.shape[1]:
+            positions = positions[:, kept]
+        markers = RawMarkers(labels, positions, rate, start)
+    forces = read_plates(c3d, layout, length_m=factor, rate_hz=rate, start_s=start, notes=notes)
+    stated = c3d.number("ANALOG:RATE")
+    if forces is not None and stated and abs(stated / forces.rate_hz - 1.0) > 1e-3:
+        notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {layout.subframes} samples a frame make "
+                     f"{forces.rate_hz:g} Hz, which was used.")
+    return RawTrial(markers, forces, up=_axis(c3d.texts("POINT:Y_SCREEN")), notes=notes)
+
+
+def c3d_labels(path: Path) -> list[str]:
+    """The labels of a C3D file's markers, in its order."""
+    c3d = read_description(path)
+    return _labels(c3d, read_layout(c3d), [])[0]
+
+
+def _labels(c3d: C3dDescription, layout: Layout, notes: list[str]) -> tuple[list[str], list[int]]:
+    """The markers' labels and which points they are: what is computed or has no name is left out."""
+    labels = c3d.all_texts("POINT:LABELS")[:layout.points]
+    computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
+    kept = [i for i, label in enumerate(labels) if label and not label.startswith("*") and label not in computed]
+    left_out = [label for label in labels if label in computed and label]
+    if left_out:
+        notes.append(f"{len(left_out)} computed quantities stored as points were left out ({left_out[0]}, ...).")
+    nameless = layout.points - len(kept) - len(left_out)
+    if nameless:
+        notes.append(f"{nameless} points of {c3d.path.name} without a label were left out.")
+    short, more = without_prefix([labels[i] for i in kept])
+    notes += more
+    return short, kept
+
+
+def _merge_doubled(labels: list[str], positions: np.ndarray, notes: list[str]) -> tuple[list[str], list[int]]:
+    """Leaves out a point that repeats another of the same label or was never seen."""
+    kept: list[int] = []
+    for i, label in enumerate(labels):
+        first = next((k for k in kept if labels[k] == label), None)
+        if first is not None and np.isnan(positions[:, first]).all():
+            kept.remove(first)
+            first = None
+            notes.append(f"The label {label} stands twice; the point that was never seen was left out.")
+        elif first is not None and (np.isnan(positions[:, i]).all()
+                                    or np.array_equal(positions[:, i], positions[:, first], equal_nan=True)):
+            notes.append(f"The label {label} stands twice; the point that is empty or the same was left out.")
+            continue
+        kept.append(i)
+    return [labels[i] for i in kept], kept
+
+
+def _axis(texts: list[str]) -> str | None:
+    text = texts[0].strip().lower() if texts else ""
+    text = text if text[:1] in ("+", "-") else f"+{text}"
+    return text if text[1:] in ("x", "y", "z") else None

@@ -1,0 +1,155 @@
+"""The frames of a C3D file: points and analog channels, mapped from the file rather than copied whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.c3d_parameters import BLOCK, C3dDescription
+
+MOST_FRAMES = 100_000_000
+_CHUNK = 8 << 20
+"""Bytes of the file that are converted at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """How the frames lie in the file.
+
+    Attributes:
+        start: byte of the first frame.
+        frames, points, channels, subframes: counts; analog channels have `subframes` samples a frame.
+        floats: whether numbers are 32-bit floats rather than 16-bit integers.
+        first_frame: number of the first frame, from 1.
+    """
+
+    start: int
+    frames: int
+    points: int
+    channels: int
+    subframes: int
+    floats: bool
+    first_frame: int
+
+    @property
+    def words(self) -> int:
+        """Numbers a frame."""
+        return 4 * self.points + self.channels * self.subframes
+
+    @property
+    def frame_bytes(self) -> int:
+        return self.words * (4 if self.floats else 2)
+
+
+def read_layout(c3d: C3dDescription) -> Layout:
+    """Where and how many the frames are; header and parameters that disagree are settled by the file's size.
+
+    Raises:
+        InputError: counts make no sense, or the file is shorter than they say.
+    """
+    header = c3d.header
+    block = int(header.data_block or c3d.number("POINT:DATA_START") or 0)
+    scale = header.scale if header.points == 0 or header.scale else c3d.number("POINT:SCALE") or 0.0
+    if block < 2 or not np.isfinite(scale):
+        raise InputError("the header does not say where the frames are", file=c3d.path, where="header",
+                         right="Is the file damaged?")
+    subframes = header.subframes if header.analog_per_frame else 0
+    if header.analog_per_frame and (not subframes or header.analog_per_frame % subframes):
+        raise InputError(f"{header.analog_per_frame} analog numbers a frame do not fit {subframes} samples a frame",
+                         file=c3d.path, where="header", right="Is the file damaged?")
+    channels = header.analog_per_frame // subframes if subframes else 0
+    one = Layout((block - 1) * BLOCK, 1, header.points, channels, subframes, scale < 0.0, max(header.first_frame, 1))
+    if one.words == 0:
+        raise InputError("has neither points nor analog channels", file=c3d.path)
+    held = max(c3d.size - one.start, 0) // one.frame_bytes
+    stated = _stated_frames(c3d)
+    fitting = [frames for frames in stated if 0 < frames <= held]
+    if not fitting:
+        raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=c3d.path,
+                         right="Is the file truncated?")
+    first = _first_frame(c3d) or one.first_frame
+    return Layout(one.start, max(fitting), one.points, channels, subframes, one.floats, first)
+
+
+def _stated_frames(c3d: C3dDescription) -> list[int]:
+    """Numbers of frames by header and parameters; those of 16 bits are wrong in long recordings."""
+    header = c3d.header
+    found = [header.last_frame - header.first_frame + 1]
+    trial = _trial_frames(c3d)
+    if trial:
+        found.append(trial[1] - trial[0] + 1)
+    for name in ("POINT:FRAMES", "POINT:LONG_FRAMES"):
+        value = c3d.number(name)
+        if value is not None and name == "POINT:FRAMES" and value < 0:
+            value += 65536.0
+        if (value is not None and header.last_frame == 65535) or (name == "POINT:LONG_FRAMES" and value is not None):
+            found.append(int(min(value, MOST_FRAMES)))
+    return [frames for frames in found if 0 < frames < MOST_FRAMES]
+
+
+def _trial_frames(c3d: C3dDescription) -> tuple[int, int] | None:
+    ends = []
+    for name in ("TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"):
+        words = c3d.values(name).ravel(order="F")
+        if words.size < 2 or not np.isfinite(words[:2]).all():
+            return None
+        ends.append(int(words[0]) % 65536 + 65536 * (int(words[1]) % 65536))
+    return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
+
+
+def _first_frame(c3d: C3dDescription) -> int | None:
+    trial = _trial_frames(c3d)
+    same = trial is not None and trial[0] % 65536 == c3d.header.first_frame
+    return trial[0] if trial is not None and same else None
+
+
+def read_points(c3d: C3dDescription, layout: Layout) -> np.ndarray:
+    """(frames, points, 3) in the file's unit; NaN where the residual is negative, or all three numbers are zero."""
+    scale = 1.0 if layout.floats else abs(c3d.header.scale or c3d.number("POINT:SCALE") or 1.0)
+    out = np.empty((layout.frames, layout.points, 3))
+    for rows, block in _chunks(c3d, layout):
+        points = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)
+        place = points[..., :3].astype(float)
+        unseen = ~(np.abs(place) < 1e30).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(points[..., 3] >= 0.0)
+        place[unseen] = np.nan
+        out[rows] = place * scale
+    return out
+
+
+def read_analog(c3d: C3dDescription, layout: Layout, channels: list[int]) -> np.ndarray:
+    """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
+    general = c3d.number("ANALOG:GEN_SCALE")
+    unsigned = any(text.upper().startswith("UNSIGNED") for text in c3d.texts("ANALOG:FORMAT"))
+    scales = _per_channel(c3d, "ANALOG:SCALE", channels, 1.0) * (1.0 if general is None else general)
+    offsets = _per_channel(c3d, "ANALOG:OFFSET", channels, 0.0)
+    if unsigned:
+        offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
+    out = np.empty((layout.frames * layout.subframes, len(channels)))
+    for rows, block in _chunks(c3d, layout, signed=not unsigned):
+        samples = block[:, 4 * layout.points:].reshape(-1, layout.channels)[:, channels]
+        out[rows.start * layout.subframes:rows.stop * layout.subframes] = (samples - offsets) * scales
+    return out
+
+
+def _per_channel(c3d: C3dDescription, name: str, channels: list[int], default: float) -> np.ndarray:
+    """A parameter with one number a channel; it goes on in NAME2, ... beyond 255 channels."""
+    value, i = c3d.values(name).ravel(order="F"), 2
+    while (more := c3d.values(f"{name}{i}").ravel(order="F")).size:
+        value, i = np.concatenate([value, more]), i + 1
+    return np.array([value[c] if c < len(value) else default for c in channels])
+
+
+def _chunks(c3d: C3dDescription, layout: Layout, *, signed: bool = True):
+    """Slices of the frames with their numbers (frames, words)."""
+    step = max(1, _CHUNK // layout.frame_bytes)
+    with open(c3d.path, "rb") as stream:
+        stream.seek(layout.start)
+        for first in range(0, layout.frames, step):
+            last = min(first + step, layout.frames)
+            data = stream.read((last - first) * layout.frame_bytes)
+            if len(data) != (last - first) * layout.frame_bytes:
+                raise InputError("ends before its last frame", file=c3d.path, right="Is the file truncated?")
+            numbers = c3d.numbers.floats(data) if layout.floats else c3d.numbers.integers(data, signed=signed)
+            yield slice(first, last), numbers.reshape(last - first, layout.words)

@@ -1,0 +1,140 @@
+"""Any laboratory's trial file to a `Recording` in the world frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.axes import extents, rotation_to_world
+from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
+from vsf_drake.motion.formats.force_files import read_forces
+from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.formats.to_world import floor_height, note_overlaps, on_the_floor, rotated
+from vsf_drake.motion.formats.trc import read_trc, trc_labels
+
+MARKER_FILES = (".c3d", ".trc")
+FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
+LARGEST_M, SMALLEST_M = 10.0, 0.02
+"""Markers of one person never reach farther, nor less far, than this."""
+SMALLEST_WHOLE_M = 0.25
+"""Nor do a dozen markers or more."""
+FARTHEST_M = 200.0
+
+
+def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | None = None,
+               forward: str | None = None, length_unit: str | None = None) -> Recording:
+    """Reads markers and force plates of a trial into W (x forward, y left, z up, floor at z = 0), in m, N and N m.
+
+    Args:
+        path: a .c3d or .trc file; or a force file alone (.mot, .sto, .csv, Cortex .forces).
+        forces: the force file beside a .trc, or beside a .c3d without plates, in the same laboratory frame.
+        up: the laboratory's vertical axis, "x", "y" or "z", with "-" where it points down; None as the file says.
+        forward: the laboratory's axis of walking; None for that along which the markers travel by more than 0.5 m,
+            or the laboratory's own where they do not.
+        length_unit: of positions ("mm", "m", "cm", "in"), instead of what the marker file states; for a force file
+            where it makes sense there.
+
+    Raises:
+        InputError: a file is missing, damaged or contradicts itself; the message says what to do.
+    """
+    path = Path(path)
+    force_path = None if forces is None else Path(forces)
+    suffix = path.suffix.lower()
+    if suffix in FORCE_FILES:
+        if force_path is not None:
+            raise InputError("is a force file itself", file=path, right="Give the marker file (.c3d or .trc) first")
+        trial, force_path = read_forces(path, length_unit=length_unit), path
+    elif suffix in MARKER_FILES:
+        trial = (read_c3d if suffix == ".c3d" else read_trc)(path, length_unit=length_unit)
+        if force_path is not None:
+            _join(trial, path, force_path, length_unit)
+    else:
+        raise InputError(f"files that end in {suffix or 'nothing'} are not read", file=path,
+                         right=f"Use {', '.join(MARKER_FILES + FORCE_FILES)}")
+    if trial.markers is not None:
+        _check_size(trial.markers, path)
+    return _in_world(trial, path, force_path, up=up, forward=forward)
+
+
+def list_labels(path: str | Path) -> list[str]:
+    """The labels of the markers in a .c3d or .trc file, in its order.
+
+    Raises:
+        InputError: the file is missing or damaged, or of another kind.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in MARKER_FILES:
+        raise InputError("is no marker file", file=path, right=f"Use {' or '.join(MARKER_FILES)}")
+    return c3d_labels(path) if suffix == ".c3d" else trc_labels(path)
+
+
+def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
+    """Adds the plates of a force file to a trial that has none."""
+    if trial.forces is not None:
+        raise InputError(f"has {len(trial.forces.plates)} force plates of its own", file=path, where="forces",
+                         right=f"Leave {force_path.name} out")
+    if force_path.suffix.lower() not in FORCE_FILES:
+        raise InputError("is no force file", file=force_path, right=f"Use {', '.join(FORCE_FILES)}")
+    more = read_forces(force_path, length_unit=length_unit)
+    trial.forces = more.forces
+    trial.notes += more.notes
+    if trial.markers is None or trial.forces is None:
+        return
+    markers, plates = trial.markers, trial.forces
+    if plates.start_s is None:
+        plates.start_s = markers.start_s
+        trial.notes.append(f"{force_path.name} has no times: its first sample was taken as that of the first frame.")
+    seen = (markers.start_s, markers.start_s + (len(markers.positions) - 1) / markers.rate_hz)
+    felt = (plates.start_s, plates.start_s + (len(plates.plates[0].force) - 1) / plates.rate_hz)
+    start, end = max(seen[0], felt[0]), min(seen[1], felt[1])
+    if end <= start:
+        raise InputError(f"covers {felt[0]:g} to {felt[1]:g} s, the markers {seen[0]:g} to {seen[1]:g} s",
+                         file=force_path, right="Markers and forces must overlap in time: are they of one trial?")
+    step = 1.0 / markers.rate_hz
+    if abs(seen[0] - felt[0]) > step or abs(seen[1] - felt[1]) > step:
+        trial.notes.append(f"Markers cover {seen[0]:g} to {seen[1]:g} s, forces {felt[0]:g} to {felt[1]:g} s: both "
+                           f"are there from {start:g} to {end:g} s.")
+
+
+def _check_size(markers: RawMarkers, path: Path) -> None:
+    """Raises:
+    InputError: the markers reach over more or less than a person does: their unit is wrong.
+    """
+    reach = float(np.linalg.norm(extents(markers.positions)))
+    smallest = SMALLEST_WHOLE_M if len(markers.labels) >= 12 else SMALLEST_M
+    if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
+        raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
+                         right="The stated unit is wrong: give length_unit")
+    farthest = np.nanmax(np.abs(markers.positions), initial=0.0)
+    if farthest > FARTHEST_M:
+        raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
+                         right="Is the unit right? Otherwise give length_unit")
+
+
+def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
+              forward: str | None) -> Recording:
+    notes = trial.notes
+    rotation = rotation_to_world(trial, path, up=up, forward=forward, notes=notes)
+    raw = [rotated(plate, rotation, force_path or path, notes) for plate in trial.forces.plates] if trial.forces else []
+    floor = floor_height(raw, force_path or path)
+    if floor:
+        notes.append(f"The force plates lie at {1e3 * floor:.0f} mm: this was taken as the floor, z = 0.")
+    for plate in raw:
+        for points in (plate.point, plate.corners):
+            if points is not None:
+                points[:, 2] -= floor
+    plates = [on_the_floor(plate, notes) for plate in raw]
+    note_overlaps(plates, notes)
+    markers: dict[str, np.ndarray] = {}
+    if trial.markers is not None:
+        for k, label in enumerate(trial.markers.labels):
+            markers[label] = trial.markers.positions[:, k] @ rotation.T
+            markers[label][:, 2] -= floor
+    marked, felt = trial.markers, trial.forces
+    return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),
+                     felt.rate_hz if felt else None, marked.start_s if marked else 0.0,
+                     (felt.start_s or 0.0) if felt else 0.0, force_path, rotation, tuple(notes))

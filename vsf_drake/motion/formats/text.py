@@ -1,0 +1,146 @@
+"""Text files of laboratories: lines in any encoding, cells as numbers, labels as text; memory bounded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+
+LONGEST_LINE = 4_000_000
+"""Characters; a TRC line of 1000 markers has 40 000."""
+_BOM = "\xef\xbb\xbf"
+
+
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """The file's lines with their numbers from 1, without line ends, one byte a character.
+
+    Raises:
+        InputError: the file is missing, cannot be read, is no text, or a line exceeds 4 million characters.
+    """
+    try:
+        with open(path, encoding="latin-1") as stream:
+            number = 0
+            while line := stream.readline(LONGEST_LINE):
+                number += 1
+                if "\0" in line or len(line) >= LONGEST_LINE:
+                    raise InputError("is not a text file", file=path, where=f"line {number}",
+                                     right="Save it as plain text (UTF-8)")
+                yield number, line.rstrip("\r\n").removeprefix(_BOM if number == 1 else "")
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+
+
+def as_label(text: str) -> str:
+    """A label out of `text_lines`: read as UTF-8 where it is, as Latin-1 otherwise."""
+    try:
+        return text.encode("latin-1").decode("utf-8").strip()
+    except UnicodeDecodeError:
+        return text.strip()
+
+
+def count_lines(path: Path) -> int:
+    """How many lines end in the file, to reserve memory by."""
+    try:
+        with open(path, "rb") as stream:
+            return 1 + sum(max(block.count(b"\n"), block.count(b"\r"))
+                           for block in iter(lambda: stream.read(1 << 20), b""))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+
+
+def cell_number(cell: str) -> float:
+    """The number in a cell; NaN for a blank and for any spelling of NaN.
+
+    Raises:
+        ValueError: the cell holds something else.
+    """
+    cell = cell.strip()
+    if not cell or cell.lower().strip("+-()") in _NO_NUMBER:
+        return math.nan
+    if "_" in cell:
+        raise ValueError(cell)
+    return float(cell)
+
+
+_NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(ind", "nan(snan", "na", "n/a", "null",
+              "none"}
+
+
+def numbers(cells: list[str], labels: list[str], path: Path, line: int) -> list[float]:
+    """The cells of one line as numbers, NaN where blank.
+
+    Raises:
+        InputError: a cell holds no number; the message names line and column.
+    """
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        pass
+    row = []
+    for label, cell in zip(labels, cells, strict=True):
+        try:
+            row.append(cell_number(cell))
+        except ValueError:
+            right = "Numbers need a decimal point, not a comma" if "," in cell else None
+            raise InputError(f"{cell.strip()[:40]!r} is not a number", file=path, where=f"line {line}, column {label}",
+                             right=right) from None
+    return row
+
+
+class Rows:
+    """Rows of equal length collected in one array whose size was reserved from the number of lines.
+
+    Args:
+        rows: how many there can be at most.
+        columns: how many cells each has.
+    """
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self._table = np.empty((max(rows, 1), columns))
+        self._lines = np.empty(max(rows, 1), dtype=np.int64)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, row: list[float], line: int) -> None:
+        """Adds a row that stands on line `line` of the file."""
+        self._table[self._count] = row
+        self._lines[self._count] = line
+        self._count += 1
+
+    def finished(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, columns) the table and (n,) the lines on which its rows stand."""
+        return self._table[: self._count], self._lines[: self._count]
+
+
+def fitted_rows(lines: Iterator[tuple[int, str]], labels: list[str], path: Path,
+                separator: str) -> tuple[np.ndarray, np.ndarray]:
+    """The remaining lines as (n, len(labels)) numbers, and (n,) their places; blank lines are passed over.
+
+    Raises:
+        InputError: a line has more or fewer cells than there are labels, or a cell holds no number.
+    """
+    rows = Rows(count_lines(path), len(labels))
+    for number, line in lines:
+        cells = [cell.strip().strip('"') for cell in line.split(separator)]
+        while len(cells) > len(labels) and not cells[-1]:
+            cells.pop()
+        if not any(cells):
+            continue
+        if len(cells) != len(labels):
+            right = "Is the file truncated?" if len(cells) < len(labels) else None
+            if separator == "," and len(cells) > len(labels):
+                right = "Numbers need a decimal point, not a comma"
+            raise InputError(f"the row has {len(cells)} cells, there are {len(labels)} labels", file=path,
+                             where=f"line {number}", right=right)
+        rows.append(numbers(cells, labels, path, number), number)
+    return rows.finished()
