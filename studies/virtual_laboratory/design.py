@@ -1,4 +1,4 @@
-"""Numbers of the virtual prosthesis: what it is made of. Tuned ones are written by `tune_virtual_prosthesis.py`.
+"""Numbers of the virtual prosthesis: what it is made of. Tuned ones come from `bench.py --tune`.
 
 Published geometry (keel length, load point, fulcrum range, build height, foam) comes from
 `vsf_drake.parameters`; everything here is a choice, unless a source is named, and differs on purpose
@@ -29,8 +29,9 @@ class KeelDesign:
     """Width falls linearly from here to the tip."""
     damping_time_s: float = 4e-3
     """Hinge damping / stiffness: loses 7 % of the energy of a load cycle of 0.6 s."""
-    fulcrum_stiffness_n_per_m: float = 200e3
-    """Tuned on the bench."""
+    fulcrum_stiffness_n_per_m: float = 151.67e3
+    """Tuned on the bench (`bench.py --tune`) with the two foams below: 10.000 N/mm at 66 mm, 32.000 at 151 mm, heel
+    65.000; then 13.74, 18.44 and 24.32 N/mm at 87, 108 and 129 mm."""
     fulcrum_damping_time_s: float = 1e-3
 
 
@@ -55,9 +56,9 @@ class SoleDesign:
     edge_radius_m: float = 0.010
     end_length_m: float = 0.020
     """Over this length the outline rounds off at heel and toe."""
-    foam_modulus_pa: float = 0.5e6
+    foam_modulus_pa: float = 0.5477e6
     """Under the keel; tuned on the bench."""
-    heel_modulus_pa: float = 0.5e6
+    heel_modulus_pa: float = 0.32094e6
     """Under the heel block; tuned on the bench."""
     densification: float = 0.8
     """Strain at which the foam would be solid."""
@@ -65,7 +66,6 @@ class SoleDesign:
     """Hunt-Crossley damping: share of the elastic force per speed of compression."""
     shear_ratio: float = 0.6
     """Shear stiffness of a foam cell / its stiffness under small compression."""
-    shear_damping_time_s: float = 2e-3
     friction: float = 0.6
     """Coulomb's coefficient."""
 

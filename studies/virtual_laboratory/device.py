@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+
 from virtual_laboratory.design import Design
 from virtual_laboratory.keel import make_keel
 from virtual_laboratory.sole import make_sole
-
 from vsf_drake.parameters import GRAVITY, FootParameters
 
 
@@ -40,7 +40,6 @@ class Device(NamedTuple):
     dense_depth: np.ndarray
     hysteresis: float
     shear_stiffness: np.ndarray
-    shear_damping_time: float
     friction: float
     socket: np.ndarray
     socket_damping: np.ndarray
@@ -109,7 +108,7 @@ def make_device(
         bodies=bodies[order].astype(np.int64), points=np.ascontiguousarray(points[order]),
         foam_stiffness=sole.stiffness[order], dense_depth=sole.dense_depth[order],
         hysteresis=design.sole.hysteresis_s_per_m, shear_stiffness=design.sole.shear_ratio * sole.stiffness[order],
-        shear_damping_time=design.sole.shear_damping_time_s, friction=design.sole.friction,
+        friction=design.sole.friction,
         socket=np.array([s.axial_force_n, s.axial_length_m, s.axial_linear_n_per_m, s.shear_stiffness_n_per_m,
                          s.shear_length_m, s.bending_stiffness_nm_per_rad, s.bending_angle_rad,
                          s.twist_stiffness_nm_per_rad, s.twist_angle_rad]),
@@ -133,8 +132,9 @@ def _rigid_masses(
     pylon = [(0.0, 0.0, -h * pylon_length) for h in gauss]
     rear, width = foot.fulcrum.rearmost_m, foot.keel.width_m
     height = foot.build_height_m - foot.foam_thickness_m
-    frame = [anchor + (1.5 * rear * a, width * (b - 0.5), 0.5 * height * c) for a in gauss for b in gauss for c in gauss]
-    carriage = [anchor + (fulcrum, 0.0, 0.02)]
+    corners = np.array([(a, b - 0.5, 0.5 * c) for a in gauss for b in gauss for c in gauss])
+    frame = anchor + corners * np.array([1.5 * rear, width, height])
+    carriage = anchor + np.array([[fulcrum, 0.0, 0.02]])
     carriage_mass = foot.fulcrum.carriage_mass_kg
     frame_mass = foot.mass_kg - carriage_mass - float(np.sum(node_masses[1:]))
     masses = ([design.socket.socket_mass_kg / 8] * 8 + [design.socket.pylon_mass_kg / 2] * 2

@@ -14,13 +14,13 @@ import math
 
 import numba
 import numpy as np
+
 from virtual_laboratory.device import Device, State
 from virtual_laboratory.laws import (
     axial,
     foam_with_hysteresis,
     friction,
     hardening,
-    rotation_matrix,
     rotation_vector,
 )
 
@@ -128,18 +128,20 @@ def add_ground(
             continue
         dx = p[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z - state.cell_x[k, 0]
         dy = p[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z - state.cell_x[k, 1]
-        stiffness = device.shear_stiffness[k]
-        damping = stiffness * device.shear_damping_time
-        fw[0], fw[1], shear[k, 0], shear[k, 1], slips = friction(
-            state.shear[k, 0] + dx, state.shear[k, 1] + dy, dx / h, dy / h, stiffness, damping,
-            device.friction * normal)
+        stiffness, limit = device.shear_stiffness[k], device.friction * normal
+        ux, uy = state.shear[k, 0] + dx, state.shear[k, 1] + dy
+        fw[0], fw[1], shear[k, 0], shear[k, 1], slips = friction(ux, uy, stiffness, limit)
         fw[2] = normal
-        tangential = stiffness + damping / h
-        DW[0, 0] = DW[1, 1] = tangential
+        DW[0, 0] = DW[1, 1] = stiffness
         DW[0, 1] = DW[1, 0] = 0.0
         DW[2, 2] = slope
         if slips:
-            _slip_stiffness(DW, fw, state.shear[k], dx, dy, stiffness, damping / h)
+            # only across the direction of slip; how the cut force grows with the normal force is left out
+            size = math.sqrt(ux * ux + uy * uy)
+            ux, uy = ux / size, uy / size
+            across = limit / size
+            DW[0, 0], DW[0, 1] = across * uy * uy, -across * ux * uy
+            DW[1, 0], DW[1, 1] = -across * ux * uy, across * ux * ux
         for i in range(3):
             forces[k, i] = fw[i]
             f[i] = R[0, i] * fw[0] + R[1, i] * fw[1] + R[2, i] * fw[2]
@@ -147,21 +149,6 @@ def add_ground(
         body = device.bodies[k]
         add_point(wrench[body], block[body], x, y, z, f, D)
         turning[body] += f[0] * x + f[2] * z
-
-
-@numba.njit(cache=True)
-def _slip_stiffness(
-    D: np.ndarray, f: np.ndarray, shear: np.ndarray, dx: float, dy: float, stiffness: float, damping: float
-) -> None:
-    """Tangent of the cut force: only across the direction of slip (how it grows with the normal force is left out)."""
-    tx = stiffness * (shear[0] + dx) + damping * dx
-    ty = stiffness * (shear[1] + dy) + damping * dy
-    size = math.sqrt(tx * tx + ty * ty)
-    limit = math.sqrt(f[0] ** 2 + f[1] ** 2)
-    across = limit / size * (stiffness + damping)
-    ux, uy = tx / size, ty / size
-    D[0, 0], D[0, 1] = across * uy * uy, -across * ux * uy
-    D[1, 0], D[1, 1] = -across * ux * uy, across * ux * ux
 
 
 @numba.njit(cache=True)

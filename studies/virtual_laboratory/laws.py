@@ -19,15 +19,13 @@ iterate beyond densification still has a finite force."""
 
 @numba.njit(cache=True)
 def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, float]:
-    """Elastic force (N) k d / (1 - d / dense) of a foam cell and its slope (N/m); zero out of contact."""
+    """Elastic force (N) k d / (1 - (d / dense)^2) of a foam cell and its slope (N/m); zero out of contact."""
     if depth <= 0.0:
         return 0.0, 0.0
-    u = depth / dense_depth
-    if u < DENSE_FROM:
-        return stiffness * depth / (1.0 - u), stiffness / (1.0 - u) ** 2
-    slope = stiffness / (1.0 - DENSE_FROM) ** 2
-    force = stiffness * DENSE_FROM * dense_depth / (1.0 - DENSE_FROM)
-    return force + slope * (depth - DENSE_FROM * dense_depth), slope
+    u = min(depth / dense_depth, DENSE_FROM)
+    room = 1.0 - u * u
+    slope = stiffness * (1.0 + u * u) / room**2
+    return stiffness * u * dense_depth / room + slope * (depth - u * dense_depth), slope
 
 
 @numba.njit(cache=True)
@@ -44,20 +42,17 @@ def foam_with_hysteresis(
 
 @numba.njit(cache=True)
 def friction(
-    shear_x: float, shear_y: float, rate_x: float, rate_y: float, stiffness: float, damping: float, limit: float
+    shear_x: float, shear_y: float, stiffness: float, limit: float
 ) -> tuple[float, float, float, float, bool]:
     """Force (x, y) of an anchor sheared by (x, y), the shear that remains and whether it slips.
 
-    Sticking, the force is -(k shear + c rate); where that exceeds `limit` (mu N) it is cut to it and the
-    anchor follows (radial return), which never gives energy back.
+    Sticking, the force is -k shear; where that exceeds `limit` (mu N) it is cut to it and the anchor
+    follows (radial return), which never gives energy back.
     """
-    fx, fy = -(stiffness * shear_x + damping * rate_x), -(stiffness * shear_y + damping * rate_y)
-    size = math.sqrt(fx * fx + fy * fy)
-    if size <= limit:
-        return fx, fy, shear_x, shear_y, False
-    ratio = limit / size
-    fx, fy = fx * ratio, fy * ratio
-    return fx, fy, -fx / stiffness, -fy / stiffness, True
+    size = stiffness * math.sqrt(shear_x * shear_x + shear_y * shear_y)
+    ratio = 1.0 if size <= limit else limit / size
+    shear_x, shear_y = ratio * shear_x, ratio * shear_y
+    return -stiffness * shear_x, -stiffness * shear_y, shear_x, shear_y, size > limit
 
 
 @numba.njit(cache=True)

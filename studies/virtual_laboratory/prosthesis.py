@@ -16,12 +16,12 @@ import math
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
+
 from virtual_laboratory.design import Design
 from virtual_laboratory.device import Device, State, copy_state, make_device, new_state
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.stepping import measure, place, run, step
-
 from vsf_drake.parameters import SIDES, FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
 
@@ -79,7 +79,7 @@ class Prosthesis:
         h = float(fine[1] - fine[0])
         turn, path = RotationSpline(time, Rotation.from_matrix(R_WS)), CubicSpline(time, p_WS)
         R, p = turn(fine).as_matrix(), path(fine)
-        self.reset(R[0], p[0], velocity=path(fine[0], 1), angular_velocity=turn(fine[0]).apply(turn(fine[0], 1)), step_s=h)
+        self.reset(R[0], p[0], velocity=path(fine[0], 1), angular_velocity=R[0] @ turn(fine[0], 1), step_s=h)
         n = len(time)
         measured, tip, socket, load = np.zeros((n, 8)), np.zeros(n), np.zeros((n, 6)), np.zeros((n, 6))
         measured[0], tip[0], socket[0], load[0] = self._last, self._tip, self.state.socket, self.socket_load
@@ -126,9 +126,9 @@ class Prosthesis:
     def step(self, R_WS: np.ndarray, p_WS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Advances by `step_s` to the shank's new pose; force (3,) on the foot (N) and centre of pressure (3,)."""
         before, shear = self.state.cell_x.copy(), self.state.shear.copy()
+        R, p = np.ascontiguousarray(R_WS, dtype=float), np.ascontiguousarray(p_WS, dtype=float)
         self.unconverged += int(step(
-            self.device, self.state, np.ascontiguousarray(R_WS, dtype=float), np.asarray(p_WS, dtype=float), self.step_s,
-            self._forces, self.socket_load))
+            self.device, self.state, R, p, self.step_s, self._forces, self.socket_load))
         measure(self.device, self.state, before, shear, self._forces, self.step_s, self._last)
         self._read(self._last)
         return self.force, self.cop

@@ -6,6 +6,7 @@ import math
 
 import numba
 import numpy as np
+
 from virtual_laboratory.device import Device, State
 from virtual_laboratory.dynamics import (
     LARGEST_CORRECTION,
