@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +17,10 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
+from vsf_drake.motion.formats.text import Rows, as_label, text_lines
+
+MOST_ODDITIES = 10_000
+"""Cells that hold no number and are remembered as they stand, for messages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,32 +89,27 @@ def read_storage(path: str | Path) -> Storage:
             shorter or longer than the labels; a time is not a number.
     """
     path = Path(path)
-    lines = _read_lines(path)
-    end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
-    if end is None:
-        raise InputError("there is no line `endheader`", file=path, where="header",
-                         right="An OpenSim .mot or .sto file has one before its column labels")
-    header = _read_header(lines[:end])
-    start = next((i for i in range(end + 1, len(lines)) if lines[i].strip()), None)
-    if start is None:
-        raise InputError("there are no column labels after endheader", file=path, where=f"line {end + 1}")
-    split = _splitter(lines[start])
-    labels = split(lines[start])
+    lines = _text_lines(path)
+    header, end = _read_header(lines, path)
+    start, line = next(((number, line) for number, line in lines if line.strip()), (0, ""))
+    if not start:
+        raise InputError("there are no column labels after endheader", file=path, where=f"line {end}")
+    split = _splitter(line)
+    labels = [as_label(cell) for cell in split(line)]
     while labels and not labels[-1]:
         labels.pop()
-    _check_labels(labels, path, start + 1)
-    table, numbers, oddities = _read_rows(lines, start + 1, split, labels, path)
-    for stated, line in header.get("rows", ()):
+    _check_labels(labels, path, start)
+    table, numbers, oddities = _read_rows(lines, split, labels, path)
+    for stated, line_number in header.get("rows", ()):
         if stated != len(table):
             raise InputError(f"the header says {stated} rows, the file has {len(table)}", file=path,
-                             where=f"line {line}", right="Is the file truncated?" if stated > len(table) else None)
-    notes = tuple(f"Line {line} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
-                  for stated, line in header.get("columns", ()) if stated != len(labels))
-    if not table:
-        raise InputError("there are no rows of numbers", file=path, where=f"after line {start + 1}")
-    values = np.array(table)
-    return Storage(path, tuple(labels[1:]), values[:, 0], values[:, 1:], header.get("degrees"),
-                   np.array(numbers), oddities, notes)
+                             where=f"line {line_number}",
+                             right="Is the file truncated?" if stated > len(table) else None)
+    notes = tuple(f"Line {number} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
+                  for stated, number in header.get("columns", ()) if stated != len(labels))
+    if not len(table):
+        raise InputError("there are no rows of numbers", file=path, where=f"after line {start}")
+    return Storage(path, tuple(labels[1:]), table[:, 0], table[:, 1:], header.get("degrees"), numbers, oddities, notes)
 
 
 def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
@@ -140,34 +140,34 @@ def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...
             stream.write("\t".join(repr(float(cell)) for cell in (time, *row)) + "\n")
 
 
-def _read_lines(path: Path) -> list[str]:
+def _text_lines(path: Path) -> Iterator[tuple[int, str]]:
     try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
-    if b"\0" in data:
-        raise InputError("is not a text file", file=path, right="An OpenSim .mot or .sto file is needed")
-    return data.decode("utf-8-sig", errors="replace").splitlines()
+        yield from text_lines(path)
+    except InputError as error:
+        if "not a text file" not in error.what:
+            raise
+        raise InputError(error.what, file=path, right="An OpenSim .mot or .sto file is needed") from None
 
 
 _HEADER_KEYS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
 
 
-def _read_header(lines: list[str]) -> dict:
-    """`rows` and `columns` as lists of (stated number, line), and `degrees`."""
+def _read_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict, int]:
+    """`rows` and `columns` as lists of (stated number, line), and `degrees`; and the line of `endheader`."""
     header: dict = {}
-    for number, line in enumerate(lines, start=1):
+    for number, line in lines:
+        if line.strip().lower() == "endheader":
+            return header, number
         key, _, value = (part.strip() for part in line.strip().replace("=", " ", 1).partition(" "))
-        if key.lower() in _HEADER_KEYS and value.isdigit():
-            header.setdefault(_HEADER_KEYS[key.lower()], []).append((int(value), number))
+        if key.lower() in _HEADER_KEYS and value.isdecimal() and value.isascii():
+            header.setdefault(_HEADER_KEYS[key.lower()], []).append((int(value[:18]), number))
         elif key.lower() == "indegrees" and value.lower() in ("yes", "no"):
             header["degrees"] = value.lower() == "yes"
-    return header
+    raise InputError("there is no line `endheader`", file=path, where="header",
+                     right="An OpenSim .mot or .sto file has one before its column labels")
 
 
-def _splitter(label_line: str):
+def _splitter(label_line: str) -> Callable[[str], list[str]]:
     """Splits at tabs where the labels do, so that a blank cell is seen; at white space elsewhere."""
     if "\t" in label_line:
         return lambda line: [cell.strip() for cell in line.split("\t")]
@@ -188,12 +188,12 @@ def _check_labels(labels: list[str], path: Path, line: int) -> None:
         seen.add(label)
 
 
-def _read_rows(lines: list[str], start: int, split, labels: list[str], path: Path):
+def _read_rows(lines: Iterator[tuple[int, str]], split: Callable[[str], list[str]], labels: list[str],
+               path: Path) -> tuple[np.ndarray, np.ndarray, dict[tuple[int, int], str]]:
     """Rows of numbers (NaN where a cell is none), their line numbers, and the cells that are none."""
-    table: list[list[float]] = []
-    numbers: list[int] = []
+    rows = Rows(path, len(labels))
     oddities: dict[tuple[int, int], str] = {}
-    for number, line in enumerate(lines[start:], start=start + 1):
+    for number, line in lines:
         if not line.strip():
             continue
         cells = split(line)
@@ -209,12 +209,12 @@ def _read_rows(lines: list[str], start: int, split, labels: list[str], path: Pat
             row = [_number(cell) for cell in cells]
         if not math.isfinite(row[0]):
             raise InputError(f"the time {cells[0]!r} is not a number", file=path, where=f"line {number}, column time")
-        for column, value in enumerate(row):
-            if not math.isfinite(value):
-                oddities[len(table), column - 1] = cells[column]
-        table.append(row)
-        numbers.append(number)
-    return table, numbers, oddities
+        if not math.isfinite(sum(row)) and len(oddities) < MOST_ODDITIES:
+            oddities |= {(len(rows), column - 1): as_label(cells[column])
+                         for column, value in enumerate(row) if not math.isfinite(value)}
+        rows.append(row, number)
+    table, places = rows.finished()
+    return table, places, oddities
 
 
 def _number(cell: str) -> float:

@@ -12,6 +12,8 @@ from vsf_drake.errors import InputError
 
 LONGEST_LINE = 4_000_000
 """Characters; a TRC line of 1000 markers has 40 000."""
+_SPARSE = 4
+"""Cells that are reserved for each byte of the file, at most; a cell that stands there takes one byte or more."""
 _BOM = "\xef\xbb\xbf"
 
 
@@ -42,18 +44,6 @@ def as_label(text: str) -> str:
         return text.encode("latin-1").decode("utf-8").strip()
     except UnicodeDecodeError:
         return text.strip()
-
-
-def count_lines(path: Path) -> int:
-    """How many lines end in the file, to reserve memory by."""
-    try:
-        with open(path, "rb") as stream:
-            return 1 + sum(max(block.count(b"\n"), block.count(b"\r"))
-                           for block in iter(lambda: stream.read(1 << 20), b""))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
 
 
 def cell_number(cell: str) -> float:
@@ -96,23 +86,38 @@ def numbers(cells: list[str], labels: list[str], path: Path, line: int) -> list[
 
 
 class Rows:
-    """Rows of equal length collected in one array whose size was reserved from the number of lines.
+    """Rows of equal length, collected in one array whose size is reserved from the file's.
 
     Args:
-        rows: how many there can be at most.
+        path: the file they come from.
         columns: how many cells each has.
     """
 
-    def __init__(self, rows: int, columns: int) -> None:
-        self._table = np.empty((max(rows, 1), columns))
-        self._lines = np.empty(max(rows, 1), dtype=np.int64)
+    def __init__(self, path: Path, columns: int) -> None:
+        self._path = path
+        size, lines = _size_and_lines(path)
+        self._most = max(size // columns * _SPARSE, 1000)
+        rows = min(lines, size // columns + 2)
+        self._table = np.empty((rows, columns))
+        self._lines = np.empty(rows, dtype=np.int64)
         self._count = 0
 
     def __len__(self) -> int:
         return self._count
 
     def append(self, row: list[float], line: int) -> None:
-        """Adds a row that stands on line `line` of the file."""
+        """Adds a row that stands on line `line` of the file.
+
+        Raises:
+            InputError: the rows would need far more memory than the file has bytes.
+        """
+        if self._count == len(self._table):
+            if self._count >= self._most:
+                raise InputError(f"has far shorter lines than its {self._table.shape[1]} columns need", file=self._path,
+                                 where=f"line {line}")
+            more = min(self._most, 2 * self._count + 16)
+            self._table = np.concatenate([self._table, np.empty((more - self._count, self._table.shape[1]))])
+            self._lines = np.concatenate([self._lines, np.empty(more - self._count, dtype=np.int64)])
         self._table[self._count] = row
         self._lines[self._count] = line
         self._count += 1
@@ -122,6 +127,17 @@ class Rows:
         return self._table[: self._count], self._lines[: self._count]
 
 
+def _size_and_lines(path: Path) -> tuple[int, int]:
+    """The file's bytes, and how many lines it has at most."""
+    try:
+        with open(path, "rb") as stream:
+            lines = 2 + sum(max(block.count(b"\n"), block.count(b"\r"))
+                            for block in iter(lambda: stream.read(1 << 20), b""))
+            return stream.tell(), lines
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+
+
 def fitted_rows(lines: Iterator[tuple[int, str]], labels: list[str], path: Path,
                 separator: str) -> tuple[np.ndarray, np.ndarray]:
     """The remaining lines as (n, len(labels)) numbers, and (n,) their places; blank lines are passed over.
@@ -129,7 +145,7 @@ def fitted_rows(lines: Iterator[tuple[int, str]], labels: list[str], path: Path,
     Raises:
         InputError: a line has more or fewer cells than there are labels, or a cell holds no number.
     """
-    rows = Rows(count_lines(path), len(labels))
+    rows = Rows(path, len(labels))
     for number, line in lines:
         cells = [cell.strip().strip('"') for cell in line.split(separator)]
         while len(cells) > len(labels) and not cells[-1]:

@@ -10,13 +10,11 @@ from pathlib import Path
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
-from vsf_drake.motion.formats.text import Rows, as_label, count_lines, numbers, text_lines
+from vsf_drake.motion.formats.text import Rows, as_label, numbers, text_lines
 from vsf_drake.motion.formats.timing import even_rate
 from vsf_drake.motion.formats.units import file_length_factor
 
 MOST_MARKERS = 20_000
-MOST_CELLS = 200_000_000
-"""1.6 GB as numbers; a file of 500 MB has at most about 250 million cells, single digits each."""
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
@@ -33,10 +31,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     _check_count(header, labels, path, notes)
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
-    reserved = count_lines(path)
-    if reserved * len(columns) > MOST_CELLS:
-        raise InputError(f"{reserved} lines of {len(columns)} cells are more than can be read", file=path)
-    rows = Rows(reserved, len(columns))
+    rows = Rows(path, len(columns))
     for number, line in lines:
         cells = line.split("\t") if "\t" in line else line.split()
         if not any(cell.strip() for cell in cells) or _is_axes_line(cells):
