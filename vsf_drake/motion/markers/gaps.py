@@ -195,7 +195,8 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
     missing = {label: np.isnan(path[:, 0]) for label, path in work.markers.items()}
     complete = list(_runs(~np.any(list(missing.values()), axis=0)))
     if not complete:
-        worst = sorted(missing, key=lambda label: -missing[label].sum())[:4]
+        worst = sorted((label for label, flags in missing.items() if flags.any()),
+                       key=lambda label: -missing[label].sum())[:4]
         seen = ", ".join(f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst)
         raise InputError(f"no frame shows every needed marker: {seen}", file=recording.path)
     start, stop = max(complete, key=lambda run: run[1] - run[0])
