@@ -1,0 +1,64 @@
+"""`vsf-drake stand`: a person standing still on both feet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from vsf_drake.cli.app import Model, Out, app, console, model_of, progress, target
+
+
+@app.command()
+def stand(
+    subject: Annotated[Path, typer.Argument(help="subject.yaml, or a trial manifest, whose subject stands.")],
+    out: Out,
+    model: Model = None,
+    fulcrum_mm: Annotated[float, typer.Option(help="Fulcrum position from the keel's posterior end.")] = 108.0,
+    duration_s: Annotated[float, typer.Option(help="How long to stand.")] = 10.0,
+    upright: Annotated[bool, typer.Option(
+        "--upright", help="Hold the pelvis's angles in any case; without it they are as free as stays up.")] = False,
+) -> None:
+    """Stands the person at anatomically neutral angles: does the ground carry the weight, and which foot how much?"""
+    from vsf_drake.motion.subject_file import load_subject
+    from vsf_drake.report.standing_output import write_standing
+    from vsf_drake.simulation.standing import simulate_standing
+
+    out = target(out, "standing")
+    person = load_subject(subject.expanduser())
+    with progress() as show:
+        standing = simulate_standing(
+            person, model_of(model), fulcrum_m=1e-3 * fulcrum_mm, duration_s=duration_s, upright=upright,
+            progress=lambda f: show("standing", f))
+    print_standing(write_standing(standing, out))
+    console.print(f"written to {out}", highlight=False)
+
+
+def print_standing(table: dict[str, Any]) -> None:
+    """The table of forces and drift, the verdict and what it took."""
+    grid = Table("", "value", title=Text(f"{table['subject']}, standing {table['duration_s']:g} s"), show_header=False)
+    angles, legs = table["pelvis_deg"], table["leg_length_mm"]
+    rows = (
+        ("weight (N)", f"{table['weight_n']:.2f}"),
+        ("mean vertical force (N)", f"{table['mean_vertical_n']:.2f} ({table['weight_error']:+.3%})"),
+        ("under the prosthetic foot", f"{table['prosthetic_share']:.1%}"),
+        ("under the intact foot", f"{table['intact_share']:.1%}"),
+        ("drift of the pelvis (mm)", f"{table['drift_mm']:.3f}"),
+        ("turn of the pelvis (degrees)", f"{table['turn_deg']:.3f}"),
+        ("pelvis tilt, list (degrees)", f"{angles['tilt']:.2f}, {angles['list']:.2f}"),
+        ("leg, prosthetic and intact (mm)", f"{legs['prosthetic']:.1f}, {legs['intact']:.1f}"),
+        ("free", ", ".join(table["free"])),
+        ("held with (N m)", ", ".join(f"{key} {value:.1f}" for key, value in table["held_nm"].items()) or "nothing"),
+        ("unconverged steps", str(table["unconverged_steps"])),
+    )
+    for label, value in rows:
+        grid.add_row(label, value)
+    console.print(grid)
+    if not table["stands"]:
+        console.print("! This person does not stand still on the model: see drift, force and notes.",
+                      style="bold yellow", highlight=False)
+    for note in table["notes"]:
+        console.print(f"- {note}", highlight=False, markup=False)

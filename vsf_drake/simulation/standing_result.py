@@ -1,0 +1,69 @@
+"""What standing still leaves: forces, the pelvis, and what it took to stay up. Plain arrays; knows no Drake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A person who stood for `time_s[-1]` s, from rest.
+
+    Attributes:
+        time_s: (n,) ends of the steps. prosthetic_n, intact_n: (n,) vertical force on each foot (N).
+        pelvis: (n + 1, 6) place (m; forward, up, right) and attitude (rad; tilt, list, rotation), start included.
+        weight_n: mass times 9.81 m/s^2.
+        free: the pelvis coordinates that nothing held.
+        held_nm: what it took, at the end, to hold the others (N m by coordinate).
+        stiffness_nm_per_rad: least stiffness, less the weight's, that keeps a free attitude; None if none is free.
+        com_height_m: centre of mass above the ground. leg_lengths_m: prosthetic, intact, unloaded.
+        unconverged_steps: of the stepper. notes: sentences on what was held and why.
+    """
+
+    time_s: np.ndarray
+    prosthetic_n: np.ndarray
+    intact_n: np.ndarray
+    pelvis: np.ndarray
+    weight_n: float
+    fulcrum_m: float
+    side: str
+    name: str
+    free: tuple[str, ...]
+    held_nm: dict[str, float]
+    stiffness_nm_per_rad: float | None
+    com_height_m: float
+    leg_lengths_m: tuple[float, float]
+    unconverged_steps: int
+    notes: tuple[str, ...]
+
+    @property
+    def vertical_n(self) -> np.ndarray:
+        """(n,) vertical force on both feet (N)."""
+        return self.prosthetic_n + self.intact_n
+
+    @property
+    def weight_error(self) -> float:
+        """Mean vertical force over the weight, less 1."""
+        return float(self.vertical_n.mean() / self.weight_n - 1.0)
+
+    @property
+    def prosthetic_share(self) -> float:
+        """Share of the mean vertical force under the prosthetic foot."""
+        return float(self.prosthetic_n.mean() / self.vertical_n.mean())
+
+    @property
+    def drift(self) -> np.ndarray:
+        """(n,) distance (m) of the pelvis from where it stood at the start."""
+        return np.linalg.norm(self.pelvis[1:, :3] - self.pelvis[0, :3], axis=1)
+
+    @property
+    def drift_m(self) -> float:
+        """Largest distance of the pelvis from where it stood at the start."""
+        return float(self.drift.max())
+
+    @property
+    def turn_rad(self) -> float:
+        """Largest change of an angle of the pelvis."""
+        return float(np.abs(self.pelvis[1:, 3:] - self.pelvis[0, 3:]).max())
