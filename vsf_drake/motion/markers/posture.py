@@ -1,0 +1,179 @@
+"""The stretch of a recording from which a person is calibrated: the quietest second of standing, or a whole walk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.markers.maps import SIDES, FoundMarkers
+
+QUIET_S = 1.0
+"""Length of the stretch that is averaged (a choice: longer than a period of postural sway's fast part)."""
+NOT_NEEDED = ("trochanter", "head_top")
+"""Roles that the anatomical frames do without."""
+SEEN_PART = 0.2
+"""A marker counts if it is seen in this part of the stretch at least (a choice)."""
+STILL_M = 0.010
+"""Most RMS distance of a marker from its mean in the stretch. Quiet standing sways by some millimetres (a choice)."""
+STEPPING_M = 0.20
+"""A recording in which both heels travel farther than this against the pelvis is a walk (a choice)."""
+LOW_M = 0.04
+"""Heel and forefoot marker stand at most so far above their lowest while the foot is flat: heels and toes dip lower
+when they touch and push off (a choice)."""
+SLOW_M_PER_S, LAG_S = 0.10, 0.02
+"""Both markers rise or sink more slowly than this, over twice the lag, while the foot is flat (a choice)."""
+FLAT_M = 0.005
+"""Frames whose heel and forefoot markers stand this near to their median heights over those slow and low frames are
+the flat ones (a choice)."""
+HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = 0.15, -0.02
+"""Where heel and toe markers of a foot on the floor z = 0 can be, thick shoes included (a choice)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """Where markers are, from which anatomical frames are made.
+
+    Attributes:
+        points: (n, 3) m by label; n = 1, the mean, if `still`, else every frame of the walk, NaN where not seen.
+        still: whether the person stood.
+        foot_flat: (n,) bool by side.
+        start_s, end_s: the stretch.
+        notes: sentences.
+    """
+
+    points: dict[str, np.ndarray]
+    still: bool
+    foot_flat: dict[str, np.ndarray]
+    start_s: float
+    end_s: float
+    notes: tuple[str, ...] = ()
+
+
+def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
+    """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk.
+
+    Raises:
+        InputError: a marker with a role is hardly ever seen; nobody stands still nor walks; the feet are not on the
+            floor z = 0.
+    """
+    labels = list(dict.fromkeys((*found.roles.values(), *(m for s in found.segments.values() for m in s))))
+    needed = {label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)}
+    x = np.stack([recording.markers[label] for label in labels], axis=1)
+    rate = recording.marker_rate_hz or 1.0
+    width = max(1, min(len(x), round(QUIET_S * rate)))
+    start, moved = _quietest(x, width, np.array([label in needed for label in labels]), labels, recording)
+    time = recording.marker_time_s
+    worst = int(np.nanargmax(moved))
+    if moved[worst] <= STILL_M:
+        mean, seen = _mean(x[start:start + width])
+        points = {label: mean[None, k] for k, label in enumerate(labels) if seen[k] >= SEEN_PART}
+        hidden = [label for label in labels if label not in points]
+        notes = (f"Hardly or not seen while standing and not used: {', '.join(hidden)}.",) if hidden else ()
+        posture = Posture(points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
+                          float(time[start + width - 1]), notes)
+    elif _steps(recording, found) > STEPPING_M:
+        points = {label: x[:, k] for k, label in enumerate(labels)}
+        flat = {side: _foot_flat(points, found, side, recording) for side in SIDES}
+        posture = Posture(points, False, flat, float(time[0]), float(time[-1]), (
+            "Nobody stood still: joint centres and axes are from all frames of a walk, the feet's from the frames in "
+            "which they are flat. Doubtful; record a standing trial.",))
+    else:
+        raise InputError(
+            f"nobody stands still: in the quietest {width / rate:.1f} s it moves {1e3 * moved[worst]:.0f} mm RMS",
+            file=recording.path, where=f"marker {labels[worst]}, from {time[start]:.2f} s",
+            right=f"A standing trial needs {QUIET_S:g} s in which no marker moves more than {1e3 * STILL_M:.0f} mm RMS")
+    _on_floor(posture, found, recording)
+    return posture
+
+
+def _quietest(
+    x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], recording: Recording
+) -> tuple[int, np.ndarray]:
+    """First frame of the stretch in which the markers move least, and how much each does there (RMS, m)."""
+    seen = np.isfinite(x).all(axis=2)
+    middle = np.nan_to_num(_mean(x)[0])
+    from_mean = np.where(seen[..., None], x - middle, 0.0)
+
+    def window_sum(values: np.ndarray) -> np.ndarray:
+        total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+        return total[width:] - total[:-width]
+
+    count = window_sum(seen.astype(float))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = window_sum(from_mean) / count[..., None]
+        moved = np.sqrt(np.maximum(window_sum(np.sum(from_mean**2, axis=2)) / count - np.sum(mean**2, axis=2), 0.0))
+    counted = count >= SEEN_PART * width
+    usable = counted[:, needed].all(axis=1)
+    if not usable.any():
+        rare = int(np.argmin(np.where(needed, counted.mean(axis=0), np.inf)))
+        raise InputError(f"is not seen together with the others within any {width} frames", file=recording.path,
+                         where=f"marker {labels[rare]}", right="The standing trial must show all markers at a time")
+    most = np.where(usable, np.max(np.where(counted, moved, 0.0), axis=1), np.inf)
+    start = int(np.argmin(most))
+    return start, np.where(counted[start], moved[start], 0.0)
+
+
+def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean position of each marker over the frames (NaN if never seen) and the part of frames in which it is seen."""
+    seen = np.isfinite(x).all(axis=2)
+    count = seen.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(seen[..., None], x, 0.0).sum(axis=0) / count[:, None], count / len(x)
+
+
+def _steps(recording: Recording, found: FoundMarkers) -> float:
+    """How far the heels travel horizontally against the pelvis (m), the lesser of the two."""
+    markers = recording.markers
+    pelvis = 0.5 * (markers[found.roles["asis_right"]] + markers[found.roles["asis_left"]])
+    travels = []
+    for side in SIDES:
+        relative = (markers[found.roles[f"heel_{side}"]] - pelvis)[:, :2]
+        relative = relative[np.isfinite(relative).all(axis=1)]
+        travels.append(float(np.max(np.ptp(relative, axis=0))) if len(relative) else 0.0)
+    return min(travels)
+
+
+def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
+    """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else toe tip."""
+    for roles in (("toe",), ("met1", "met5"), ("toe_tip",)):
+        if all(f"{role}_{side}" in found.roles for role in roles):
+            return tuple(found.roles[f"{role}_{side}"] for role in roles)
+    raise AssertionError("a map without forefoot is refused when it is read")
+
+
+def _foot_flat(
+    points: dict[str, np.ndarray], found: FoundMarkers, side: str, recording: Recording
+) -> np.ndarray:
+    """Frames in which heel and forefoot are both low and neither rises nor sinks."""
+    heights = [points[found.roles[f"heel_{side}"]][:, 2],
+               np.mean([points[label][:, 2] for label in forefoot_labels(found, side)], axis=0)]
+    lag = max(1, round(LAG_S * (recording.marker_rate_hz or 1.0)))
+    quiet = np.ones(len(heights[0]), dtype=bool)
+    for z in heights:
+        if not np.isfinite(z).any():
+            raise InputError("heel and forefoot are never seen", file=recording.path, where=f"{side} foot")
+        rate = np.full(len(z), np.nan)
+        rate[lag:-lag] = (z[2 * lag:] - z[:-2 * lag]) / (2 * lag) * (recording.marker_rate_hz or 1.0)
+        with np.errstate(invalid="ignore"):
+            quiet &= (np.abs(rate) < SLOW_M_PER_S) & (z < np.nanmin(z) + LOW_M)
+    if not quiet.any():
+        raise InputError("is never flat on the floor, so its sole cannot be told", file=recording.path,
+                         where=f"{side} foot", right="Calibrate from a standing trial or a longer walk")
+    flat = quiet.copy()
+    for z in heights:
+        flat &= np.abs(z - np.median(z[quiet])) <= FLAT_M
+    return flat if flat.any() else quiet
+
+
+def _on_floor(posture: Posture, found: FoundMarkers, recording: Recording) -> None:
+    for side in SIDES:
+        flat = posture.foot_flat[side]
+        for label in (found.roles[f"heel_{side}"], *forefoot_labels(found, side)):
+            height = float(np.nanmean(posture.points[label][flat, 2]))
+            if not LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M:
+                raise InputError(f"is {height:.3f} m above the floor while the foot is flat on it", file=recording.path,
+                                 where=f"marker {label}", right="The floor must be at height zero, in the file's unit; "
+                                 "check the unit, the upward axis and the laboratory's origin")
