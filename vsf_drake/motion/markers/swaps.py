@@ -40,11 +40,11 @@ def check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) 
         jumps += [(int(frames[k + 1]), int(frames[k]), label, float(step[k])) for k in too_far]
     if not jumps:
         return
-    frame, before, label, step_m = min(jumps)
-    for other_frame, other_before, other, _ in jumps:
-        crossed = (filled.markers[label][frame] - filled.markers[other][other_before],
-                   filled.markers[other][other_frame] - filled.markers[label][before])
-        if other != label and other_frame == frame and max(np.linalg.norm(crossed, axis=1)) < step_m / 2:
+    frame, before, label, step_m = min(jumps, key=lambda jump: (jump[0], -jump[3]))
+    own = filled.markers[label]
+    for other, path in filled.markers.items():
+        crossed = (own[frame] - path[before], path[frame] - own[before])
+        if other != label and max(np.linalg.norm(crossed, axis=1)) < step_m / 2:
             raise InputError(f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
                              file=recording.path, right=RELABEL)
     raise InputError(f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than anybody "

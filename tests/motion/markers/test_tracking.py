@@ -1,0 +1,175 @@
+"""Tracking: a made person's angles come back, and what is not that person's walk is refused by name."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from made_calibration import true_calibration
+from made_person import Person, markers, poses, recording_of, walking_angles
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.markers.tracking import track
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+
+TIME = np.arange(200) / 100.0
+ANGLES = walking_angles(TIME)
+LABEL_SETS = pytest.mark.parametrize("label_set", ["plug_in_gait", "rajagopal", "opensim", "ior"])
+
+
+def made(label_set="rajagopal", person=None, **changes):
+    return recording_of(markers(ANGLES, person, label_set=label_set, medial=False) | changes)
+
+
+def path(label, label_set="rajagopal"):
+    return made(label_set).markers[label].copy()
+
+
+def swapped(a, b, start, stop, label_set="rajagopal"):
+    first, second = path(a, label_set), path(b, label_set)
+    first[start:stop], second[start:stop] = second[start:stop].copy(), first[start:stop].copy()
+    return made(label_set, **{a: first, b: second})
+
+
+@LABEL_SETS
+@pytest.mark.parametrize("medial", [True, False])
+def test_the_angles_that_the_markers_were_made_from_come_back(label_set, medial):
+    recording = recording_of(markers(ANGLES, label_set=label_set, medial=medial))
+    motion = track(recording, true_calibration(label_set=label_set, medial=medial), cutoff_hz=None)
+    for k, name in enumerate(motion.names):
+        truth = poses(ANGLES)["pelvis"][1][:, 2] if name == "pelvis_ty" else ANGLES.get(name, 0.0)
+        np.testing.assert_allclose(motion.values[:, k], truth, atol=1e-9)
+    np.testing.assert_allclose(motion.time_s, TIME)
+    assert max(motion.residual_rms_m.values()) < 1e-9 and max(motion.joint_gap_m.values()) < 1e-9
+    assert max(motion.cluster_motion_m.values()) < 1e-9
+    assert set(motion.joint_gap_m) == {f"{joint}_{side}" for joint in ("hip", "knee", "ankle")
+                                       for side in ("right", "left")}
+
+
+@LABEL_SETS
+def test_feet_are_where_their_markers_put_them(label_set):
+    person = Person(heel_behind_ankle=0.05, foot=(0.25, 0.28), ankle_height=(0.075, 0.085))
+    motion = track(made(label_set, person), true_calibration(person, label_set), cutoff_hz=None)
+    for side in ("right", "left"):
+        R, p = poses(ANGLES, person)[f"foot_{side}"]
+        heel, toe = person.sole(side)
+        np.testing.assert_allclose(motion.feet[side].heel_W, R @ heel + p, atol=1e-9)
+        np.testing.assert_allclose(motion.feet[side].toe_W, R @ toe + p, atol=1e-9)
+        np.testing.assert_allclose(motion.feet[side].ankle_W, p, atol=1e-9)
+
+
+def test_too_few_markers_are_helped_by_the_joint_above_and_the_notes_say_so():
+    notes = " ".join(track(made("plug_in_gait"), true_calibration(label_set="plug_in_gait")).notes)
+    for segment in ("thigh right", "shank left", "foot right"):
+        assert f"the {segment} is followed by" in notes
+    assert not track(made(), true_calibration()).notes
+
+
+def test_markers_are_filtered_once_and_without_delay():
+    """6 Hz passes a walk's harmonics almost unchanged and stops 25 Hz."""
+    noise = 0.004 * np.sin(2 * np.pi * 25 * TIME)[:, None] * [0.3, 0.8, 0.5]
+    shaken = made(**{label: p + noise for label, p in made().markers.items()})
+    smooth, rough = (track(shaken, true_calibration(), cutoff_hz=cutoff) for cutoff in (6.0, None))
+    truth = ANGLES["pelvis_tx"]
+    column = smooth.names.index("pelvis_tx")
+    inside = slice(30, -30)
+    assert np.std((rough.values[:, column] - truth)[inside]) > 5e-4
+    assert np.std((smooth.values[:, column] - truth)[inside]) < 2e-5
+    knee = smooth.names.index("knee_angle_r")
+    error = (smooth.values[:, knee] - ANGLES["knee_angle_r"])[inside]
+    assert np.abs(error).max() < np.radians(0.5)
+    lags = [np.corrcoef(smooth.values[inside, knee], np.interp(TIME[inside] - lag, TIME, ANGLES["knee_angle_r"]))[0, 1]
+            for lag in (-0.005, 0.0, 0.005)]
+    assert np.argmax(lags) == 1
+
+
+def test_skin_motion_shows_in_residual_and_cluster_motion_not_in_rigid_segments():
+    wobble = 0.01 * np.sin(2 * np.pi * 2 * TIME)[:, None] * [0.0, 0.0, 1.0]
+    motion = track(made(RTH1=path("RTH1") + wobble), true_calibration(), cutoff_hz=None)
+    assert motion.residual_rms_m["RTH1"] > 2e-3 and motion.residual_rms_m["LTH1"] < 1e-9
+    assert motion.cluster_motion_m["thigh_right"] > 1e-3 and motion.cluster_motion_m["thigh_left"] < 1e-9
+    assert motion.joint_gap_m["knee_right"] > 1e-3 and motion.joint_gap_m["knee_left"] < 1e-9
+
+
+def test_a_marker_that_was_moved_a_little_is_no_cluster_motion():
+    moved = path("RTH1") + 0.01 * poses(ANGLES)["thigh_right"][0][:, :, 2]
+    motion = track(made(RTH1=moved), true_calibration(), cutoff_hz=None)
+    assert motion.residual_rms_m["RTH1"] > 2e-3 and motion.cluster_motion_m["thigh_right"] < 1e-6
+
+
+def test_residuals_count_only_what_was_seen():
+    """The error is there in the first half only, and the second is a gap."""
+    off = path("RTH1") + np.array([0.0, 0.0, 0.005])
+    whole = track(made(RTH1=off), true_calibration(), cutoff_hz=None)
+    gappy = off.copy()
+    gappy[100:] = np.nan
+    half = track(made(RTH1=gappy), true_calibration(), cutoff_hz=None)
+    assert half.residual_rms_m["RTH1"] == pytest.approx(whole.residual_rms_m["RTH1"], rel=0.2)
+    assert half.gaps[0].label == "RTH1"
+
+
+def test_trimmed_recordings_keep_their_clock():
+    late = {label: np.where(np.arange(200)[:, None] < 40, np.nan, p) for label, p in made().markers.items()}
+    recording = dataclasses.replace(recording_of(late), marker_start_s=2.5)
+    motion = track(recording, true_calibration())
+    assert motion.start_frame == 40 and motion.time_s[0] == pytest.approx(2.9) and len(motion.values) == 160
+    assert isinstance(motion.trajectory(("knee_angle_r", "pelvis_ty")), CoordinateTrajectory)
+
+
+@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH2"), ("LTB1", "LTB3")])
+@pytest.mark.parametrize(("start", "stop"), [(80, 95), (0, 30)])
+def test_markers_that_change_places_for_a_while_are_named(a, b, start, stop):
+    time = f"{start / 100:.3f} s" if start else r"0\.\d+ s"
+    with pytest.raises(InputError, match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}"):
+        track(swapped(a, b, start, stop), true_calibration())
+
+
+def test_left_and_right_exchanged_for_a_while_are_named():
+    with pytest.raises(InputError, match=r"markers (RCAL and LCAL|LCAL and RCAL) exchange places at 1\.\d\d0 s"):
+        track(swapped("RCAL", "LCAL", 100, 120), true_calibration())
+
+
+def test_a_swap_is_seen_where_the_joint_above_helps():
+    with pytest.raises(InputError, match="exchange places"):
+        track(swapped("RTIB", "RANK", 100, 120, "plug_in_gait"), true_calibration(label_set="plug_in_gait"))
+
+
+@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH3"), ("RCAL", "RMT2"), ("RASI", "LASI")])
+def test_markers_labelled_otherwise_than_at_standing_are_named(a, b):
+    with pytest.raises(InputError, match=rf"markers {a} and {b} .*exchanged with respect to the standing trial"):
+        track(swapped(a, b, 0, 200), true_calibration())
+
+
+def test_a_marker_that_jumps_is_named_with_time_and_distance():
+    ghost = path("LTB2")
+    ghost[120:123] += [0.0, 0.0, 0.4]
+    with pytest.raises(InputError, match=r"marker LTB2 jumps by 4\d\d mm at 1\.200 s"):
+        track(made(LTB2=ghost), true_calibration())
+
+
+def test_a_marker_that_was_placed_anew_is_named():
+    elsewhere = path("RTH2") + 0.12 * poses(ANGLES)["thigh_right"][0][:, :, 2]
+    with pytest.raises(InputError, match=r"marker RTH2 is \d+ mm \(RMS\) from its place on the thigh right"):
+        track(made(RTH2=elsewhere), true_calibration())
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.15])
+def test_a_standing_trial_of_another_person_is_refused(scale):
+    other = {label: scale * p for label, p in made().markers.items()}
+    with pytest.raises(InputError, match="another person"):
+        track(recording_of(other), true_calibration())
+
+
+def test_another_person_of_the_same_width_but_longer_legs_is_refused():
+    with pytest.raises(InputError, match="another person"):
+        track(made(person=Person(thigh=(0.53, 0.53), shank=(0.52, 0.52))), true_calibration())
+
+
+@pytest.mark.parametrize("scale", [1000.0, 0.001, 1 / 25.4])
+def test_a_wrong_unit_is_told_from_another_person(scale):
+    with pytest.raises(InputError, match="another unit"):
+        track(recording_of({label: scale * p for label, p in made().markers.items()}), true_calibration())
+
+
+def test_a_cut_off_that_the_frame_rate_cannot_have_is_refused():
+    with pytest.raises(InputError, match="cut-off"):
+        track(made(), true_calibration(), cutoff_hz=60.0)
