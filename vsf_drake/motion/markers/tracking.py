@@ -50,7 +50,15 @@ def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | 
         markers = filtered(markers, rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
         poses = segment_poses(filled.segments, markers)
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
-    return describe(calibration, filled, markers, times, poses, values)
+    return describe(calibration, filled, markers, times, poses, values, notes=_helped(filled))
+
+
+def _helped(filled: FilledMarkers) -> tuple[str, ...]:
+    """A sentence on every segment that the joint above helps."""
+    return tuple(
+        f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the {segment_joint(name)[0]} "
+        "centre of the segment above"
+        for name, segment in filled.segments.items() if PARENTS[name] is not None and needs_joint_centre(segment.p_BM))
 
 
 def checked_markers(recording: Recording, calibration: Calibration, *, longest_gap_s: float = LONGEST_GAP_S
@@ -79,26 +87,22 @@ def filtered(markers: Mapping[str, np.ndarray], *, rate_hz: float, cutoff_hz: fl
 
 
 def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray], times: np.ndarray,
-             poses: Mapping[str, RigidPoses], values: np.ndarray) -> TrackedMotion:
+             poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: tuple[str, ...] = ()) -> TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
     feet, residuals, cluster, gaps = {}, {}, {}, {}
-    notes = list(filled.notes)
     for name, segment in filled.segments.items():
         residuals |= residual_rms(segment, filled, poses[name])
         cluster[name] = cluster_motion(segment, markers)
         if PARENTS[name] is not None:
             joint, side = segment_joint(name)
             gaps[f"{joint}_{side}"] = joint_gap(name, segment, poses)
-            if needs_joint_centre(segment.p_BM):
-                notes.append(f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the {joint} "
-                             f"centre of the segment above")
     for side in SIDES:
         foot, points = poses[f"foot_{side}"], calibration.feet[side]
         feet[side] = FootTrack(heel_W=foot.points(points.p_FHeel), toe_W=foot.points(points.p_FToe), ankle_W=foot.p_WB)
     return TrackedMotion(
         time_s=np.array(times), names=COORDINATES, values=values, feet=feet, residual_rms_m=residuals,
         cluster_motion_m=cluster, joint_gap_m=gaps, gaps=filled.gaps, start_frame=filled.start_frame,
-        notes=(*notes, *gimbal_notes(values)))
+        notes=(*filled.notes, *notes, *gimbal_notes(values)))
 
 
 def cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
