@@ -15,7 +15,7 @@ HEEL_N_PER_M = 65e3
 FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3}
 """Bench stiffness: heel published, forefoot published at both ends and by beam theory between."""
 SOCKET_N_PER_M, SOCKET_NM_PER_RAD = 1e5, 1e3
-INTACT_HEEL, INTACT_FOREFOOT = 0.14, 0.70
+INTACT_HEEL, INTACT_FOREFOOT = 0.14, 0.78
 """The same of the intact foot, in foot lengths from its heel."""
 INTACT_N_PER_M = 80e3
 LOADED_N, FULL_N = 15.0, 120.0
@@ -46,7 +46,7 @@ def anchor(wishes: Wishes, body: Linearised, support: Support, sigma_m: float) -
 
 
 def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    toe = roll_over(part, draw_delay)
+    toe = np.clip(roll_over(part, draw_delay), 0.0, 1.0)
     return (1.0 - toe) * load_n, toe * load_n
 
 

@@ -45,6 +45,8 @@ SPREAD = {
 }
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs from
 stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+LOADED_BW = 20.0 / (78.0 * 9.81)
+"""Vertical force at which a stance begins and ends: 20 N."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations."""
 
@@ -147,9 +149,17 @@ def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
 
 
 def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
-    """(n, 3) in body weights in W: forward, left, up; what the fit aims at, not what comes out."""
-    d = draw
-    part = time_s / d.stance_s
+    """(n, 3) in body weights in W: forward, left, up; what the fit aims at, not what comes out.
+
+    Vertically more than LOADED_BW from 0 to `draw.stance_s`.
+    """
+    fine = np.linspace(0.0, 1.0, 4001)
+    loaded = fine[_prosthetic_shape(draw, fine)[:, 2] > LOADED_BW]
+    return _prosthetic_shape(draw, loaded[0] + time_s / draw.stance_s * (loaded[-1] - loaded[0]))
+
+
+def _prosthetic_shape(d: Draw, part: np.ndarray) -> np.ndarray:
+    """The same over the parts (n,) of the whole contact."""
     first, middle, second = d.first_peak_at, d.trough_at, d.second_peak_at
     vertical = _curve(part, [
         (0.04 + 0.5 * d.loading, 0.17), (0.25 * first + 0.04 + d.loading, 0.45),
@@ -175,7 +185,7 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """
     d = draw
     length = d.intact_duty * d.stride_s
-    fine = np.linspace(0.0, d.stance_s, 1001)
+    fine = np.linspace(-0.1, d.stance_s + 0.1, 2001)
     means = np.trapezoid(prosthetic_force(d, fine), fine, axis=0) / d.stride_s
     part = np.linspace(0.0, 1.0, 1001)
 
@@ -200,8 +210,11 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
 
 
 def roll_over(part: np.ndarray, delay: float = 0.0) -> np.ndarray:
-    """Centre of pressure along a foot, 0 at its heel's and 1 at its forefoot's support, over parts of stance (n,)."""
+    """Centre of pressure along a foot, 0 at its heel's and 1 at its forefoot's support, over parts of stance (n,).
+
+    It begins behind the support, at the edge of the heel.
+    """
     at = np.array([0.0, 0.10, 0.20, 0.30, 0.42, 0.55, 0.68, 0.82, 1.0])
     at[1:-1] += delay
-    along = np.array([0.0, 0.03, 0.13, 0.34, 0.57, 0.75, 0.88, 0.97, 1.0])
-    return np.clip(make_interp_spline(at, along, k=3)(np.clip(part, 0.0, 1.0)), 0.0, 1.0)
+    along = np.array([-0.16, 0.0, 0.15, 0.34, 0.54, 0.70, 0.83, 0.94, 1.03])
+    return np.asarray(make_interp_spline(at, along, k=3)(np.clip(part, 0.0, 1.0)))
