@@ -1,8 +1,8 @@
 """Which way a person faces, and recordings whose axes form a left hand.
 
-A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image: every left marker lies
-to the right of its right one. No rotation mends that. The same picture results from exchanging every left label with its
-right one, which is far rarer; the two cannot be told apart, so a mirrored recording says what was assumed.
+A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image: every left marker
+lies to the right of its right one. No rotation mends that. The same picture results from exchanging every left label
+with its right one, which is far rarer; the two cannot be told apart, so a mirrored recording says what was assumed.
 """
 
 from __future__ import annotations

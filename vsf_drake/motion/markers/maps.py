@@ -189,6 +189,8 @@ def parse_marker_map(text: str, path: str | Path) -> MarkerMap:
 
 
 def _items(node: yaml.Node | None, block: str, path: Path, known: tuple[str, ...]) -> list[tuple[str, str, yaml.Node]]:
+    if block and node is not None and node.tag == "tag:yaml.org,2002:null":
+        return []
     if not isinstance(node, yaml.MappingNode):
         raise InputError("must be a mapping of keys to values", file=path, where=block.rstrip(".") or None,
                          right=f"Its keys are: {', '.join(known)}")

@@ -1,0 +1,160 @@
+"""Which shipped map fits a recording's labels, and a first map of a recording's own."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.markers.maps import (
+    MIDDLE_CLUSTERS,
+    MIDDLE_ROLES,
+    SHIPPED,
+    SIDED_CLUSTERS,
+    SIDED_ROLES,
+    SIDES,
+    MarkerMap,
+    load_marker_map,
+)
+
+ALIKE = 0.75
+"""Least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)."""
+VIRTUAL = ("HJC", "KJC", "AJC")
+"""Endings of computed points that some files hold beside the markers; they are not guessed for anything."""
+WORDS = {
+    "asis": ("asis", "asi", "iliacanterior"), "psis": ("psis", "psi", "iliacposterior"),
+    "trochanter": ("trochanter", "troc", "gtr"),
+    "knee_medial": ("kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed"),
+    "knee_lateral": ("kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "knee"),
+    "ankle_medial": ("anklemed", "anklem", "ankleint", "medankle", "mankle", "malmed", "medmal", "mmal"),
+    "ankle_lateral": ("anklelat", "anklel", "ankleext", "latankle", "lankle", "mallat", "latmal", "lmal", "ankle"),
+    "heel": ("heel", "calc", "cal"), "toe_tip": ("toetip", "hallux", "toe"),
+    "toe": ("mt2", "met2", "mth2", "2mt", "2met"), "met1": ("mt1", "met1", "mth1", "1mt", "1met"),
+    "met5": ("mt5", "met5", "mth5", "5mt", "5met"),
+    "thigh": ("thigh", "th", "femur", "fem"), "shank": ("shank", "sh", "tibia", "tib", "calf", "leg"),
+    "foot": ("foot", "midfoot"),
+    "sacrum": ("sacrum", "sacral", "sacr", "sac"), "head_top": ("tophead", "headtop", "vertex"),
+    "pelvis": ("iliaccrest", "crest", "pelvis")}
+"""What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
+SHORT = 3
+"""After a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder."""
+
+
+def choose_map(labels: Iterable[str], file: str | Path | None = None) -> tuple[MarkerMap, str]:
+    """The shipped map that gives a meaning to most of the labels of a standing trial, and a sentence on the choice.
+
+    Raises:
+        InputError: no shipped map finds all that a calibration needs, or two do equally well.
+    """
+    labels = list(labels)
+    fitting: list[tuple[int, MarkerMap]] = []
+    failures: list[tuple[int, str]] = []
+    for name in SHIPPED:
+        marker_map = load_marker_map(name)
+        here = list(marker_map.translate(labels, file).values())
+        count = len(marker_map.spellings() & set(here))
+        try:
+            marker_map.find(here)
+            fitting.append((count, marker_map))
+        except InputError as error:
+            failures.append((count, f"{name}: {error.what}"))
+    if not fitting:
+        reasons = "; ".join(reason for _, reason in sorted(failures, reverse=True))
+        raise InputError(f"no shipped marker map fits ({reasons})", file=file, where="markers",
+                         right=f"Labels in the file: {', '.join(labels) or 'none'}. `vsf-drake import --list-markers` "
+                         "starts a map from them")
+    most = max(count for count, _ in fitting)
+    best = [marker_map for count, marker_map in fitting if count == most]
+    if len(best) > 1:
+        raise InputError(f"the marker maps {' and '.join(m.name for m in best)} fit equally well", file=file,
+                         where="markers", right="Say which one with --marker-map")
+    return best[0], f"Marker map {best[0].name} was chosen: it knows {most} of the {len(labels)} labels."
+
+
+def suggest_map(labels: Iterable[str]) -> str:
+    """YAML text of a marker map for these labels, to be looked over.
+
+    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses. Roles
+    without a label stand in comments, labels without a role at the end.
+    """
+    labels = list(dict.fromkeys(label.rsplit(":", 1)[-1] for label in labels))
+    known, guessed = _known(labels), {}
+    for label in labels:
+        if label not in known and not label.upper().endswith(VIRTUAL):
+            place = _guess(label)
+            if place is not None:
+                guessed[label] = place
+    text = ["# Started from a recording's own labels: look over every line, above all those marked as guesses.",
+            "description: markers of our laboratory", "prefix: any"]
+    for block in (*SIDES, "middle"):
+        text.append(f"{block}:")
+        roles, clusters = ((MIDDLE_ROLES, MIDDLE_CLUSTERS) if block == "middle" else (SIDED_ROLES, SIDED_CLUSTERS))
+        for role in roles + clusters:
+            sure = [label for label in labels if known.get(label) == (block, role)]
+            maybe = [label for label in labels if guessed.get(label) == (block, role)]
+            text.append(_line(role, sure, maybe, several=role in clusters))
+    unused = [label for label in labels if label not in known and label not in guessed]
+    if unused:
+        text.append("# Labels without a role:")
+        text += [f"#   {label}" for label in unused]
+    return "\n".join(text) + "\n"
+
+
+def _line(role: str, sure: list[str], maybe: list[str], *, several: bool) -> str:
+    chosen = (sure + maybe) if several else (sure or maybe)
+    if not chosen:
+        return f"  # {role}:"
+    remarks = []
+    if any(label in maybe for label in chosen):
+        remarks.append("guess" if not several else f"guesses: {', '.join(maybe)}")
+    if not several and len(chosen) > 1:
+        remarks.append(f"or {', '.join(chosen[1:])}")
+    value = ", ".join(_quoted(label) for label in (chosen if several else chosen[:1]))
+    remark = f"  # {'; '.join(remarks)}" if remarks else ""
+    return f"  {role}: {f'[{value}]' if several else value}{remark}"
+
+
+def _quoted(label: str) -> str:
+    plain = label.isascii() and label.replace(".", "").replace("_", "").isalnum() and not label[0].isdigit()
+    return label if plain else "'" + label.replace("'", "''") + "'"
+
+
+def _known(labels: list[str]) -> dict[str, tuple[str, str]]:
+    """Block and role of the labels that the shipped map knows which knows most of them."""
+    maps = [load_marker_map(name) for name in SHIPPED]
+    best = max(maps, key=lambda m: len(m.spellings() & set(m.translate(labels).values())))
+    owner = {label: role for places in (best.roles, best.clusters) for role, spellings in places.items()
+             for label in spellings}
+    return {label: _block(owner[bare]) for label, bare in best.translate(labels).items() if bare in owner}
+
+
+def _block(role: str) -> tuple[str, str]:
+    for side in SIDES:
+        if role.endswith(f"_{side}"):
+            return side, role.removesuffix(f"_{side}")
+    return "middle", role
+
+
+def _guess(label: str) -> tuple[str, str] | None:
+    """Block and role that a label looks like, by its side letter or word and what remains."""
+    word = "".join(ch for ch in label.casefold() if ch.isalnum())
+    if word in WORDS["sacrum"] + WORDS["head_top"]:
+        return "middle", "sacrum" if word in WORDS["sacrum"] else "head_top"
+    for side in SIDES:
+        for mark in (side, side[0]):
+            for rest in ((word.removeprefix(mark),) if word.startswith(mark) else ()) + (
+                    (word.removesuffix(mark),) if word.endswith(mark) else ()):
+                role = _role(rest)
+                if role is not None:
+                    return ("middle", role) if role in MIDDLE_CLUSTERS else (side, role)
+    return None
+
+
+def _role(word: str) -> str | None:
+    starts = [(len(form), role) for role, forms in WORDS.items() for form in forms
+              if word.startswith(form) and (len(form) > SHORT or not word[len(form):].strip("0123456789"))]
+    if starts:
+        return max(starts)[1]
+    close = difflib.get_close_matches(word, [form for forms in WORDS.values() for form in forms], n=1, cutoff=ALIKE)
+    return next((role for role, forms in WORDS.items() if close and close[0] in forms), None)
