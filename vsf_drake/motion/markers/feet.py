@@ -10,14 +10,14 @@ from vsf_drake.motion.markers.joint_angles import joint_angles
 from vsf_drake.motion.markers.maps import FoundMarkers
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import FootPoints, SegmentMarkers
+from vsf_drake.parameters import FootParameters
 
 BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
 """Heel to metatarsal head (second, first, fifth) / foot length, where no marker is on the toe's tip: typical of adults'
 feet, a choice, unverified."""
 SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38
 """Shod feet of children and adults (a choice)."""
-STANDARD_PYLON_M = 0.055
-"""The pylon's axis ahead of the heel in the standard place, as `FootParameters.pylon_x_m`."""
+_FOOT = FootParameters()
 
 
 def foot_points(
@@ -52,17 +52,22 @@ def foot_points(
 
 
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
-    """`Subject`'s fields on the prosthesis, from frames in which its sole is flat on the floor (medians)."""
+    """`Subject`'s fields on the prosthesis, from frames in which its sole is flat on the floor (medians).
+
+    The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
+    ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
+    """
     R_WS, p_WS = anatomy.R_W[f"shank_{side}"], anatomy.p_W[f"shank_{side}"]
     R_WF, p_WF = anatomy.R_W[f"foot_{side}"], anatomy.p_W[f"foot_{side}"]
     heel = p_WF + R_WF @ points.p_FHeel
     down, normal = -R_WS[..., :, 2], R_WF[..., :, 2]
     length = np.sum((heel - p_WS) * normal, axis=-1) / np.sum(down * normal, axis=-1)
-    under = np.einsum("nij,ni->nj", R_WF, p_WS + length[:, None] * down - heel)
+    end = heel + R_WF @ np.array([_FOOT.pylon_x_m, 0.0, _FOOT.build_height_m])
+    place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
     angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
     outward = -1.0 if side == "right" else 1.0
     values = {
-        "prosthesis_length_m": length, "prosthesis_fore_aft_m": STANDARD_PYLON_M - under[:, 0],
-        "prosthesis_lateral_m": -outward * under[:, 1], "prosthesis_alignment_rad": angles[:, 0],
+        "prosthesis_length_m": length, "prosthesis_fore_aft_m": place[:, 0],
+        "prosthesis_lateral_m": outward * place[:, 1], "prosthesis_alignment_rad": angles[:, 0],
         "prosthesis_inversion_rad": angles[:, 1], "prosthesis_toe_out_rad": -angles[:, 2]}
     return {name: float(np.nanmedian(value)) for name, value in values.items()}

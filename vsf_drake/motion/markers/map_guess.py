@@ -156,5 +156,6 @@ def _role(word: str) -> str | None:
               if word.startswith(form) and (len(form) > SHORT or not word[len(form):].strip("0123456789"))]
     if starts:
         return max(starts)[1]
-    close = difflib.get_close_matches(word, [form for forms in WORDS.values() for form in forms], n=1, cutoff=ALIKE)
+    long = [form for forms in WORDS.values() for form in forms if len(form) > SHORT]
+    close = difflib.get_close_matches(word, long, n=1, cutoff=ALIKE)
     return next((role for role, forms in WORDS.items() if close and close[0] in forms), None)
