@@ -40,7 +40,8 @@ class Prosthesis:
         device: the compiled step's constants.
         state: the present state of `reset` and `step`.
         step_s: time between two calls of `step`.
-        force, cop, socket_load: after the last `step`.
+        force, cop, free_moment, socket_load: after the last `step`, as in `Reaction`.
+        unconverged: steps since `reset` that were not solved to tolerance.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Prosthesis:
         self.mass_kg = float(np.sum(self.device.masses) + np.sum(self.device.node_masses))
         self.state: State = new_state(self.device)
         self.force, self.cop, self.socket_load = np.zeros(3), np.full(3, np.nan), np.zeros(6)
+        self.free_moment = float("nan")
         self.unconverged = 0
         self._forces = np.zeros((len(self.device.bodies), 3))
 
@@ -146,7 +148,8 @@ class Prosthesis:
 
     def _read(self, measured: np.ndarray) -> None:
         self.force = measured[:3].copy()
-        self.cop = centre_of_pressure(measured[None, :3], measured[None, 3:6])[0][0]
+        cop, free_moment = centre_of_pressure(measured[None, :3], measured[None, 3:6])
+        self.cop, self.free_moment = cop[0], float(free_moment[0])
 
     def _place(self, state: State) -> None:
         """Positions that follow from the pose of an undeformed prosthesis."""

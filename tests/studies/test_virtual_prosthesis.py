@@ -1,0 +1,289 @@
+"""The virtual laboratory's prosthesis obeys statics, is passive, converges and meets the published bench."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import butter, filtfilt
+from scipy.spatial.transform import Rotation
+from virtual_laboratory import bench, device, laws, prosthesis
+from virtual_laboratory.design import Design, KeelDesign
+from virtual_laboratory.keel import make_keel
+
+from vsf_drake.parameters import GRAVITY, FootParameters, Subject
+
+SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+WEIGHT_N = SUBJECT.mass_kg * GRAVITY
+UPRIGHT = np.eye(3)
+FIRM = {"hysteresis_s_per_m": 0.0, "friction": 50.0}
+
+
+def made(fulcrum_m: float = 0.108, *, step_s: float = 5e-4, **sole: float) -> prosthesis.Prosthesis:
+    design = Design(sole=dataclasses.replace(Design().sole, **sole))
+    return prosthesis.Prosthesis(SUBJECT, fulcrum_m, design=design, step_s=step_s)
+
+
+def knee(p: prosthesis.Prosthesis, pressed_m: float) -> np.ndarray:
+    return np.array([0.0, 0.0, p.sole_below_knee - pressed_m])
+
+
+def roll_over(p: prosthesis.Prosthesis, lateral: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A smooth step: from the air over heel and toe and off again, leaning and turning by `lateral` (rad)."""
+    time = np.arange(0.0, 0.9 + 1e-9, 1e-3)
+    s = np.clip((time - 0.08) / 0.7, 0.0, 1.0)
+    s = s * s * (3 - 2 * s)
+    pitch, down = np.radians(-16 + 38 * s), np.sin(np.pi * np.clip(time / 0.9, 0.0, 1.0)) ** 2
+    turns = np.column_stack([lateral * np.sin(2 * np.pi * time), pitch, lateral * np.sin(3 * np.pi * time)])
+    wheel, leg = 0.30, p.sole_below_knee - 0.30
+    x, z = wheel * pitch + leg * np.sin(pitch), wheel + leg * np.cos(pitch) + 0.05 - 0.065 * down
+    return time, Rotation.from_euler("zxy", turns[:, [2, 0, 1]]).as_matrix(), np.column_stack([x, 0 * x, z])
+
+
+def low_passed(force: np.ndarray) -> np.ndarray:
+    return filtfilt(*butter(4, 40.0, fs=1000.0), force, axis=0)
+
+
+def work_on(p: prosthesis.Prosthesis, time: np.ndarray, R: np.ndarray, x: np.ndarray, load: np.ndarray) -> float:
+    """Work (J) of the shank on the prosthesis, from the load that the prosthesis reports."""
+    end = x - p.residual_length * R[:, :, 2]
+    force = np.einsum("nij,nj->ni", R, load[:, :3])
+    moment = np.einsum("nij,nj->ni", R, load[:, 3:])
+    turn = (Rotation.from_matrix(R[1:]) * Rotation.from_matrix(R[:-1]).inv()).as_rotvec()
+    mean = [0.5 * (a[1:] + a[:-1]) for a in (force, moment)]
+    return -float(np.sum(mean[0] * np.diff(end, axis=0)) + np.sum(mean[1] * turn))
+
+
+def test_hangs_in_the_socket_with_its_weight():
+    p = made()
+    p.reset(UPRIGHT, knee(p, -0.1))
+    assert p.mass_kg == pytest.approx(0.8 + 0.4 + 0.649)
+    np.testing.assert_allclose(p.socket_load[:3], [0.0, 0.0, -p.mass_kg * GRAVITY], atol=1e-4)
+    np.testing.assert_array_equal(p.force, 0.0)
+    assert np.isnan(p.cop).all()
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.0, 0.0), (0.05, 0.1, 0.2), (-0.04, -0.2, 0.0)])
+def test_standing_still_forces_and_moments_balance(lean):
+    p = made()
+    R = Rotation.from_euler("xyz", lean).as_matrix()
+    x = R @ knee(p, 0.02)
+    p.reset(R, x)
+    assert p.force[2] > 200.0
+    masses = np.concatenate([p.device.masses, p.device.node_masses])
+    weights = np.outer(masses, [0.0, 0.0, -GRAVITY])
+    on_prosthesis, moment = -R @ p.socket_load[:3], -R @ p.socket_load[3:]
+    np.testing.assert_allclose(p.force + on_prosthesis + weights.sum(axis=0), 0.0, atol=1e-3 * WEIGHT_N)
+    free = p.free_moment * np.array([0.0, 0.0, 1.0])
+    end = x - p.residual_length * R[:, 2]
+    total = (np.cross(p.cop, p.force) + free + np.cross(end, on_prosthesis) + moment
+             + np.cross(p.state.mass_x, weights).sum(axis=0))
+    np.testing.assert_allclose(total, 0.0, atol=0.1)
+
+
+def test_a_path_in_the_plane_of_symmetry_gives_no_lateral_force():
+    p = made()
+    reaction = p.walk(*roll_over(p))
+    assert reaction.unconverged == 0
+    assert 300.0 < reaction.force[:, 2].max() < 3 * WEIGHT_N
+    assert np.abs(reaction.force[:, 1]).max() < 1e-6
+    assert np.nanmax(np.abs(reaction.cop[:, 1])) < 1e-8
+    assert np.nanmax(np.abs(reaction.free_moment)) < 1e-6
+
+
+def test_ground_knows_no_direction():
+    p = made()
+    time, R, x = roll_over(p, lateral=0.05)
+    turn, shift = Rotation.from_euler("z", 0.7).as_matrix(), np.array([3.0, -2.0, 0.0])
+    here, there = p.walk(time, R, x), p.walk(time, turn @ R, x @ turn.T + shift)
+    np.testing.assert_allclose(there.force, here.force @ turn.T, atol=0.01)
+    heavy = here.force[:, 2] > 50.0
+    np.testing.assert_allclose(there.cop[heavy], (here.cop @ turn.T + shift)[heavy], atol=1e-5)
+
+
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.151])
+def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_weight(fulcrum_m):
+    motion = roll_over(made(), lateral=0.05)
+    coarse, fine = (made(fulcrum_m, step_s=h).walk(*motion) for h in (5e-4, 2.5e-4))
+    assert coarse.unconverged == fine.unconverged == 0
+    assert np.abs(low_passed(coarse.force) - low_passed(fine.force)).max() < 2e-3 * WEIGHT_N
+
+
+def test_step_by_step_is_the_same_walk():
+    p = made(step_s=1e-3)
+    time, R, x = roll_over(p)
+    time, R, x = time[:400], R[:400], x[:400]
+    whole = p.walk(time, R, x)
+    p.reset(R[0], x[0], velocity=(x[1] - x[0]) / 1e-3)
+    single = np.array([p.force] + [p.step(R[i], x[i])[0] for i in range(1, len(time))])
+    np.testing.assert_allclose(single, whole.force, atol=0.02)
+
+
+@pytest.mark.parametrize("lateral", [0.0, 0.03, -0.08])
+def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
+    p = made()
+    time, R, x = roll_over(p, lateral)
+    time, R, x = np.concatenate([time, time[-1] + 1e-3 + time]), np.concatenate([R, R[::-1]]), np.vstack([x, x[::-1]])
+    load = p.walk(time, R, x).socket_load
+    work = [work_on(p, time[:n], R[:n], x[:n], load[:n]) for n in range(10, len(time) + 1, 10)]
+    moving = 0.5 * p.mass_kg * 1.0**2  # J that the prosthesis brings along at no more than 1 m/s
+    assert min(work) > -moving
+    assert 1.0 < work[-1] < (5.0 if lateral == 0.0 else 40.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rough_treatment_is_survived(seed):
+    p, random = made(), np.random.default_rng(seed)
+    time = np.arange(0.0, 0.6, 1e-3)
+    wave = random.normal(size=(6, 3, 1)) * np.sin(
+        2 * np.pi * random.uniform(1.0, 4.0, size=(6, 3, 1)) * time + random.uniform(0, 6, size=(6, 3, 1)))
+    turns, shifts = 0.1 * wave[:3].sum(axis=1), 0.008 * wave[3:].sum(axis=1)
+    R = Rotation.from_rotvec(turns.T).as_matrix()
+    reaction = p.walk(time, R, (R @ knee(p, 0.01)) + shifts.T)
+    assert reaction.unconverged <= 0.01 * 2 * len(time)
+    assert np.isfinite(reaction.force).all()
+    assert reaction.force[:, 2].min() >= 0.0
+    assert reaction.force[:, 2].max() > WEIGHT_N
+    friction = np.linalg.norm(reaction.force[:, :2], axis=1)
+    assert (friction <= Design().sole.friction * reaction.force[:, 2] + 1e-6).all()
+
+
+def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
+    keel = dataclasses.replace(KeelDesign(), damping_time_s=0.0, fulcrum_damping_time_s=0.0)
+    socket = dataclasses.replace(
+        Design().socket, axial_damping_n_s_per_m=0.0, shear_damping_n_s_per_m=0.0, bending_damping_nm_s=0.0,
+        twist_damping_nm_s=0.0)
+    design = Design(keel=keel, sole=dataclasses.replace(Design().sole, **FIRM), socket=socket)
+    p = prosthesis.Prosthesis(SUBJECT, 0.066, design=design)
+    time = np.arange(0.0, 4.0 + 1e-9, 1e-3)
+    press = 0.06 * np.sin(np.pi * time / 4.0) ** 2
+    R = np.tile(Rotation.from_euler("y", 0.3).as_matrix(), (len(time), 1, 1))
+    x = (R[0] @ knee(p, 0.0)) + np.outer(0.04 - press, [0.0, 0.0, 1.0])
+    load = p.walk(time, R, x).socket_load
+    half = len(time) // 2
+    stored = work_on(p, time[:half], R[:half], x[:half], load[:half])
+    assert stored > 5.0
+    assert work_on(p, time, R, x, load) == pytest.approx(0.0, abs=0.02 * stored)
+
+
+def test_friction_holds_without_creep():
+    p = made()
+    time = np.arange(0.0, 4.0, 2e-3)
+    press, push = np.clip(time / 0.4, 0, 1), np.clip((time - 0.5) / 0.4, 0, 1)
+    x = knee(p, 0.0) + np.outer(-0.015 * press, [0, 0, 1]) + np.outer(0.004 * push, [1, 0.5, 0])
+    reaction = p.walk(time, np.tile(UPRIGHT, (len(time), 1, 1)), x)
+    held = time > 1.5
+    tangential = np.linalg.norm(reaction.force[held, :2], axis=1)
+    assert 20.0 < tangential[0] < 0.5 * Design().sole.friction * reaction.force[held][0, 2]
+    assert np.ptp(tangential) < 0.01
+    assert np.ptp(reaction.cop[held], axis=0).max() < 1e-6
+    assert reaction.slip_speed[held].max() < 1e-6
+
+
+def test_a_dragged_foot_is_held_back_by_coulombs_force():
+    p = made()
+    time = np.arange(0.0, 1.0, 1e-3)
+    x = knee(p, 0.012) + np.outer(0.2 * time, [0, 1, 0])
+    reaction = p.walk(time, np.tile(UPRIGHT, (len(time), 1, 1)), x)
+    late = time > 0.6
+    ratio = np.linalg.norm(reaction.force[:, :2], axis=1) / reaction.force[:, 2]
+    np.testing.assert_allclose(ratio[late], Design().sole.friction, rtol=1e-3)
+    np.testing.assert_allclose(reaction.slip_speed[late], 0.2, rtol=0.02)
+    assert (reaction.force[late, 1] < 0.0).all()
+
+
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
+def test_uniform_keel_is_the_overhung_beam(fulcrum_m):
+    uniform = dataclasses.replace(KeelDesign(), thickness_tip_m=6.6e-3, width_tip_m=0.0684)
+    rigid = dataclasses.replace(uniform, fulcrum_stiffness_n_per_m=1e11)
+    foot = FootParameters()
+    d = bench.bench_device(Design(keel=rigid), fulcrum_m)
+    [q] = bench.keel_under_load(d, foot.load_point_m, np.array([1.0]))
+    bending = uniform.modulus_pa * uniform.width_rear_m * uniform.thickness_rear_m**3 / 12
+    closed_form = 3 * bending / ((foot.load_point_m - fulcrum_m) ** 2 * foot.load_point_m)
+    assert 1.0 / bench.point_height(d, np.cumsum(q), foot.load_point_m) == pytest.approx(closed_form, rel=0.01)
+
+
+def test_work_on_the_bent_keel_is_the_energy_in_its_hinges_and_fulcrum():
+    d = bench.bench_device(Design(), 0.066)
+    loads = np.linspace(0.0, 800.0, 201)
+    q = bench.keel_under_load(d, 0.199, loads)
+    heights = np.array([bench.point_height(d, np.cumsum(row), 0.199) for row in q])
+    work = float(np.sum(0.5 * (loads[1:] + loads[:-1]) * np.diff(heights)))
+    # the fulcrum's gap follows from moments about A, taken on the bent keel: the roller pushes along its normal
+    angles = np.cumsum(q[-1])
+    x = np.concatenate(([0.0], np.cumsum(d.lengths * np.cos(angles))))
+    z = np.concatenate(([0.0], np.cumsum(d.lengths * np.sin(angles))))
+    gap = np.interp(d.fulcrum, x, z)
+    energy = 0.5 * np.sum(d.hinge_stiffness * q[-1] ** 2) + 0.5 * d.fulcrum_stiffness * gap**2
+    assert heights[-1] > 0.05
+    assert work == pytest.approx(energy, rel=2e-3)
+
+
+def test_bench_meets_the_published_stiffness():
+    stiffness = {x: bench.forefoot_stiffness(bench.bench_device(Design(), x)) for x in (0.066, 0.108, 0.151)}
+    assert stiffness[0.066] == pytest.approx(10e3, rel=0.01)
+    assert stiffness[0.151] == pytest.approx(32e3, rel=0.01)
+    assert 17e3 < stiffness[0.108] < 19e3
+    assert bench.heel_stiffness(bench.bench_device(Design(), 0.066)) == pytest.approx(65e3, rel=0.02)
+
+
+def test_tuning_finds_the_recorded_constants():
+    start = Design(keel=dataclasses.replace(KeelDesign(), fulcrum_stiffness_n_per_m=3e5))
+    found, recorded = bench.tuned(start), Design()
+    assert found.keel.fulcrum_stiffness_n_per_m == pytest.approx(recorded.keel.fulcrum_stiffness_n_per_m, rel=1e-3)
+    assert found.sole.foam_modulus_pa == pytest.approx(recorded.sole.foam_modulus_pa, rel=1e-3)
+    assert found.sole.heel_modulus_pa == pytest.approx(recorded.sole.heel_modulus_pa, rel=1e-3)
+
+
+def test_it_is_finer_than_the_model_and_sits_where_the_model_does():
+    p, foot = made(), FootParameters()
+    assert len(make_keel(KeelDesign(), 0.229).lengths) >= 30
+    assert len(p.device.bodies) >= 150
+    state = device.new_state(p.device)
+    state.p[2] = -p.residual_length
+    p._place(state)
+    assert state.cell_x[:, 2].min() == pytest.approx(-p.sole_below_knee, abs=2e-5)
+    assert p.sole_below_knee == pytest.approx(p.residual_length + p.pylon_length + foot.build_height_m)
+    assert state.cell_x[:, 0].min() < -foot.pylon_x_m < state.cell_x[:, 0].max() - 0.2
+
+
+@pytest.mark.parametrize("depth", [1e-4, 5e-3, 0.019, 0.0205, 0.03])
+def test_foam_force_and_slope_belong_together(depth):
+    force, slope = laws.foam(depth, 700.0, 0.024)
+    around = [laws.foam(depth + e, 700.0, 0.024)[0] for e in (-1e-7, 1e-7)]
+    assert slope == pytest.approx((around[1] - around[0]) / 2e-7, rel=1e-4)
+    assert force >= 700.0 * depth
+
+
+def test_foam_never_pulls_and_gives_back_less_than_it_took():
+    time = np.linspace(0.0, 0.5, 2001)
+    depth = 0.01 * np.sin(2 * np.pi * time)
+    rate, h = np.gradient(depth, time), time[1]
+    pressed = zip(depth, rate, strict=True)
+    force = np.array([laws.foam_with_hysteresis(d, v, h, 700.0, 0.024, 2.5)[0] for d, v in pressed])
+    assert force.min() >= 0.0
+    lost = np.trapezoid(force * rate, time)
+    assert 0.02 < lost / (0.5 * 700.0 * 0.01**2) < 0.5
+
+
+def test_socket_hardens_and_holds_in_both_directions():
+    s = Design().socket
+    press, pull = (laws.axial(u, s.axial_force_n, s.axial_length_m, s.axial_linear_n_per_m) for u in (8e-3, -6e-3))
+    assert press[0] == pytest.approx(800.0, rel=0.1)
+    assert pull[0] == pytest.approx(-90.0, rel=0.25)
+    assert laws.hardening(0.09, 800.0, 0.09)[1] > 1.4 * laws.hardening(0.0, 800.0, 0.09)[1]
+    assert laws.hardening(-0.1, 800.0, 0.09)[0] == -laws.hardening(0.1, 800.0, 0.09)[0]
+
+
+def test_shares_no_law_and_no_stepper_with_the_model():
+    folder = Path(prosthesis.__file__).parent
+    for name in ("bench", "design", "device", "dynamics", "keel", "laws", "prosthesis", "sole", "stepping"):
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        ours = {module for module in modules if module.startswith("vsf_drake")}
+        assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name
