@@ -15,6 +15,8 @@ MARKS = ("good", "doubtful", "unusable")
 GOOD_BW, DOUBTFUL_BW = 0.03, 0.10
 """Change of the force (body weights) up to which an error is good, and up to which doubtful. The smaller is what a
 curve merely stretched from another trial misses (2-3 %), the larger twice the published error of the model (5 %)."""
+FARTHEST_BW = 0.3
+"""Cost up to which a sensitivity is quoted as a number (a choice): beyond it nothing is linear."""
 HIP_BW_PER_DEG, KNEE_BW_PER_DEG, ALIGNMENT_BW_PER_DEG = 0.075, 0.04, 0.037
 HEIGHT_BW_PER_MM, FORE_AFT_BW_PER_MM = 0.028, 0.03 / 5
 
@@ -54,6 +56,11 @@ def grade(value: float, good: float, doubtful: float) -> str:
 def worst(marks: Iterable[str]) -> str:
     """The worst of the marks; "good" for none."""
     return max(marks, key=MARKS.index, default=MARKS[0])
+
+
+def cost(share_bw: float) -> str:
+    """How an error's cost (body weights, from a linear sensitivity) is said: linear no further than a third."""
+    return f"about {100 * share_bw:.0f} %" if share_bw < FARTHEST_BW else f"more than {100 * FARTHEST_BW:.0f} %"
 
 
 def at_most(mark: str, limit: str) -> str:

@@ -67,15 +67,19 @@ class Examined:
         return worst(check.mark for check in self.checks)
 
 
-def examine(trial: Trial, markers: MarkerEvidence | None = None) -> Examined:
+def examine(trial: Trial, *, cutoff_hz: float | None = 6.0) -> Examined:
     """Looks at one trial from every side.
 
     Args:
-        trial: as loaded. markers: what it was made from, if that was markers.
+        trial: as loaded, from joint angles or from markers.
+        cutoff_hz: of the markers' filter; None where they were taken as filtered already.
 
     Raises:
         InputError: the person's segments do not fit together.
     """
+    markers = None
+    if trial.tracked is not None and trial.calibration is not None and trial.recording is not None:
+        markers = MarkerEvidence(trial.tracked, trial.calibration, trial.recording, cutoff_hz, trial.contacts)
     model = model_feet(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
     feet = model if markers is None else _tracked_feet(trial, markers)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
@@ -152,6 +156,8 @@ def _forces(trial: Trial, measured: Mapping[str, list[Stance]], moving: Mapping[
         return []
     vertical = force_checks.total_vertical(time, trial.plates)
     known = force_checks.covered(time, trial.plates, measured, moving)
+    for start, end in (span for spans in trial.unmeasured.values() for span in spans):
+        known &= (time < start) | (time > end)
     _, velocity, acceleration = motion.sample(time)
     found = [force_checks.mass(time, vertical, velocity[:, 0], known, mass_kg=trial.subject.mass_kg,
                                feet=len(trial.plates))]
@@ -173,7 +179,7 @@ def _angles(trial: Trial, markers: MarkerEvidence | None, pelvis: np.ndarray) ->
 def _markers(markers: MarkerEvidence) -> list[Check]:
     tracked, recording = markers.tracked, markers.recording
     used = {label for segment in markers.calibration.segments.values() for label in segment.labels}
-    raw = {label: values for label, values in recording.markers.items() if label in used}
+    raw = {label: values for label, values in recording.markers.items() if label in used} or recording.markers
     found = [marker_checks.residuals(tracked.residual_rms_m), marker_checks.cluster_motion(tracked.cluster_motion_m),
              marker_checks.joint_gaps(tracked.joint_gap_m), marker_checks.gaps_filled(tracked.gaps),
              marker_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=markers.cutoff_hz)]

@@ -19,6 +19,7 @@ from vsf_drake.analysis.recording.check import (
     HEIGHT_BW_PER_MM,
     Check,
     at_most,
+    cost,
     grade,
 )
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
@@ -80,9 +81,9 @@ def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) ->
         sentence = (f"{where} is {abs(angle):.1f}° toe {way} on average in mid-stance as a rigid body under its shank; "
                     "the keel's bending, which is left out here, takes up a part.")
         return Check(name, grade(angle, *ROLLING_DEG), angle, "deg", sentence, foot.side, number)
-    cost = 100 * ALIGNMENT_BW_PER_DEG * abs(angle)
-    sentence = (f"{where} is {abs(angle):.1f}° toe {way} when it stands flat: about {cost:.0f} % of body weight in the "
-                "force unless the offsets are fitted.")
+    share = cost(ALIGNMENT_BW_PER_DEG * abs(angle))
+    sentence = (f"{where} is {abs(angle):.1f}° toe {way} when it stands flat: {share} of body weight in "
+                f"{_whose(foot)}.")
     return Check(name, _mark(foot, grade(angle, *ANGLE_DEG)), angle, "deg", sentence, foot.side, number)
 
 
@@ -97,9 +98,8 @@ def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Chec
         sentence = (f"{where}: the ankle {way} by {abs(value):.1f} mm through mid-stance, as it does over a bending "
                     "keel; of a foot that is not tracked itself no drift can be told from that.")
         return Check(name, "good", value, "mm", sentence, foot.side, number)
-    cost = 100 * HEIGHT_BW_PER_MM * abs(value)
-    sentence = (f"{where} {way} by {abs(value):.1f} mm while it stands flat: about {cost:.0f} % of body weight in the "
-                "vertical force, which no offset takes out.")
+    sentence = (f"{where} {way} by {abs(value):.1f} mm while it stands flat: {cost(HEIGHT_BW_PER_MM * abs(value))} of "
+                "body weight in the vertical force, which no offset takes out.")
     return Check(name, _mark(foot, grade(value, *DRIFT_MM)), value, "mm", sentence, foot.side, number)
 
 
@@ -118,7 +118,7 @@ def slip(foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: n
         mark = grade(speed, *ROLLING_SLIP_M_PER_S)
     else:
         share = 100 * min(FRICTION_PER_M_PER_S * speed, 0.5)
-        sentence = f"{found}: the model's ground answers with up to {share:.0f} % of body weight of friction."
+        sentence = f"{found}: the model's ground answers with friction of some {share:.0f} % of the load."
         mark = _mark(foot, grade(speed, *SLIP_M_PER_S))
     return Check(name, mark, speed, "m/s", sentence, foot.side, number)
 
@@ -132,8 +132,8 @@ def height(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
         sentence = (f"{where}, as a rigid body, is {abs(value):.1f} mm {way} the floor in mid-stance; heel and keel "
                     "give by some 10 to 60 mm under body weight. See its height at touch-down.")
         return Check(name, "good", value, "mm", sentence, foot.side)
-    sentence = (f"{where} stands flat {abs(value):.1f} mm {way} the floor: about "
-                f"{100 * HEIGHT_BW_PER_MM * abs(value):.0f} % of body weight unless the offsets are fitted.")
+    sentence = (f"{where} stands flat {abs(value):.1f} mm {way} the floor: "
+                f"{cost(HEIGHT_BW_PER_MM * abs(value))} of body weight in {_whose(foot)}.")
     return Check(name, _mark(foot, grade(value, *HEIGHT_MM)), value, "mm", sentence, foot.side)
 
 
@@ -171,6 +171,10 @@ def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
 def _where(foot: FootMotion, number: int | None) -> str:
     name = f"The {foot.side} ({'prosthetic' if foot.prosthetic else 'intact'}) foot"
     return f"{name} in stance {number}" if number else name
+
+
+def _whose(foot: FootMotion) -> str:
+    return "the force unless the offsets are fitted" if foot.prosthetic else "this foot's own force"
 
 
 def _mark(foot: FootMotion, mark: str) -> str:

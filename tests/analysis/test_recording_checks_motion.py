@@ -1,0 +1,184 @@
+"""Angles, markers and the pelvis's path: what is wrong with a recording is found, what is right is left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from vsf_drake.analysis.recording.angle_checks import smoothness, walking, zeroed
+from vsf_drake.analysis.recording.check import Check, grade, worst
+from vsf_drake.analysis.recording.marker_checks import (
+    cluster_motion,
+    filtered_before,
+    gaps_filled,
+    high_content,
+    joint_gaps,
+    leg_lengths,
+    residuals,
+)
+from vsf_drake.motion.markers.schema import Gap
+
+TIME = np.arange(0.0, 1.8, 0.01)
+FAST = np.full(len(TIME), 1.1)
+STANDING = {"pelvis_tilt": -12.0, "hip_flexion_r": 14.0, "hip_flexion_l": 13.0, "knee_angle_r": 4.0,
+            "knee_angle_l": 3.0, "ankle_angle_l": 5.0}
+"""Degrees; a person with 12 degrees of pelvic tilt stands like this."""
+
+
+def walking_angles() -> dict[str, np.ndarray]:
+    """Sagittal angles like the published means: tilt 12, hip flexion about 18, knee 4 to 59 degrees."""
+    phase = 2 * np.pi * TIME / 1.2
+    degrees = {"pelvis_tilt": -12 + 0.5 * np.sin(2 * phase)}
+    for side, shift in (("r", 0.0), ("l", np.pi)):
+        degrees[f"hip_flexion_{side}"] = 18 + 20 * np.cos(phase + shift)
+        degrees[f"knee_angle_{side}"] = 30 - 25 * np.cos(phase + shift + 1.0)
+    degrees["ankle_angle_l"] = 1 + 10 * np.sin(phase)
+    return {name: np.radians(values) for name, values in degrees.items()}
+
+
+def test_angles_of_a_person_are_not_called_zeroed():
+    assert zeroed(TIME, walking_angles(), None, FAST).mark == "good"
+
+
+def test_angles_from_which_standing_was_subtracted_are_found():
+    angles = {name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()}
+    check = zeroed(TIME, angles, None, FAST)
+    assert check.mark != "good"
+    assert "zeroed" in check.sentence
+
+
+def test_angles_that_begin_at_exactly_zero_are_found():
+    angles = {name: values - values[0] for name, values in walking_angles().items()}
+    check = zeroed(TIME, angles, None, FAST)
+    assert check.mark == "unusable"
+    assert "exactly zero" in check.sentence
+
+
+def test_quiet_standing_at_zero_before_the_walk_is_found():
+    angles = {name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()}
+    speed = FAST.copy()
+    speed[:40] = 0.0
+    for values in angles.values():
+        values[:40] = np.radians(0.05)
+    assert zeroed(TIME, angles, None, speed).mark == "unusable"
+
+
+def test_standing_trial_with_angles_of_its_own_is_good_and_one_of_zeros_is_not():
+    standing = {name: np.radians(value) for name, value in STANDING.items()}
+    assert zeroed(TIME, walking_angles(), standing, FAST).mark == "good"
+    assert zeroed(TIME, walking_angles(), dict.fromkeys(standing, 0.0), FAST).mark == "unusable"
+
+
+def test_shaking_angles_are_not_smooth():
+    angles = walking_angles()
+    assert smoothness(TIME, angles).mark == "good"
+    angles["hip_flexion_r"] = angles["hip_flexion_r"] + np.radians(1.0) * np.sin(2 * np.pi * 25.0 * TIME)
+    check = smoothness(TIME, angles)
+    assert check.value == pytest.approx(1.0 / np.sqrt(2.0), rel=0.05)
+    assert check.mark == "doubtful"
+
+
+def pelvis(speed=(1.1, 0.0), bob=0.02):
+    return np.column_stack([speed[0] * TIME, speed[1] * TIME, 0.95 + bob * np.cos(2 * np.pi * TIME / 0.6)])
+
+
+def marks(path):
+    return {check.name: check.mark for check in walking(TIME, path)}
+
+
+def test_path_of_a_walk_is_good():
+    assert set(marks(pelvis()).values()) == {"good"}
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [(pelvis((0.05, 0.0)), "walking speed"), (pelvis((-1.1, 0.0)), "direction of walking"),
+     (pelvis((0.0, 1.1)), "direction of walking"), (pelvis(bob=0.002), "rise and fall of the pelvis"),
+     (pelvis(bob=0.08), "rise and fall of the pelvis")])
+def test_odd_paths_are_named(path, name):
+    assert marks(path)[name] != "good"
+
+
+def test_jump_of_the_pelvis_is_found_with_its_time():
+    path = pelvis()
+    path[90:, 0] += 0.05
+    [check] = [check for check in walking(TIME, path) if check.name == "path of the pelvis"]
+    assert "0.9" in check.sentence or "0.89" in check.sentence
+
+
+def test_worst_marker_is_named_with_its_residual():
+    check = residuals({"RKNE": 0.004, "LTIB": 0.025})
+    assert (check.mark, check.value) == ("unusable", pytest.approx(25.0))
+    assert "LTIB 25.0" in check.sentence
+    assert residuals({"RKNE": 0.004}).mark == "good"
+    assert residuals({}) is None
+
+
+def test_other_persons_standing_trial_shows_in_joints():
+    check = joint_gaps({"knee_right": 0.04, "hip_left": 0.005})
+    assert check.mark == "unusable"
+    assert "standing trial of another person" in check.sentence
+    assert cluster_motion({"thigh_right": 0.009}).mark == "doubtful"
+
+
+def test_longest_gap_is_named():
+    gaps = [Gap("LTHI", 0.2, 0.25, "spline"), Gap("RKNE", 1.0, 1.15, "rigid cluster")]
+    check = gaps_filled(gaps)
+    assert (check.mark, check.value) == ("doubtful", pytest.approx(0.15))
+    assert "RKNE from 1.000 to 1.150 s, by rigid cluster" in check.sentence
+    assert gaps_filled([]).mark == "good"
+
+
+def test_unequal_legs_are_found():
+    found = {check.name: check for check in leg_lengths(
+        {"thigh_right": 0.42, "thigh_left": 0.424, "shank_right": 0.40, "shank_left": 0.44, "hip_width": 0.17})}
+    assert {name: check.mark for name, check in found.items()} == {
+        "thigh, left against right": "good", "shank, left against right": "unusable"}
+    assert found["shank, left against right"].value == pytest.approx(0.1)
+
+
+def noisy_markers(rate=100.0, noise=2e-4):
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 3.0, 1.0 / rate)
+    phase = 2 * np.pi * time
+    path = np.column_stack([1.2 * time + 0.3 * np.sin(phase), 0.02 * np.cos(phase), 0.1 + 0 * time])
+    return {name: path + noise * rng.standard_normal(path.shape) for name in ("RHEE", "LHEE", "RTOE")}
+
+
+def test_camera_noise_is_measured_and_no_doubt():
+    check = filtered_before(noisy_markers(), 100.0, cutoff_hz=6.0)
+    # White noise of 0.2 mm in three directions, of whose spectrum 12 to 50 Hz is 76 %.
+    assert check.value == pytest.approx(0.2 * np.sqrt(3 * 0.76), rel=0.15)
+    assert check.mark == "good"
+
+
+def test_markers_filtered_before_are_suspected_of_a_second_filter():
+    sos = butter(2, 6.0 / 0.802, fs=100.0, output="sos")
+    smooth = {name: sosfiltfilt(sos, sosfiltfilt(sos, values, axis=0), axis=0)
+              for name, values in noisy_markers(noise=1e-4).items()}
+    assert filtered_before(smooth, 100.0, cutoff_hz=6.0).mark == "doubtful"
+    assert "already-filtered" in filtered_before(smooth, 100.0, cutoff_hz=6.0).sentence
+    assert filtered_before(smooth, 100.0, cutoff_hz=None).mark == "good"
+
+
+def test_raw_markers_that_were_said_to_be_filtered_are_doubted():
+    assert filtered_before(noisy_markers(), 100.0, cutoff_hz=None).mark == "doubtful"
+
+
+def test_slow_cameras_cannot_tell():
+    assert filtered_before(noisy_markers(rate=25.0), 25.0, cutoff_hz=6.0) is None
+
+
+def test_content_is_measured_beside_gaps():
+    values = noisy_markers()["RHEE"]
+    values[100:110] = np.nan
+    assert high_content(values, 100.0, 12.0) == pytest.approx(2e-4 * np.sqrt(3 * 0.76), rel=0.2)
+
+
+def test_marks_are_ordered():
+    assert worst(["good", "unusable", "doubtful"]) == "unusable"
+    assert worst([]) == "good"
+    assert grade(float("nan"), 1.0, 2.0) == "unusable"
+    with pytest.raises(ValueError, match="no mark"):
+        Check("x", "fine", None, "", "")

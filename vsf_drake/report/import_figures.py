@@ -1,0 +1,179 @@
+"""Figures of an examined recording: angles, forces, floor, foot heights, marker residuals. They simulate nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from vsf_drake.analysis.recording.examine import Examined
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase
+from vsf_drake.analysis.recording.marker_checks import RESIDUAL_M
+from vsf_drake.motion.events import Stance
+from vsf_drake.motion.plates import SIDES
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.report.style import NEUTRAL, label, new_figure, style
+
+COLOURS = {"right": "#31688e", "left": "#c8553d"}
+MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
+MOST_POINTS = 1500
+"""A force curve is thinned to about this many points; peaks of walking are far wider."""
+_ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic list"),
+           ("pelvis_rotation", "Pelvic rotation"), ("ankle_angle", "Ankle (dorsiflexion +)"),
+           ("hip_flexion", "Hip flexion"), ("hip_adduction", "Hip adduction"),
+           ("hip_rotation", "Hip internal rotation"), ("knee_angle", "Knee flexion"))
+_SWING_SHARE = 1.6
+_USUAL_STANCE_S = 0.7
+_TIME = "time (s)"
+
+
+def angle_figure(item: Examined) -> Figure:
+    """Joint angles of both sides over each stance and the swing after it; dotted: at standing.
+
+    A stance that the record cuts is laid out as if it lasted as long as the complete ones.
+    """
+    names, time, values = _coordinates(item)
+    standing = item.markers.calibration.angles_rad if item.markers else {}
+    with style():
+        figure = new_figure(11.0, 5.4)
+        for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
+            for side in SIDES:
+                name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
+                if name not in names:
+                    continue
+                series = np.degrees(values[:, names.index(name)])
+                for start, duration in _laid_out(item, side):
+                    share = (time - start) / duration
+                    rows = (share >= 0.0) & (share <= _SWING_SHARE)
+                    axes.plot(100 * share[rows], series[rows], color=COLOURS[side], linewidth=1.5)
+                if name in standing:
+                    axes.axhline(np.degrees(standing[name]), color=COLOURS[side], linewidth=1.0, linestyle=":")
+            axes.axvline(100.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
+            label(axes, x="share of stance (%)", y="angle (°)", title=title)
+        _legend(figure, item, "dotted: at standing" if standing else "")
+    return figure
+
+
+def force_figure(item: Examined) -> Figure:
+    """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
+    trial = item.trial
+    weight = trial.subject.mass_kg * GRAVITY
+    with style():
+        figure = new_figure(11.0, 3.2)
+        titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
+        for axes, column, title in zip(figure.subplots(1, 3), (2, 0, 1), titles, strict=True):
+            for side, plate in trial.plates.items():
+                step = max(1, len(plate.time_s) // MOST_POINTS)
+                axes.plot(plate.time_s[::step], plate.force_W[::step, column] / weight, color=COLOURS[side],
+                          linewidth=1.4)
+            axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
+            label(axes, x=_TIME, y="force (body weights)", title=title)
+        _legend(figure, item, "shaded: the part used")
+    return figure
+
+
+def floor_figure(item: Examined) -> Figure:
+    """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
+    with style():
+        figure = new_figure(11.0, 3.4)
+        axes = figure.subplots()
+        for plate in item.markers.recording.plates if item.markers else ():
+            if plate.corners_m is not None:
+                ring = np.vstack([plate.corners_m, plate.corners_m[:1]])
+                axes.plot(ring[:, 0], ring[:, 1], color="0.7", linewidth=1.0)
+        for side, foot in item.feet.items():
+            for point in (foot.heel_W, foot.toe_W):
+                axes.plot(point[:, 0], point[:, 1], color=COLOURS[side], linewidth=0.5, alpha=0.4)
+            for stance in item.stances[side]:
+                _outline(axes, foot, stance)
+            if side in item.trial.plates:
+                plate = item.trial.plates[side]
+                step = max(1, len(plate.time_s) // MOST_POINTS)
+                axes.plot(plate.cop_W[::step, 0], plate.cop_W[::step, 1], ".", color=COLOURS[side], markersize=2.5)
+        axes.set_aspect("equal", adjustable="datalim")
+        label(axes, x="forward (m)", y="left (m)",
+              title="Floor: centre of pressure (dots), feet (thick), plates (grey)")
+        _legend(figure, item, "")
+    return figure
+
+
+def height_figure(item: Examined) -> Figure:
+    """Heights of heel (solid) and toe (dashed) of both feet; shaded: stances."""
+    with style():
+        figure = new_figure(11.0, 3.6)
+        for axes, side in zip(figure.subplots(1, 2, sharey=True), SIDES, strict=True):
+            foot = item.feet[side]
+            axes.plot(foot.time_s, 1e3 * foot.heel_W[:, 2], color=COLOURS[side], linewidth=1.4)
+            axes.plot(foot.time_s, 1e3 * foot.toe_W[:, 2], color=COLOURS[side], linewidth=1.4, linestyle="--")
+            axes.axhline(0.0, color="0.4", linewidth=0.8)
+            for stance in item.stances[side]:
+                axes.axvspan(stance.start_s, stance.end_s, color="0.93", zorder=0, linewidth=0)
+            kind = "prosthetic" if foot.prosthetic else "intact"
+            how = ", rigid under its shank" if foot.undeformed else ""
+            label(axes, x=_TIME, y="height (mm)", title=f"{side.capitalize()} ({kind}) foot{how}: heel, toe (dashed)")
+        _legend(figure, item, "shaded: stance")
+    return figure
+
+
+def residual_figure(item: Examined) -> Figure | None:
+    """Distance of each marker from its segment; None without markers."""
+    if item.markers is None or not item.markers.tracked.residual_rms_m:
+        return None
+    residual = sorted(item.markers.tracked.residual_rms_m.items(), key=lambda pair: pair[1])
+    sizes = np.array([1e3 * value for _, value in residual])
+    with style():
+        figure = new_figure(11.0, 0.6 + 0.17 * len(residual))
+        axes = figure.subplots()
+        colours = [MARK_COLOURS["good" if s < 1e3 * RESIDUAL_M[0] else "doubtful" if s < 1e3 * RESIDUAL_M[1] else
+                                "unusable"] for s in sizes]
+        axes.barh(range(len(sizes)), sizes, color=colours, height=0.7)
+        axes.set_yticks(range(len(sizes)), [name.replace("$", r"\$") for name, _ in residual], fontsize=7)
+        axes.set_ylim(-0.6, len(sizes) - 0.4)
+        label(axes, x="distance from its segment, root mean square (mm)", y="", title=_kind(item) + "Marker residuals")
+    return figure
+
+
+def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
+    """Start and duration (s) of every stance of which the record has an end."""
+    whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
+    usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
+    found = []
+    for s in item.stances[side]:
+        if s.complete:
+            found.append((s.start_s, s.duration_s))
+        elif s.start_seen or s.end_seen:
+            found.append((s.start_s if s.start_seen else s.end_s - usual, usual))
+    return found
+
+
+def _outline(axes: Axes, foot: FootMotion, stance: Stance) -> None:
+    rows = flat_phase(foot, stance)
+    if rows is not None:
+        heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
+        axes.plot([heel[0], toe[0]], [heel[1], toe[1]], color=COLOURS[foot.side], linewidth=7, alpha=0.25,
+                  solid_capstyle="round")
+
+
+def _coordinates(item: Examined) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, times and values; from the markers where there are any, since these know both ankles."""
+    if item.markers is not None:
+        tracked = item.markers.tracked
+        return tuple(tracked.names), tracked.time_s, tracked.values
+    motion = item.trial.trajectory
+    return motion.names, motion.time_s, motion.values
+
+
+def _kind(item: Examined) -> str:
+    return "SYNTHETIC, not recorded. " if item.trial.synthetic else ""
+
+
+def _legend(figure: Figure, item: Examined, more: str) -> None:
+    prosthetic = item.trial.subject.prosthetic_side
+    handles = [Line2D([], [], color=COLOURS[side], label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})")
+               for side in SIDES]
+    if more:
+        handles.append(Line2D([], [], color="none", label=more))
+    if item.trial.synthetic:
+        handles.append(Line2D([], [], color="none", label="SYNTHETIC, not recorded"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
