@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Window, load_manifest, to_si
+from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
 
 EVERYTHING = """
 subject: subject.yaml
@@ -18,6 +18,17 @@ offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 90e-1}
 model: foot.yaml
 name: subject 3
 synthetic: true
+"""
+MARKERS = """
+subject: subject.yaml
+markers: walk.c3d
+standing: static.c3d
+marker_map: plug_in_gait
+hip_centre: hara
+marker_cutoff_hz: 8
+already_filtered: true
+laboratory: {up: z, forward: -y, length_unit: mm}
+prosthesis: {fulcrum_mm: 66}
 """
 LEAST = "subject: s.yaml\nkinematics: k.mot\nforces: f.mot\nprosthesis: {fulcrum_mm: 66}\n"
 
@@ -51,8 +62,16 @@ def test_least_manifest_has_defaults(load):
     [
         ("subject: s.yaml", "", "subject: the key is missing"),
         ("kinematics: k.mot", "", "kinematics: the key is missing. Give joint angles"),
-        ("kinematics: k.mot", "markers: k.c3d", "markers: marker files are not read yet. Give joint angles"),
-        ("kinematics: k.mot", "kinematics: k.trc", "kinematics: k.trc holds markers"),
+        ("kinematics: k.mot", "kinematics: k.mot\nmarkers: k.c3d", "joint angles and markers are both given. Keep one"),
+        ("kinematics: k.mot", "kinematics: k.trc", "kinematics: k.trc holds markers. Write `markers: k.trc`"),
+        ("kinematics: k.mot", "markers: k.mot", "markers: k.mot is no marker file. A .c3d or .trc file is needed"),
+        ("kinematics: k.mot", "kinematics: k.mot\nstanding: s.c3d", "standing: the key has no meaning for joint"),
+        ("kinematics: k.mot", "kinematics: k.mot\nlaboratory: {up: z}", "laboratory: the key has no meaning"),
+        ("kinematics: k.mot", "markers: k.trc\nkinematics_unit: degrees", "kinematics_unit: the key has no meaning"),
+        ("kinematics: k.mot\nforces: f.mot", "markers: k.trc", "forces: the key is missing. A .trc file has no forces"),
+        ("kinematics: k.mot", "markers: k.trc\nhip_centre: guess", "hip_centre: 'guess' is not known. Known are: harr"),
+        ("kinematics: k.mot", "markers: k.trc\nmarker_cutoff_hz: 0", "marker_cutoff_hz: 0 Hz is outside"),
+        ("kinematics: k.mot", "markers: k.trc\nlaboratory: {up: w}", "laboratory.up: 'w' is not known. Known are: x"),
         ("kinematics: k.mot", "kinematic: k.mot", "line 2, kinematic: unknown key. Did you mean kinematics?"),
         ("forces: f.mot", "", "forces: the key is missing"),
         ("forces: f.mot", "forces:", "forces: the key is missing"),
@@ -73,6 +92,20 @@ def test_wrong_key_or_value_is_named(load, tmp_path, old, new, wanted):
     with pytest.raises(InputError) as caught:
         load(LEAST.replace(old, new))
     assert wanted in str(caught.value) and str(tmp_path / "trial.yaml") in str(caught.value)
+
+
+def test_one_of_everything_with_markers(load):
+    manifest = load(MARKERS)
+    assert (manifest.markers, manifest.standing, manifest.marker_map) == ("walk.c3d", "static.c3d", "plug_in_gait")
+    assert manifest.laboratory == Laboratory(up="z", forward="-y", length_unit="mm")
+    assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("hara", 8.0, True)
+
+
+def test_least_manifest_with_markers_has_defaults(load):
+    """A C3D has the plates; the map is found; the walk calibrates."""
+    manifest = load("subject: s.yaml\nmarkers: k.c3d\nprosthesis: {fulcrum_mm: 66}\n")
+    assert manifest.forces is None and manifest.standing is None and manifest.marker_map is None
+    assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("harrington", 6.0, False)
 
 
 def test_missing_manifest_is_named(tmp_path):

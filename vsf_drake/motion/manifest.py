@@ -12,7 +12,18 @@
     name: subject 3, trial 7
     synthetic: false
 
-Only the first four keys are required. Paths are relative to the manifest's folder.
+Only the first four keys are required. Instead of `kinematics`, markers may be given:
+
+    markers: walk.c3d
+    standing: static.c3d
+    marker_map: plug_in_gait
+    hip_centre: harrington
+    marker_cutoff_hz: 6
+    already_filtered: false
+    laboratory: {up: z, forward: x, length_unit: mm}
+
+of which only `markers` is required; `forces` may then be left out, if the C3D has the plates. Paths are relative to
+the manifest's folder.
 """
 
 from __future__ import annotations
@@ -25,6 +36,11 @@ from vsf_drake.errors import InputError
 from vsf_drake.schema import choice, load_yaml, quantity
 
 UNITS = ("degrees", "radians")
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+LENGTH_UNITS = ("mm", "cm", "m", "in")
+HIP_CENTRES = ("harrington", "bell", "hara", "davis")
+MARKER_FILES = (".c3d", ".trc")
+_MARKER_KEYS = ("standing", "marker_map", "hip_centre", "marker_cutoff_hz", "already_filtered", "laboratory")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +57,15 @@ class ForceColumns:
     file: str
     right: str | None = None
     left: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laboratory:
+    """What a marker or force file does not say of itself; None leaves it to the file."""
+
+    up: str | None = choice(None, options=AXES, source="stated: the laboratory's axis that points up")
+    forward: str | None = choice(None, options=AXES, source="stated: the laboratory's axis along which they walk")
+    length_unit: str | None = choice(None, options=LENGTH_UNITS, source="stated")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +107,13 @@ class Manifest:
     subject: str
     kinematics: str | None = None
     markers: str | None = None
-    forces: str | ForceColumns
+    standing: str | None = None
+    marker_map: str | None = None
+    hip_centre: str = choice("harrington", options=HIP_CENTRES, source="regression of the hip joint centre")
+    marker_cutoff_hz: float = quantity(6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
+    already_filtered: bool = False
+    laboratory: Laboratory = field(default_factory=Laboratory)
+    forces: str | ForceColumns | None = None
     prosthesis: ProsthesisSetting
     window: Window | None = None
     kinematics_unit: str | None = choice(None, options=UNITS, source="stated, where the file's header does not")
@@ -98,26 +129,53 @@ def load_manifest(path: str | Path) -> Manifest:
     """Reads a trial manifest and checks what its keys must share. Does not open the files it names.
 
     Raises:
-        InputError: see `vsf_drake.schema.load_yaml`; or `kinematics` or `forces` is missing, or
-            markers are given instead of joint angles, or the window does not end after it starts.
+        InputError: see `vsf_drake.schema.load_yaml`; or neither `kinematics` nor `markers` is given, or both are, or
+            keys that belong to the other; `forces` is missing; the window does not end after it starts.
     """
     path = Path(path)
     manifest = load_yaml(path, Manifest)
-    angles = "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto)"
-    if manifest.markers is not None:
-        raise InputError("marker files are not read yet", file=path, where="markers", right=angles)
-    if manifest.kinematics is None:
-        raise InputError("the key is missing", file=path, where="kinematics", right=angles)
-    if Path(manifest.kinematics).suffix.lower() in (".c3d", ".trc"):
-        raise InputError(f"{manifest.kinematics} holds markers, which are not read yet", file=path,
-                         where="kinematics", right=angles)
-    if manifest.forces is None:
-        raise InputError("the key is missing", file=path, where="forces", right="Name a .mot or .sto file")
+    if manifest.kinematics is not None and manifest.markers is not None:
+        raise InputError("joint angles and markers are both given", file=path, where="kinematics and markers",
+                         right="Keep one: the angles would be computed from the markers")
+    if manifest.markers is None:
+        _check_angles(path, manifest)
+    else:
+        _check_markers(path, manifest)
     window = manifest.window
     if window and window.start_s is not None and window.end_s is not None and window.end_s <= window.start_s:
         raise InputError(f"start_s {window.start_s:g} and end_s {window.end_s:g} leave nothing between them",
                          file=path, where="window")
     return manifest
+
+
+def _check_angles(path: Path, manifest: Manifest) -> None:
+    if manifest.kinematics is None:
+        raise InputError("the key is missing", file=path, where="kinematics",
+                         right="Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or "
+                               "markers, for example `markers: walk.c3d` (.c3d or .trc)")
+    if Path(manifest.kinematics).suffix.lower() in MARKER_FILES:
+        raise InputError(f"{manifest.kinematics} holds markers", file=path, where="kinematics",
+                         right=f"Write `markers: {manifest.kinematics}`")
+    if manifest.forces is None:
+        raise InputError("the key is missing", file=path, where="forces", right="Name a .mot or .sto file")
+    default = Manifest(subject="", prosthesis=manifest.prosthesis)
+    for key in _MARKER_KEYS:
+        if getattr(manifest, key) != getattr(default, key):
+            raise InputError("the key has no meaning for joint angles", file=path, where=key,
+                             right="Take it out, or give markers instead of kinematics")
+
+
+def _check_markers(path: Path, manifest: Manifest) -> None:
+    suffix = Path(str(manifest.markers)).suffix.lower()
+    if suffix not in MARKER_FILES:
+        raise InputError(f"{manifest.markers} is no marker file", file=path, where="markers",
+                         right="A .c3d or .trc file is needed; joint angles are given by `kinematics`")
+    if manifest.kinematics_unit is not None:
+        raise InputError("the key has no meaning for markers", file=path, where="kinematics_unit",
+                         right="Take it out; a unit of length stands under `laboratory: {length_unit: mm}`")
+    if manifest.forces is None and suffix != ".c3d":
+        raise InputError("the key is missing", file=path, where="forces",
+                         right="A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)")
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:

@@ -2,88 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum, load_model
-from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.from_markers import trial_from_recordings
 from vsf_drake.motion.kinematics import read_kinematics
-from vsf_drake.motion.manifest import (
-    ForceColumns,
-    GeometricOffsets,
-    Manifest,
-    load_manifest,
-    named_file,
-    to_si,
-)
+from vsf_drake.motion.manifest import ForceColumns, Manifest, load_manifest, named_file, to_si
+from vsf_drake.motion.markers.maps import SHIPPED, load_marker_map
 from vsf_drake.motion.plates import PlateRecording, assign_prefixes, read_plate
+from vsf_drake.motion.stated_subject import load_stated_subject
 from vsf_drake.motion.storage import read_storage
-from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.treadmill import on_the_belt
-from vsf_drake.motion.window import (
-    Span,
-    check_stances,
-    choose_window,
-    describe_scuffs,
-    describe_stances,
-    describe_treadmill,
-)
+from vsf_drake.motion.trial_record import Trial, default_model
+from vsf_drake.motion.window import trial_window
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.resources import resource
 from vsf_drake.schema import load_yaml
 
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One recording of somebody walking, ready to drive the model. SI and radians.
-
-    Attributes:
-        path: the manifest.
-        name: the manifest's `name`, or its file name without suffix.
-        subject: the person.
-        synthetic: whether the recording was constructed rather than measured.
-        fulcrum_m: where the fulcrum stood, from the keel's posterior end A.
-        start_s, end_s: the window: kinematics, forces and the manifest's wish all cover it.
-        trajectory: the person's coordinates (see `motion.kinematics`), over the whole recording.
-        plates: the force on each foot by "left" and "right", over the whole recording, in the world frame
-            (x forward, y left, z up); the prosthetic side is always there, the other may be missing.
-        notes: sentences on what was assumed, filled, turned or cut.
-        model: the device's and the contact's parameters.
-        inputs: SHA-256 of every file read, by its path as the manifest writes it.
-        offsets: how the prosthesis sits under the person.
-    """
-
-    path: Path
-    name: str
-    subject: Subject
-    synthetic: bool
-    fulcrum_m: float
-    start_s: float
-    end_s: float
-    trajectory: CoordinateTrajectory
-    plates: dict[str, PlateRecording]
-    notes: tuple[str, ...]
-    model: ModelParameters
-    inputs: dict[str, str]
-    offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
-
-    @property
-    def prosthetic_plate(self) -> PlateRecording:
-        return self.plates[self.subject.prosthetic_side]
-
-
-def default_model() -> ModelParameters:
-    """The model of a manifest that names none: models/nominal.yaml, calibrated to the published bench end points."""
-    return load_model(resource("models/nominal.yaml"))
+__all__ = ["Trial", "default_model", "load_trial"]
 
 
 def load_trial(path: str | Path) -> Trial:
     """Reads a trial manifest and every file it names.
 
-    Files are in OpenSim's laboratory frame (x forward, y up, z right), in m, N, N m and the angle unit that their
-    header states. Forces come back in the world frame W (x forward, y left, z up, ground z = 0); coordinates keep
+    With markers, see `motion.from_markers`; the plates are given to the feet by where their load acts. With joint
+    angles, files are in OpenSim's laboratory frame (x forward, y up, z right), in m, N, N m and the angle unit that
+    their header states. Forces come back in the world frame W (x forward, y left, z up, ground z = 0); coordinates keep
     OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad, knee flexion positive.
     Recordings are not filtered.
 
@@ -95,7 +41,7 @@ def load_trial(path: str | Path) -> Trial:
 
     Raises:
         InputError: with a message that names file, and key, column, line or time:
-            - a file is missing or is not what its key needs; markers are given instead of joint angles;
+            - a file is missing or is not what its key needs; markers do not tell the motion;
             - a key is unknown, doubled or missing; a value has the wrong type or is out of range; the fulcrum is
               out of the carriage's reach;
             - a table is truncated, has a doubled label or no `endheader`, or lacks a required column;
@@ -109,35 +55,62 @@ def load_trial(path: str | Path) -> Trial:
     path = Path(path)
     manifest = load_manifest(path)
     named = _named_files(path, manifest)
-    subject = load_yaml(named["subject"], Subject)
     model = load_model(named["model"]) if "model" in named else default_model()
     fulcrum_m = check_fulcrum(1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path,
                               where="prosthesis.fulcrum_mm")
+    written = {"subject": manifest.subject, "kinematics": str(manifest.kinematics), "markers": str(manifest.markers),
+               "standing": str(manifest.standing), "marker_map": str(manifest.marker_map),
+               "forces": str(_force_file(manifest)), "model": str(manifest.model)}
+    inputs = {path.name: sha256(path)} | {written[key]: sha256(file) for key, file in named.items()}
+    if manifest.markers is not None:
+        return _trial_from_markers(path, manifest, named, model, fulcrum_m, inputs)
+    subject = load_yaml(named["subject"], Subject)
     storage = read_storage(named["kinematics"])
     trajectory, notes = read_kinematics(storage, prosthetic_side=subject.prosthetic_side, unit=manifest.kinematics_unit)
     plates, plate_notes = _read_plates(path, manifest, named["forces"], subject)
     speed = manifest.belt_speed_m_per_s
     trajectory, plates, belt_notes = on_the_belt(trajectory, plates, speed_m_per_s=speed)
-    window, window_notes = _window(path, manifest, trajectory, plates, subject)
-    written = {"subject": manifest.subject, "kinematics": str(manifest.kinematics),
-               "forces": _force_file(manifest), "model": str(manifest.model)}
-    inputs = {path.name: sha256(path)} | {written[key]: sha256(file) for key, file in named.items()}
+    window, window_notes = trial_window(path, manifest.window, trajectory, plates, subject)
     return Trial(path=path, name=manifest.name or path.stem, subject=subject, synthetic=manifest.synthetic,
                  fulcrum_m=fulcrum_m, start_s=window[0], end_s=window[1], trajectory=trajectory, plates=plates,
                  notes=notes + plate_notes + belt_notes + window_notes, model=model, inputs=inputs,
                  offsets=to_si(manifest.offsets))
 
 
-def _force_file(manifest: Manifest) -> str:
+def _trial_from_markers(path: Path, manifest: Manifest, named: dict[str, Path], model: ModelParameters,
+                        fulcrum_m: float, inputs: dict[str, str]) -> Trial:
+    person, stated = load_stated_subject(named["subject"])
+    laboratory = {"up": manifest.laboratory.up, "forward": manifest.laboratory.forward,
+                  "length_unit": manifest.laboratory.length_unit}
+    standing = None
+    if "standing" in named:
+        standing = read_trial(named["standing"], **laboratory)
+    walk = read_trial(named["markers"], forces=named.get("forces"), **laboratory)
+    marker_map = None
+    if manifest.marker_map is not None:
+        marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
+    sides = None
+    if isinstance(manifest.forces, ForceColumns) and (manifest.forces.right or manifest.forces.left):
+        sides = {"right": manifest.forces.right, "left": manifest.forces.left}
+    return trial_from_recordings(
+        standing, walk, marker_map, person, fulcrum_m=fulcrum_m, stated=stated, hip=manifest.hip_centre,
+        cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz, plate_sides=sides,
+        window=manifest.window, belt_speed_m_per_s=manifest.belt_speed_m_per_s, model=model,
+        offsets=to_si(manifest.offsets), path=path, name=manifest.name, synthetic=manifest.synthetic, inputs=inputs)
+
+
+def _force_file(manifest: Manifest) -> str | None:
     return manifest.forces.file if isinstance(manifest.forces, ForceColumns) else manifest.forces
 
 
 def _named_files(path: Path, manifest: Manifest) -> dict[str, Path]:
-    named = {"subject": named_file(path, "subject", manifest.subject),
-             "kinematics": named_file(path, "kinematics", str(manifest.kinematics)),
-             "forces": named_file(path, "forces", _force_file(manifest))}
-    if manifest.model is not None:
-        named["model"] = named_file(path, "model", manifest.model)
+    values = {"subject": manifest.subject, "kinematics": manifest.kinematics, "markers": manifest.markers,
+              "standing": manifest.standing, "forces": _force_file(manifest), "model": manifest.model}
+    if manifest.marker_map is not None and manifest.marker_map not in SHIPPED:
+        values["marker_map"] = manifest.marker_map
+    named = {key: named_file(path, key, value) for key, value in values.items() if value is not None}
+    if manifest.markers is not None and named.get("forces") == named["markers"]:
+        del named["forces"]
     return named
 
 
@@ -159,17 +132,3 @@ def _read_plates(path: Path, manifest: Manifest, file: Path,
         notes.extend(more)
     notes += [f"There is no force plate for the {side} foot." for side in ("right", "left") if side not in plates]
     return plates, tuple(notes)
-
-
-def _window(path: Path, manifest: Manifest, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
-            subject: Subject) -> tuple[Span, tuple[str, ...]]:
-    side = subject.prosthetic_side
-    time = plates[side].time_s
-    window, notes = choose_window(manifest.window, (trajectory.start_s, trajectory.end_s),
-                                  (float(time[0]), float(time[-1])), file=path)
-    notes += check_stances(window, plates[side], side, mass_kg=subject.mass_kg, file=path)
-    for other, plate in plates.items():
-        if other != side:
-            stances = find_stances(plate.time_s, plate.force_W[:, 2])
-            notes += describe_stances(window, stances, other) + describe_scuffs(window, plate, other)
-    return window, notes + describe_treadmill(window, plates[side])

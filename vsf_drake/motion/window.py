@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import MINIMUM_S, Stance, find_scuffs, find_stances
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.plates import GRAVITY, LIGHTEST_BW, PlateRecording
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.parameters import Subject
 
 DEFAULT_STANCE_S = 0.5
 MINIMUM_LOAD_N = 200.0
@@ -18,9 +20,35 @@ BACKWARD_M_PER_S = -0.3
 Span = tuple[float, float]
 
 
-def choose_window(wish: Window | None, kinematics: Span, forces: Span, *,
-                  file: str | Path) -> tuple[Span, tuple[str, ...]]:
+def trial_window(path: Path, wish: Window | None, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
+                 subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None
+                 ) -> tuple[Span, tuple[str, ...]]:
+    """The window of a trial, and notes on it and on the stances in it.
+
+    Raises:
+        InputError: see `choose_window` and `check_stances`.
+    """
+    side = subject.prosthetic_side
+    time = plates[side].time_s
+    found = {s: find_stances(plate.time_s, plate.force_W[:, 2]) for s, plate in plates.items()}
+    window, notes = choose_window(wish, (trajectory.start_s, trajectory.end_s), (float(time[0]), float(time[-1])),
+                                  file=path, unmeasured=(unmeasured or {}).get(side, ()), stances=found[side])
+    notes += check_stances(window, plates[side], side, mass_kg=subject.mass_kg, file=path)
+    for other, plate in plates.items():
+        if other != side:
+            notes += describe_stances(window, found[other], other) + describe_scuffs(window, plate, other)
+    return window, notes + describe_treadmill(window, plates[side])
+
+
+def choose_window(wish: Window | None, kinematics: Span, forces: Span, *, file: str | Path,
+                  unmeasured: Sequence[Span] = (), stances: Sequence[Stance] = ()) -> tuple[Span, tuple[str, ...]]:
     """The common part of kinematics, forces and the wish, in s, and notes on what was cut.
+
+    Args:
+        unmeasured: when the prosthetic foot stands on ground that no plate measures: a model's force there would be
+            compared with zero. Without a wish, the stretch between them that holds most of `stances` is taken; a
+            wish is kept.
+        stances: of the prosthetic foot, measured.
 
     Raises:
         InputError: two of them do not overlap.
@@ -41,7 +69,16 @@ def choose_window(wish: Window | None, kinematics: Span, forces: Span, *,
         notes.append(f"The window of {_span(wished)} was cut to the kinematics, {_span(part)}.")
     if _differ(both, part):
         notes.append(f"The window of {_span(part)} was cut to the force record, {_span(both)}.")
-    return both, tuple(notes)
+    missed = [span for span in unmeasured if _common(span, both)]
+    if not missed:
+        return both, tuple(notes)
+    listed = f"from {', '.join(map(_span, missed))} the prosthetic foot stands on ground that no plate measures"
+    best = max(_between(both, missed), key=lambda span: (_held(span, stances), span[1] - span[0]), default=None)
+    if wish is not None or best is None or _held(best, stances) < MINIMUM_S:
+        notes.append(f"In the window of {_span(both)}, {listed}: zero is compared with the model's force there.")
+        return both, tuple(notes)
+    notes.append(f"The window of {_span(both)} was cut to {_span(best)}: {listed}.")
+    return best, tuple(notes)
 
 
 def check_stances(window: Span, plate: PlateRecording, side: str, *, mass_kg: float,
@@ -109,6 +146,17 @@ def describe_treadmill(window: Span, plate: PlateRecording) -> tuple[str, ...]:
         return ()
     return (f"The centre of pressure moves at {speed:.2f} m/s through stance: a treadmill? The "
             "model's ground stands still: give the manifest its belt_speed_m_per_s.",)
+
+
+def _between(whole: Span, taken: Sequence[Span]) -> list[Span]:
+    """The parts of `whole` outside `taken`."""
+    ends = [whole[0], *(end for span in sorted(taken) for end in span), whole[1]]
+    return [(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end > start]
+
+
+def _held(span: Span, stances: Sequence[Stance]) -> float:
+    """Time (s) of stances in a span."""
+    return sum(max(0.0, min(s.end_s, span[1]) - max(s.start_s, span[0])) for s in stances)
 
 
 def _common(a: Span, b: Span) -> Span | None:

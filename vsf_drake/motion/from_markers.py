@@ -1,0 +1,191 @@
+"""From markers and force plates to a trial: calibrate, track, give the plates to the feet.
+
+    standing, walk = read_trial("static.c3d"), read_trial("walk.c3d")
+    trial = trial_from_recordings(standing, walk, None, PersonFacts(sex="male", prosthetic_side="right"),
+                                  fulcrum_m=0.066)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.contacts import Assignment, assign_plates
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.kinematics import person_coordinates
+from vsf_drake.motion.manifest import GeometricOffsets, Window
+from vsf_drake.motion.markers.calibration import calibrate
+from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
+from vsf_drake.motion.markers.handedness import prepared
+from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
+from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
+from vsf_drake.motion.plates import HEAVIEST_BW
+from vsf_drake.motion.stated_subject import with_stated
+from vsf_drake.motion.treadmill import on_the_belt
+from vsf_drake.motion.trial_record import Trial, default_model
+from vsf_drake.motion.walk_mass import mass_from_walk
+from vsf_drake.motion.window import trial_window
+from vsf_drake.parameters import GRAVITY, ModelParameters
+
+PLACEHOLDER_KG = 70.0
+"""Stands for a mass that only the walk tells until the plates are assigned; no length depends on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedWalk:
+    """A walk from markers, with the forces on each foot.
+
+    Attributes:
+        recording: right-handed, with the marker map's labels.
+        calibration: its subject is the person with all that was stated.
+        tracked, assignment: motion and forces.
+        notes: sentences on what was assumed.
+    """
+
+    recording: Recording
+    calibration: Calibration
+    tracked: TrackedMotion
+    assignment: Assignment
+    notes: tuple[str, ...]
+
+
+def trial_from_recordings(
+    standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts, *,
+    fulcrum_m: float, stated: Mapping[str, float] | None = None, calibration: Calibration | None = None,
+    hip: str = "harrington", cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
+    plate_sides: Mapping[str, str | None] | None = None, window: Window | None = None,
+    belt_speed_m_per_s: float = 0.0, model: ModelParameters | None = None,
+    offsets: GeometricOffsets = GeometricOffsets(),  # noqa: B008 (frozen: one default can serve all)
+    path: Path | None = None, name: str | None = None, synthetic: bool = False,
+    inputs: Mapping[str, str] | None = None,
+) -> Trial:
+    """The trial of a person who walks over force plates with markers on.
+
+    Args:
+        standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
+        walk: markers and plates.
+        marker_map: what the labels are; None: the shipped map that finds most of them.
+        person: what is stated of the person; without a mass it is taken from the forces of the standing trial or of
+            the walk.
+        fulcrum_m: where the fulcrum stood.
+        stated: fields of `Subject` that are known better than the markers tell, by name; they win.
+        calibration: of the same person and map, from before; then `standing` is not looked at.
+        hip, cutoff_hz, longest_gap_s: see `calibrate` and `track`; a cut-off of None leaves the markers as they are.
+        plate_sides: plate names by side, where the user says which plate is which foot.
+        window, belt_speed_m_per_s, model, offsets, name, synthetic: as in the manifest.
+        path: the manifest, for messages; the walk's file if None.
+        inputs: SHA-256 by file, for the record.
+
+    Raises:
+        InputError: see `calibrate`, `track`, `assign_plates` and `load_trial`.
+    """
+    path = walk.path if path is None else path
+    marked = walk_from_markers(standing, walk, marker_map, person, stated=stated, calibration=calibration, hip=hip,
+                               cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s, plate_sides=plate_sides)
+    subject, tracked, assignment = marked.calibration.subject, marked.tracked, marked.assignment
+    side = subject.prosthetic_side
+    if side not in assignment.plates:
+        raise InputError(f"no plate carries the {side} (prosthetic) foot alone", file=walk.force_path or walk.path,
+                         where="forces", right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None)
+    trajectory = tracked.trajectory(person_coordinates(side), source=str(walk.path))
+    trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates, speed_m_per_s=belt_speed_m_per_s)
+    span, window_notes = trial_window(path, window, trajectory, plates, subject, assignment.unmeasured)
+    missing = tuple(f"No plate carries the {s} foot alone." for s in ("right", "left") if s not in plates)
+    return Trial(path=path, name=name or path.stem, subject=subject, synthetic=synthetic, fulcrum_m=fulcrum_m,
+                 start_s=span[0], end_s=span[1], trajectory=trajectory, plates=plates,
+                 notes=marked.notes + missing + belt_notes + window_notes, model=model or default_model(),
+                 inputs=dict(inputs or {}), offsets=offsets, unmeasured=assignment.unmeasured,
+                 recording=marked.recording, calibration=marked.calibration, tracked=tracked,
+                 contacts=assignment.contacts)
+
+
+def walk_from_markers(
+    standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts, *,
+    stated: Mapping[str, float] | None = None, calibration: Calibration | None = None, hip: str = "harrington",
+    cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
+    plate_sides: Mapping[str, str | None] | None = None,
+) -> MarkedWalk:
+    """Person, motion and forces on the feet; see `trial_from_recordings` for the arguments.
+
+    Raises:
+        InputError: see `calibrate`, `track` and `assign_plates`; or the body mass is not known, or a force exceeds
+            four body weights.
+    """
+    notes: list[str] = []
+    if marker_map is None:
+        marker_map = best_map(walk if standing is None else standing)
+        notes.append(f"No marker map was stated; {marker_map.name} fits the labels best and was taken.")
+    walk = prepared(walk, marker_map)
+    notes += walk.notes
+    weighed = True
+    if calibration is None:
+        calibration, weighed = _calibrated(walk if standing is None else standing, marker_map, person, hip,
+                                           alone=standing is None)
+        if standing is not None:
+            notes += [f"Standing trial: {note}" for note in standing.notes]
+    notes += calibration.notes
+    tracked = track(walk, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
+    if cutoff_hz is None:
+        notes.append("The markers are said to be filtered already; they were not filtered again.")
+    pelvis = tracked.values[:, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]] * [1, -1, 1]
+    assignment = assign_plates(walk, tracked.time_s, tracked.feet, pelvis,
+                               stated=dict(plate_sides) if plate_sides else None)
+    subject = calibration.subject
+    if not weighed:
+        mass, note = mass_from_walk(walk, assignment)
+        subject = dataclasses.replace(subject, mass_kg=mass)
+        notes.append(note)
+    subject, more = with_stated(subject, stated or {})
+    _check_size(walk, assignment, subject.mass_kg)
+    calibration = dataclasses.replace(calibration, subject=subject)
+    notes += [*more, *tracked.notes, *assignment.notes]
+    return MarkedWalk(walk, calibration, tracked, assignment, tuple(dict.fromkeys(notes)))
+
+
+def best_map(recording: Recording) -> MarkerMap:
+    """The shipped map that finds a complete set of markers in the recording, and most of them.
+
+    Raises:
+        InputError: none fits.
+    """
+    fitting: dict[str, tuple[int, MarkerMap]] = {}
+    for name in SHIPPED:
+        candidate = load_marker_map(name)
+        try:
+            found = candidate.find(candidate.translate(recording.markers, recording.path).values(), recording.path)
+        except InputError:
+            continue
+        fitting[name] = (sum(map(len, found.segments.values())), candidate)
+    if not fitting:
+        raise InputError("no shipped marker map fits its labels: " + ", ".join(recording.markers),
+                         file=recording.path, where="marker_map",
+                         right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
+    return max(fitting.values(), key=lambda pair: pair[0])[1]
+
+
+def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, hip: str, *,
+                alone: bool) -> tuple[Calibration, bool]:
+    """The calibration, and whether its mass is known rather than a placeholder."""
+    if person.mass_kg is not None:
+        return calibrate(source, marker_map, person, hip=hip), True
+    if source.plates and not alone:
+        try:
+            return calibrate(source, marker_map, person, hip=hip), True
+        except InputError as error:
+            if not (error.where or "").startswith("mass_kg"):
+                raise
+    return calibrate(source, marker_map, dataclasses.replace(person, mass_kg=PLACEHOLDER_KG), hip=hip), False
+
+
+def _check_size(walk: Recording, assignment: Assignment, mass_kg: float) -> None:
+    for side, plate in assignment.plates.items():
+        peak = float(plate.force_W[:, 2].max()) / (mass_kg * GRAVITY)
+        if peak > HEAVIEST_BW:
+            raise InputError(f"the vertical force on the {side} foot is {peak:.1f} times the body weight of "
+                             f"{mass_kg:.3g} kg", file=walk.force_path or walk.path, where="forces",
+                             right="Check the unit of the forces and the subject's mass_kg")
