@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.simulation.standing_result import Standing
+from vsf_drake.simulation.standing_result import NUDGE_M, NUDGE_RAD, Standing
 
 LARGEST_WEIGHT_ERROR = 0.01
 """Share of the weight by which the mean vertical force may miss it (McGeehan 2021 reports 2.6 % too little)."""
@@ -31,6 +31,7 @@ def standing_table(standing: Standing) -> dict[str, Any]:
         "mean_prosthetic_n": float(standing.prosthetic_n.mean()), "mean_intact_n": float(standing.intact_n.mean()),
         "prosthetic_share": standing.prosthetic_share, "intact_share": 1.0 - standing.prosthetic_share,
         "drift_mm": 1e3 * standing.drift_m, "turn_deg": float(np.degrees(standing.turn_rad)),
+        "let_go_off_rest": {"raised_mm": 1e3 * NUDGE_M, "turned_deg": float(np.degrees(NUDGE_RAD))},
         "pelvis_deg": dict(zip(ATTITUDE, last.tolist(), strict=True)),
         "free": list(standing.free), "held_nm": standing.held_nm,
         "stiffness_nm_per_rad": standing.stiffness_nm_per_rad,

@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vsf_drake.analysis.standing_table import LARGEST_DRIFT_M
 from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, label, new_figure, style
 
 PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"
-LEAST_SCALE_MM = 1e-3
-"""Full height (mm) of the drift's axis at least: less is rounding, which a figure should not magnify."""
+LIMIT_MM = 1e3 * LARGEST_DRIFT_M
+"""Where standing still ends, marked in the figure."""
 
 
 def standing_figure(table: Mapping[str, Any]) -> Figure:
@@ -51,7 +52,8 @@ def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
     series = table["series"]
     drift = np.asarray(series["drift_mm"])
     axes.plot(series["time_s"], drift, color=BOTH, linewidth=1.6)
-    axes.set_ylim(0.0, max(1.2 * float(np.max(drift)), LEAST_SCALE_MM))
+    axes.axhline(LIMIT_MM, color=NEUTRAL, linewidth=0.8, linestyle=":")
+    axes.set_ylim(0.0, 1.6 * max(float(np.max(drift)), LIMIT_MM))
     axes.set_xlim(0.0, table["duration_s"])
     angles = table["pelvis_deg"]
     free = [name.removeprefix("pelvis_") for name in table["free"]]
@@ -60,4 +62,5 @@ def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
              f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°", f"free: {', '.join(free)}",
              "held by: " + (", ".join(held) or "nothing")]
     axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
-    label(axes, x="time (s)", y="distance of the pelvis from its start (mm)", title="How still the pelvis is")
+    label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
+          title=f"How still: let go {table['let_go_off_rest']['raised_mm']:g} mm off rest")

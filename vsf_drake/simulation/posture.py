@@ -116,7 +116,7 @@ class Posture:
 
     def hold(self, tilt: float, list_: float) -> Hold:
         """Lets the person settle in height and socket with the pelvis held at an attitude."""
-        walk = self.run(self.walker, self.coordinates(tilt, list_), duration_s=DEFAULT_STEP_S, settle=TRANSLATIONS)
+        walk = self._settle(tilt, list_)
         load, tree, plant = walk.record.load[-1], walk.mechanism.tree, self.walker.gait.plant
         up = walk.prosthetic.grf_W[-1, 2], walk.intact.grf_W[-1, 2]
         plant.SetPositions(walk.mechanism.context, walk.record.q[-1])
@@ -124,11 +124,20 @@ class Posture:
         return Hold(moments_nm=np.array([load[tree.index(name)] for name in ROTATIONS[:2]]),
                     prosthetic_share=float(up[0] / max(sum(up), 1e-9)), com_height_m=float(height))
 
+    def settled(self, tilt: float, list_: float) -> tuple[dict[str, float], float]:
+        """Coordinates at rest under the load with the pelvis held at an attitude, and the largest speed left."""
+        walk = self._settle(tilt, list_)
+        q, tree = self.coordinates(tilt, list_), walk.mechanism.tree
+        return {name: float(walk.record.q0[tree.index(name)]) for name in q}, walk.rest_speed
+
+    def _settle(self, tilt: float, list_: float) -> Walk:
+        return self.run(self.walker, self.coordinates(tilt, list_), duration_s=DEFAULT_STEP_S, settle=TRANSLATIONS)
+
     def run(
-        self, walker: Walker, q: Mapping[str, float], *, duration_s: float, settle: tuple[str, ...],
+        self, walker: Walker, q: Mapping[str, float], *, duration_s: float, settle: tuple[str, ...] = (),
         step_s: float = DEFAULT_STEP_S, progress: Callable[[float], None] | None = None
     ) -> Walk:
-        """`walker` at rest at the coordinates `q`; those in `settle` come to rest under the load first."""
+        """`walker` let go at rest at the coordinates `q`; those in `settle` come to rest under the load before."""
         moments = np.linspace(0.0, max(duration_s, 1e-2), 8)
         still = CoordinateTrajectory(moments, np.tile([*q.values()], (len(moments), 1)), tuple(q))
         return walker.walk(still, fulcrum_m=self.fulcrum_m, start_s=0.0, end_s=duration_s, step_s=step_s,

@@ -7,6 +7,8 @@ Three ways, the freest first that stays up:
     sideways    place and list free; tilt and rotation held
     upright     place free; the attitude held, at the list at which both unloaded soles touch the floor
 
+The person is let go a little off rest (NUDGE_M, NUDGE_RAD), so that standing still means coming back.
+
 At anatomically neutral angles hip, knee and ankle stand over each other and the centre of mass over the ankle, near
 the heel's end of the foot: leaning back on their own sponginess the feet lose their toes before they right the body,
 so that nobody of this build balances fore and aft without leaning at the ankles, as people do. What holding took is
@@ -23,7 +25,7 @@ from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.person import PELVIS_COORDINATES
 from vsf_drake.simulation.posture import ROTATIONS, TRANSLATIONS, Equilibrium, Posture
-from vsf_drake.simulation.standing_result import Standing
+from vsf_drake.simulation.standing_result import NUDGE_M, NUDGE_RAD, Standing
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker
 
 LARGEST_SWAY_RAD = np.radians(1.0)
@@ -57,18 +59,31 @@ def simulate_standing(
     for found in () if upright else _balances(posture, tilt, notes):
         walker = Walker(subject, model, free=TRANSLATIONS + _freed(found))
         try:
-            walk = posture.run(walker, posture.coordinates(found.tilt, found.list), duration_s=duration_s,
-                               settle=TRANSLATIONS, step_s=step_s, progress=progress)
+            walk, rest_speed = _let_go(posture, walker, found.tilt, found.list, duration_s, step_s, progress)
         except SimulationError as error:
             notes.append(f"With {_names(found)} free the person fell ({error}).")
             continue
-        standing = _result(posture, walk, found, duration_s, notes)
+        standing = _result(posture, walk, found, rest_speed, notes)
         if standing.turn_rad < LARGEST_SWAY_RAD:
             return standing
         notes.append(f"With {_names(found)} free the person turned by {np.degrees(standing.turn_rad):.1f} degrees.")
-    walk = posture.run(posture.walker, posture.coordinates(tilt, posture.level_list(tilt)), duration_s=duration_s,
-                       settle=TRANSLATIONS, step_s=step_s, progress=progress)
-    return _result(posture, walk, None, duration_s, notes)
+    walk, rest_speed = _let_go(
+        posture, posture.walker, tilt, posture.level_list(tilt), duration_s, step_s, progress)
+    return _result(posture, walk, None, rest_speed, notes)
+
+
+def _let_go(
+    posture: Posture, walker: Walker, tilt: float, list_: float, duration_s: float, step_s: float,
+    progress: Callable[[float], None] | None
+) -> tuple[Walk, float]:
+    """Settles the person at an attitude, nudges what is free and lets go; also the largest speed left when settled."""
+    q, rest_speed = posture.settled(tilt, list_)
+    q["pelvis_ty"] += NUDGE_M
+    towards = 1.0 if walker.subject.prosthetic_side == "right" else -1.0
+    for name, sign in zip(ROTATIONS, (1.0, towards, towards), strict=True):
+        if name in walker.free:
+            q[name] += sign * NUDGE_RAD
+    return posture.run(walker, q, duration_s=duration_s, step_s=step_s, progress=progress), rest_speed
 
 
 def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
@@ -113,7 +128,7 @@ def _place(ahead_m: float) -> str:
 
 
 def _result(
-    posture: Posture, walk: Walk, found: Equilibrium | None, duration_s: float, notes: list[str]
+    posture: Posture, walk: Walk, found: Equilibrium | None, rest_speed: float, notes: list[str]
 ) -> Standing:
     tree, record = walk.mechanism.tree, walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
@@ -129,8 +144,8 @@ def _result(
         said.append(f"Holding its list took {abs(held['pelvis_list']):.1f} N m: the centre of pressure is "
                     f"{1e3 * abs(held['pelvis_list']) / posture.weight_n:.0f} mm from the centre of mass towards the "
                     f"{towards} foot.")
-    if walk.rest_speed > AT_REST:
-        said.append(f"The person did not come to rest before the start (speed {walk.rest_speed:.2g}).")
+    if rest_speed > AT_REST:
+        said.append(f"The person did not come to rest before the start (speed {rest_speed:.2g}).")
     unconverged = int(np.sum(~record.converged))
     if unconverged:
         said.append(f"{unconverged} of {len(record.time_s)} steps did not converge.")

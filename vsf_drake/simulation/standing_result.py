@@ -6,10 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NUDGE_M, NUDGE_RAD = 2e-4, 2e-4
+"""How far from rest a person is let go: raised, and turned back, towards the prosthesis and outward as far as these are
+free. At exact rest a model would stay even where it cannot balance; from here (some 0.2 mm at the pelvis, a choice) it
+must come back by itself."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """A person who stood for `time_s[-1]` s, from rest.
+    """A person who stood for `time_s[-1]` s, let go at NUDGE_M and NUDGE_RAD from rest.
 
     Attributes:
         time_s: (n,) ends of the steps. prosthetic_n, intact_n: (n,) vertical force on each foot (N).
