@@ -24,10 +24,12 @@ from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.stepping import measure, place, run, step
 from vsf_drake.parameters import SIDES, FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
+from vsf_drake.plants.placement import FootPlacement
 
 STEP_S = 5e-4
 """Largest step: half of it changes the 40 Hz force by less than 0.2 % of body weight."""
-_SETTLING_STEPS, _SETTLING_STEP_S = 80, 0.02
+_SETTLING_STEPS, _SETTLING_STEP_S = 60, 0.02
+"""A start is lowered in so many static steps and held for as many."""
 
 
 class Prosthesis:
@@ -51,7 +53,12 @@ class Prosthesis:
         if side not in SIDES:
             raise ValueError(f"side {side!r} is none of {SIDES}")
         foot = FootParameters()
+        if not foot.fulcrum.rearmost_m <= fulcrum_m <= foot.fulcrum.foremost_m:
+            raise ValueError(f"the fulcrum reaches {foot.fulcrum.rearmost_m} to {foot.fulcrum.foremost_m} m, "
+                             f"not {fulcrum_m:g} m")
         body = scale_body(subject, foot, SocketParameters())
+        if body.placement != FootPlacement():
+            raise ValueError("the virtual foot sits in its standard place under the pylon; the subject's does not")
         self.side = side
         self.step_s = step_s
         self.residual_length, self.pylon_length = body.residual_length, body.pylon_length
@@ -97,7 +104,7 @@ class Prosthesis:
         self, R_WS: np.ndarray, p_WS: np.ndarray, *, velocity: np.ndarray | None = None,
         angular_velocity: np.ndarray | None = None, step_s: float | None = None,
     ) -> None:
-        """Settles the prosthesis under a shank held at this pose, then lets it move with the shank's velocity.
+        """Lowers the prosthesis onto the ground with the shank turned like this, settles it, then lets it move along.
 
         Args:
             velocity, angular_velocity: (3,) in W of the knee and the shank, at rest where None.
@@ -106,12 +113,14 @@ class Prosthesis:
         R, p = np.array(R_WS, dtype=float), np.array(p_WS, dtype=float)
         state.R[:], state.p[:] = R, p - device.residual_length * R[:, 2]
         self._place(state)
-        # cells that begin below the ground are pressed from rest
-        self.unconverged = 0
-        for _ in range(_SETTLING_STEPS):
+        sunk = max(0.0, -float(np.min(state.cell_x[:, 2])))
+        state.p[2] += sunk
+        self._place(state)
+        for i in range(1, 2 * _SETTLING_STEPS + 1):
             state.mass_v[:] = 0.0
             before, shear = state.cell_x.copy(), state.shear.copy()
-            unsolved = step(device, state, R, p, _SETTLING_STEP_S, self._forces, self.socket_load)
+            height = np.array([0.0, 0.0, sunk * max(0.0, 1.0 - i / _SETTLING_STEPS)])
+            unsolved = step(device, state, R, p + height, _SETTLING_STEP_S, self._forces, self.socket_load)
         self.unconverged = int(unsolved)
         h = self.step_s if step_s is None else step_s
         self._last = np.zeros(8)

@@ -84,14 +84,16 @@ def assemble(
 
 
 @numba.njit(cache=True)
-def solve(H: np.ndarray, b: np.ndarray) -> None:
-    """Solves H x = b in place by L D L^T; pivots that are not positive are made so, which keeps a descent direction."""
+def solve(H: np.ndarray, b: np.ndarray) -> bool:
+    """Solves H x = b in place by L D L^T; False, and neither is left whole, where H is not positive definite."""
     n = len(b)
     for j in range(n):
         d = H[j, j]
         for k in range(j):
             d -= H[j, k] * H[j, k] * H[k, k]
-        H[j, j] = max(d, 1e-6 * abs(H[j, j]) + 1e-12)
+        if not d > 0.0:
+            return False
+        H[j, j] = d
         for i in range(j + 1, n):
             s = H[i, j]
             for k in range(j):
@@ -105,6 +107,7 @@ def solve(H: np.ndarray, b: np.ndarray) -> None:
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             b[i] -= H[k, i] * b[k]
+    return True
 
 
 @numba.njit(cache=True)
@@ -122,6 +125,7 @@ def step(
     shear = np.empty((cells, 2))
     status, last, gap = UNSOLVED, np.inf, 0.0
     u = np.zeros(6)
+    curved = True
     for iteration in range(MOST_ITERATIONS):
         wrench[:], block[:], turning[:] = 0.0, 0.0, 0.0
         chain(device, q, hinges, angles)
@@ -129,14 +133,20 @@ def step(
         add_ground(device, state, R, p, hinges, angles, h, wrench, block, turning, forces, shear)
         u = socket_displacement(device, R, p, R_S, p_S)
         add_socket(device, state, R, R_S, u, h, wrench, block, load)
+        if not curved:
+            turning[:] = 0.0
         assemble(device, state, q, hinges, h, wrench, block, turning, rhs, H)
         gap = add_fulcrum(device, state, hinges, angles, h, rhs, H)
         if status == SOLVED:
             break
-        solve(H, rhs)
-        size = np.max(np.abs(rhs))
-        if not size < np.inf:
+        # without the loads' turning the tangent is always positive definite
+        solved = solve(H, rhs)
+        if not solved and not curved:
             break
+        curved = solved
+        if not solved:
+            continue
+        size = np.max(np.abs(rhs))
         if size < TOLERANCE:
             status = SOLVED
         ratio = min(1.0, LARGEST_CORRECTION / size)
