@@ -10,6 +10,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.c3d_parameters import BLOCK, C3dDescription
 
 MOST_FRAMES = 100_000_000
+MOST_16_BITS = 65535
+"""What the header says as last frame where there are more."""
 _CHUNK = 8 << 20
 """Bytes of the file that are converted at a time."""
 
@@ -69,8 +71,25 @@ def read_layout(c3d: C3dDescription) -> Layout:
     if not fitting:
         raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=c3d.path,
                          right="Is the file truncated?")
-    first = _first_frame(c3d) or one.first_frame
-    return Layout(one.start, max(fitting), one.points, channels, subframes, one.floats, first)
+    frames = max(fitting)
+    if frames == header.last_frame - header.first_frame + 1 and header.last_frame == MOST_16_BITS:
+        frames = _frames_held(c3d, one, held)
+    trial = _trial_frames(c3d)
+    first = trial[0] if trial and trial[0] % (MOST_16_BITS + 1) == header.first_frame else one.first_frame
+    return Layout(one.start, frames, one.points, channels, subframes, one.floats, first)
+
+
+def _frames_held(c3d: C3dDescription, layout: Layout, held: int) -> int:
+    """The frames that the file holds, without zeros that fill its last block: for counts beyond 16 bits."""
+    with open(c3d.path, "rb") as stream:
+        stream.seek(layout.start + max(held - 1 - BLOCK // layout.frame_bytes, 0) * layout.frame_bytes)
+        tail = stream.read()
+    while held > 1:
+        last = tail[:len(tail) // layout.frame_bytes * layout.frame_bytes][-layout.frame_bytes:]
+        if not last or any(last):
+            break
+        tail, held = tail[:len(tail) - layout.frame_bytes], held - 1
+    return held
 
 
 def _stated_frames(c3d: C3dDescription) -> list[int]:
@@ -80,12 +99,8 @@ def _stated_frames(c3d: C3dDescription) -> list[int]:
     trial = _trial_frames(c3d)
     if trial:
         found.append(trial[1] - trial[0] + 1)
-    for name in ("POINT:FRAMES", "POINT:LONG_FRAMES"):
-        value = c3d.number(name)
-        if value is not None and name == "POINT:FRAMES" and value < 0:
-            value += 65536.0
-        if (value is not None and header.last_frame == 65535) or (name == "POINT:LONG_FRAMES" and value is not None):
-            found.append(int(min(value, MOST_FRAMES)))
+    stated = c3d.number("POINT:FRAMES") if header.last_frame == MOST_16_BITS else None
+    found += [int(min(value, MOST_FRAMES)) for value in (stated, c3d.number("POINT:LONG_FRAMES")) if value]
     return [frames for frames in found if 0 < frames < MOST_FRAMES]
 
 
@@ -95,14 +110,8 @@ def _trial_frames(c3d: C3dDescription) -> tuple[int, int] | None:
         words = c3d.values(name).ravel(order="F")
         if words.size < 2 or not np.isfinite(words[:2]).all():
             return None
-        ends.append(int(words[0]) % 65536 + 65536 * (int(words[1]) % 65536))
+        ends.append(sum(int(w) % (MOST_16_BITS + 1) * k for w, k in zip(words, (1, MOST_16_BITS + 1), strict=False)))
     return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
-
-
-def _first_frame(c3d: C3dDescription) -> int | None:
-    trial = _trial_frames(c3d)
-    same = trial is not None and trial[0] % 65536 == c3d.header.first_frame
-    return trial[0] if trial is not None and same else None
 
 
 def read_points(c3d: C3dDescription, layout: Layout) -> np.ndarray:

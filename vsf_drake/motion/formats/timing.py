@@ -49,8 +49,8 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: f
     allowed = max(STEP_SHARE * step, 1.01 * rounding) + slack
     if away.max() > allowed:
         jump = int(np.argmax(np.abs(np.diff(time_s) - step))) + 1
-        raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are {np.median(np.diff(time_s)):.6g} s apart",
-                         file=path, where=f"line {lines[jump]}",
+        raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
+                         f"{np.median(np.diff(time_s)):.6g} s apart", file=path, where=f"line {lines[jump]}",
                          right="Rows must be evenly spaced, without a missing one")
     if rate != stated_hz:
         rate = _whole(rate, time_s, rounding)

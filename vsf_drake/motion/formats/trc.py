@@ -31,12 +31,19 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     _check_count(header, labels, path, notes)
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
-    rows = Rows(path, len(columns))
+    rows, cut = Rows(path, len(columns)), 0
     for number, line in lines:
         cells = line.split("\t") if "\t" in line else line.split()
         if not any(cell.strip() for cell in cells) or _is_axes_line(cells):
             continue
-        rows.append(numbers(_fitted(cells, columns, path, number), columns, path, number), number)
+        fitted = _fitted(cells, columns, path, number)
+        cut += len(fitted) > len(cells)
+        rows.append(numbers(fitted, columns, path, number), number)
+    if cut and cut == len(rows):
+        raise InputError(f"no row has as many cells as {len(labels)} markers need", file=path,
+                         where=f"line {label_line}", right="Labels and columns must fit")
+    if cut:
+        notes.append(f"{cut} rows of {path.name} end before the last marker, which was taken as not seen there.")
     table, places = rows.finished()
     _check_frames(header, len(table), path, notes)
     stated = _number(header, "datarate")
@@ -114,14 +121,14 @@ def _is_axes_line(cells: list[str]) -> bool:
 
 
 def _fitted(cells: list[str], columns: list[str], path: Path, line: int) -> list[str]:
-    """The cells without trailing blanks, or with those blanks that were cut off behind the last marker seen."""
+    """The cells without trailing blanks, or with those that were cut off behind the last marker seen."""
     while len(cells) > len(columns) and not cells[-1].strip():
         cells.pop()
     missing = len(columns) - len(cells)
-    if missing > 0 and len(cells) > 2 and not cells[-1].strip():
-        cells = cells + [""] * missing
-    if len(cells) != len(columns):
+    if missing > 0 and len(cells) > 2 and (missing % 3 == 0 or not cells[-1].strip()):
+        return cells + [""] * missing
+    if missing:
         raise InputError(f"the row has {len(cells)} cells; Frame#, Time and {(len(columns) - 2) // 3} markers need "
                          f"{len(columns)}", file=path, where=f"line {line}",
-                         right="Is the file truncated?" if len(cells) < len(columns) else None)
+                         right="Is the file truncated?" if missing > 0 else "Is there a label for every marker?")
     return cells

@@ -1,0 +1,194 @@
+"""Force files of OpenSim, spreadsheets and Cortex: one load comes back from each way to write it."""
+
+import numpy as np
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
+from vsf_drake.motion.storage import write_storage
+
+COUNT = 50
+TIME = np.arange(COUNT) / 100.0
+PHASE = np.linspace(0.0, 1.0, COUNT)
+FORCE = np.column_stack([50 * np.sin(6 * PHASE), 700 + 50 * PHASE, 20 * np.cos(3 * PHASE)])
+COP = np.column_stack([0.5 + 0.1 * PHASE, np.zeros(COUNT), -0.2 + 0.02 * PHASE])
+TWIST = 4.0 * np.sin(5 * PHASE)
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def in_world(vectors):
+    return np.column_stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]])
+
+
+def check(read, scale=1.0):
+    (plate,) = read.plates
+    np.testing.assert_allclose(plate.force_n, in_world(FORCE), atol=1e-9)
+    np.testing.assert_allclose(plate.cop_m, in_world(COP), atol=1e-9)
+    np.testing.assert_allclose(plate.free_moment_nm, TWIST, atol=1e-9)
+    assert read.force_rate_hz == 100.0 and read.marker_rate_hz is None and not read.markers
+
+
+def message(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    return str(caught.value)
+
+
+def mot(path, names, *blocks):
+    write_storage(path, time_s=TIME, names=names, values=np.column_stack(blocks))
+    return path
+
+
+def opensim_names(prefix="ground_force_r", torque="ground_torque_r_"):
+    return [f"{prefix}_{k}{a}" for k in "vp" for a in "xyz"] + [f"{torque}{a}" for a in "xyz"]
+
+
+@pytest.mark.parametrize("suffix", [".mot", ".sto", ".MOT"])
+def test_opensim_external_loads(tmp_path, suffix):
+    check(read_trial(mot(tmp_path / f"grf{suffix}", opensim_names(), FORCE, COP, TWIST[:, None] * UP)))
+
+
+def test_moment_may_be_taken_anywhere(tmp_path):
+    """About the laboratory's origin: the same force, centre of pressure and free moment."""
+    about = np.cross(COP, FORCE) + TWIST[:, None] * UP
+    check(read_trial(mot(tmp_path / "grf.mot", opensim_names(), FORCE, 0 * COP, about)))
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_tables_of_opensims_c3d_adapter(tmp_path, unit):
+    """z up, in the C3D file's unit; the moment is that about the stated point, here a plate's corner."""
+    factor = {"m": 1.0, "mm": 1e3}[unit]
+    corner = np.tile([0.3, 0.1, 0.0], (COUNT, 1))
+    force, cop = in_world(FORCE), in_world(COP)
+    about = np.cross(cop - corner, force) + TWIST[:, None] * [0, 0, 1]
+    names = [f"{k}1_{i}" for k in "fpm" for i in (1, 2, 3)]
+    path = mot(tmp_path / "grf.sto", names, force, factor * corner, factor * about)
+    assert "Give up" in message(lambda: read_trial(path, length_unit=unit))
+    check(read_trial(path, up="z", length_unit=unit))
+    if unit == "mm":
+        assert "Give length_unit, perhaps mm" in message(lambda: read_trial(path, up="z"))
+
+
+def csv(path, labels, blocks, separator=",", units=None, lead="", comma=False):
+    rows = np.column_stack([TIME, *blocks])
+    lines = [lead + separator.join(["Time", *labels])] + ([separator.join(units)] if units else [])
+    lines += [separator.join(repr(float(x)) for x in row) for row in rows]
+    text = "\n".join(lines) + "\n"
+    path.write_text(text.replace(".", ",") if comma else text)
+    return path
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_csv_with_opensims_labels(tmp_path, separator):
+    path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], separator)
+    check(read_trial(path))
+
+
+@pytest.mark.parametrize("style", [
+    ["Fx1", "Fy1", "Fz1", "COPx1", "COPy1", "COPz1", "Mx1", "My1", "Mz1"],
+    ["FX1", "FY1", "FZ1", "X1", "Y1", "Z1", "Tx1", "Ty1", "Tz1"],
+    ["F1X", "F1Y", "F1Z", "COP1X", "COP1Y", "COP1Z", "M1X", "M1Y", "M1Z"],
+    ["Fx", "Fy", "Fz", "COPx", "COPy", "COPz", "Mx", "My", "Mz"]])
+def test_csv_with_other_labels(tmp_path, style):
+    path = csv(tmp_path / "grf.csv", style, [FORCE, COP, TWIST[:, None] * UP])
+    assert "Give up" in message(lambda: read_trial(path))
+    check(read_trial(path, up="y"))
+
+
+def test_csv_states_its_units_in_a_row_of_their_own_or_behind_the_labels(tmp_path):
+    blocks = [FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP]
+    units = ["s", *["N"] * 3, *["mm"] * 3, *["Nmm"] * 3]
+    check(read_trial(csv(tmp_path / "a.csv", opensim_names(), blocks, units=units)))
+    labels = [f"{n} [{u}]" for n, u in zip(opensim_names(), units[1:], strict=True)]
+    check(read_trial(csv(tmp_path / "b.csv", labels, blocks, lead="exported by hand\n\n")))
+
+
+def test_decimal_commas_are_refused(tmp_path):
+    for separator in ",;":
+        path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], separator, comma=True)
+        assert "decimal point, not a comma" in message(lambda p=path: read_trial(p))
+
+
+def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
+    path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
+    assert "plate ground_force_r: a centre of pressure" in message(lambda: read_trial(path))
+    check(read_trial(path, length_unit="mm"))
+
+
+def test_force_along_another_axis_than_up_is_refused(tmp_path):
+    path = mot(tmp_path / "grf.mot", opensim_names(), in_world(FORCE), in_world(COP), TWIST[:, None] * [0, 0, 1])
+    assert "mainly along the laboratory's z" in message(lambda: read_trial(path))
+    check(read_trial(path, up="z"))
+
+
+def test_no_force_columns(tmp_path):
+    path = mot(tmp_path / "ik.mot", ["hip_flexion_r"], TIME[:, None])
+    assert "has no force columns; its columns are hip_flexion_r" in message(lambda: read_trial(path))
+
+
+def forces_text(count=COUNT, stated=None):
+    lines = ["[Force Data]", "NumberOfForcePlates=1", "SampleRate=100.000000",
+             f"NumberOfSamples={stated or count}", "#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1"]
+    rows = np.column_stack([FORCE, 1e3 * COP, 1e3 * TWIST])[:count]
+    return "\n".join(lines + ["\t".join([str(i + 1), *map(repr, map(float, row))]) for i, row in enumerate(rows)])
+
+
+def test_cortex_forces(tmp_path):
+    path = tmp_path / "walk.forces"
+    path.write_text(forces_text())
+    check(read_trial(path))
+    path.write_text(forces_text(stated=60))
+    assert "the header says 60 samples, the file has 50" in message(lambda: read_trial(path))
+    path.write_text("\n".join(line for i, line in enumerate(forces_text().splitlines()) if i != 20))
+    assert "truncated" in message(lambda: read_trial(path)) or "samples are missing" in message(lambda: read_trial(path))
+
+
+def trc(path, start=0.0, frames=30):
+    at = {"a": (0.5, 0.9, -0.2), "b": (0.6, 0.1, -0.1), "c": (0.4, 1.5, -0.2)}
+    head = f"PathFileType\t4\nDataRate\tNumFrames\tUnits\n50\t{frames}\tm\nFrame#\tTime\t" + "\t\t\t".join(at)
+    rows = ["\t".join([str(i + 1), f"{start + i / 50:.2f}", *(repr(c) for p in at.values() for c in p)])
+            for i in range(frames)]
+    path.write_text(head + "\n\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_forces_beside_markers(tmp_path):
+    """Half a second of forces and 0.6 s of markers: what both cover is said; none in common is refused."""
+    force = mot(tmp_path / "grf.mot", opensim_names(), FORCE, COP, TWIST[:, None] * UP)
+    read = read_trial(trc(tmp_path / "walk.trc"), forces=force)
+    np.testing.assert_allclose(read.plates[0].cop_m, in_world(COP), atol=1e-9)
+    assert read.force_path == force and any("from 0 to 0.49 s" in note for note in read.notes)
+    late = trc(tmp_path / "late.trc", start=3.0)
+    assert "must overlap in time" in message(lambda: read_trial(late, forces=force))
+
+
+def test_cortex_forces_start_with_the_markers(tmp_path):
+    (tmp_path / "walk.forces").write_text(forces_text())
+    read = read_trial(trc(tmp_path / "walk.trc", start=2.0), forces=tmp_path / "walk.forces")
+    assert read.force_start_s == 2.0 and any("has no times" in note for note in read.notes)
+
+
+def test_real_cortex_forces_show_four_contacts_of_one_person(shared_data):
+    read = read_trial(shared_data / "bmc_gait" / "walk1.trc", forces=shared_data / "bmc_gait" / "walk1.forces")
+    peaks = {p.name: p.force_n[:, 2].max() for p in read.plates}
+    assert {name for name, peak in peaks.items() if peak > 600.0} == {"3", "4", "5", "6"} and len(peaks) == 7
+    for plate in read.plates:
+        loaded = plate.force_n[:, 2] > 50.0
+        if loaded.any():
+            frame = np.searchsorted(read.marker_time_s, read.force_time_s[loaded]).clip(max=read.frames - 1)
+            feet = np.stack([read.markers[f"{side}.{name}"][frame] for side in "RL" for name in ("Heel", "MT5")])
+            near = np.linalg.norm(feet - plate.cop_m[loaded], axis=-1).min(axis=0)
+            assert np.median(near) < 0.2
+            assert plate.force_n[loaded][:20, 0].mean() < plate.force_n[loaded][-40:, 0].mean()
+
+
+def test_real_free_moments_are_a_few_newton_metres_and_opposite_in_both_feet(shared_data):
+    """Plates 6 and 4 of the walk, a right and a left foot; plate 5 has an offset of 14 N m, shown as recorded."""
+    read = read_trial(shared_data / "bmc_gait" / "walk1.trc", forces=shared_data / "bmc_gait" / "walk1.forces")
+    swing = {}
+    for plate in (read.plates[5], read.plates[3]):
+        loaded = np.flatnonzero(plate.force_n[:, 2] > 50.0)
+        early, late = np.array_split(plate.free_moment_nm[loaded], 2)
+        assert np.abs(plate.free_moment_nm).max() < 10.0
+        swing[plate.name] = late.mean() - early.mean()
+    assert swing["6"] > 1.0 and swing["4"] < -1.0
