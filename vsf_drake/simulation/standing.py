@@ -88,6 +88,14 @@ def _let_go(
 
 def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     """Stable equilibria, the freest first; `notes` learns why there are no more."""
+    try:
+        return _stable(posture, tilt, notes)
+    except SimulationError as error:
+        notes.append(f"Whether the person can balance is not known: some attitudes of the pelvis fail ({error}).")
+        return []
+
+
+def _stable(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     sideways = posture.sideways_equilibrium(tilt)
     if sideways is None:
         notes.append("Sideways a person with stiff joints cannot balance on these legs: leaning onto the softer or "
