@@ -20,8 +20,8 @@ class Device(NamedTuple):
     """Constants, SI. M mass points of the rigid part, N bars, n foam cells (sorted by body).
 
     points: (n, 3) in P for cells on the rigid part; else in their bar, from its rear hinge along, left, up.
-    socket: (10,) axial force, length, linear; shear stiffness, length; bending stiffness, angle; twist stiffness,
-    angle; unused. socket_damping: (6,) along and about x, y, z.
+    socket: (9,) axial force, length, linear; shear stiffness, length; bending stiffness, angle; twist stiffness,
+    angle. socket_damping: (6,) along and about x, y, z.
     """
 
     mass_points: np.ndarray
