@@ -140,7 +140,9 @@ def test_cortex_forces(tmp_path):
     path.write_text(forces_text(stated=60))
     assert "the header says 60 samples, the file has 50" in message(lambda: read_trial(path))
     path.write_text("\n".join(line for i, line in enumerate(forces_text().splitlines()) if i != 20))
-    assert "truncated" in message(lambda: read_trial(path)) or "samples are missing" in message(lambda: read_trial(path))
+    assert "the header says 50 samples, the file has 49" in message(lambda: read_trial(path))
+    path.write_text("\n".join(line for i, line in enumerate(forces_text(stated=40).splitlines()) if i != 20))
+    assert "line 21: samples are missing" in message(lambda: read_trial(path))
 
 
 def trc(path, start=0.0, frames=30):

@@ -14,7 +14,8 @@ FRAMES = 40
 
 
 def recording(tmp_path, rate=119.88012, start=0.4):
-    markers = {name: RNG.uniform([0, -0.3, 0.05], [0.3, 0.3, 1.7], (FRAMES, 3)) for name in ("Ferse_für", "R.ASIS", "c")}
+    low, high = [0, -0.3, 0.05], [0.3, 0.3, 1.7]
+    markers = {name: RNG.uniform(low, high, (FRAMES, 3)) for name in ("Ferse_für", "R.ASIS", "c")}
     markers["c"][3:9] = np.nan
     return Recording(tmp_path / "x.c3d", markers, rate, marker_start_s=start)
 

@@ -12,6 +12,8 @@ RATE_SHARE = 2e-3
 """A stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)."""
 STEP_SHARE = 0.05
 """A time may lie this share of a step off the even ones (clock jitter), or by its rounding."""
+ROUNDING_SHARE = 0.6
+"""Of the last decimal: rounding and cutting both stay within half of it, about their middle."""
 
 
 def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: float | None = None) -> float:
@@ -37,7 +39,9 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: f
     if not 0.0 < span < 1e7:
         raise InputError(f"the times run from {time_s[0]:g} to {time_s[-1]:g} s", file=path, where="column Time",
                          right="They must increase")
-    rate = float((len(time_s) - 1) / span)
+    rate = float(1.0 / np.polynomial.Polynomial.fit(index, time_s, 1).convert().coef[1])
+    if not 0.0 < rate < np.inf:
+        raise InputError("the times do not increase evenly", file=path, where="column Time")
     if stated_hz is not None and abs(stated_hz / rate - 1.0) <= RATE_SHARE + 2.0 * rounding / span:
         slack = abs(stated_hz / rate - 1.0) * span
         rate = stated_hz
@@ -45,8 +49,8 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: f
         slack = 0.0
     step = 1.0 / rate
     centred = time_s - index * step
-    away = np.abs(centred - np.median(centred))
-    allowed = max(STEP_SHARE * step, 1.01 * rounding) + slack
+    away = np.abs(centred - (centred.min() + centred.max()) / 2.0)
+    allowed = max(STEP_SHARE * step, ROUNDING_SHARE * rounding) + slack
     if away.max() > allowed:
         jump = int(np.argmax(np.abs(np.diff(time_s) - step))) + 1
         raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
