@@ -33,6 +33,7 @@ SHORTEST_STRETCH_S = 0.5
 """Shorter than a step at any walking speed: nothing in it can be analysed."""
 FEWEST_FRAMES = 6
 """What a quintic spline through the coordinates needs."""
+MOST_LISTED = 6
 SPLINE_FRAMES = 4
 """Frames on either side of a gap that shape the spline across it."""
 
@@ -215,10 +216,15 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
             right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps")
     lacking = [label for label, flags in missing.items() if flags.any()]
     if stop - start < FEWEST_FRAMES:
-        raise InputError(f"only {stop - start} frames show every needed marker; {', '.join(lacking)} "
+        raise InputError(f"only {stop - start} frames show every needed marker; {_listed(lacking)} "
                          f"{'is' if len(lacking) == 1 else 'are'} missing elsewhere", file=recording.path,
                          right=f"At least {FEWEST_FRAMES} are needed")
     if (start, stop) != (0, frames):
         notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
-                     f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} not always seen")
+                     f"{_listed(lacking)} {'is' if len(lacking) == 1 else 'are'} not always seen")
     return start, stop
+
+
+def _listed(labels: list[str]) -> str:
+    """The labels, or how many where they are too many to read."""
+    return ", ".join(labels) if len(labels) <= MOST_LISTED else f"{', '.join(labels[:MOST_LISTED])} and others"
