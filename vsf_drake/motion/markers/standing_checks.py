@@ -14,6 +14,8 @@ from vsf_drake.motion.markers.posture import Posture, forefoot_labels
 
 ASTRAY_M = 0.05
 """A marker that is this much nearer to another thigh or shank than to its own is on the other one (a choice)."""
+ASKEW_RAD = np.radians(45.0)
+"""The lines over both ASIS and over both PSIS are nearly parallel in everybody (a choice)."""
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
@@ -48,11 +50,25 @@ class _Checker:
         raise InputError(what, file=self.file, where=f"markers {', '.join(labels)}", right=right)
 
     def run(self) -> None:
+        self.pelvis()
         self.facing()
         self.sides()
         self.heights()
         self.medial()
         self.segments()
+
+    def pelvis(self) -> None:
+        roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
+        if any(role not in self.roles for role in roles):
+            return
+        front = self.at("asis_left") - self.at("asis_right")
+        back = self.at("psis_left") - self.at("psis_right")
+        lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
+        cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
+        if abs(cosine) < np.cos(ASKEW_RAD):
+            self.refuse(f"the line over both ASIS and that over both PSIS make an angle of "
+                        f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged",
+                        [self.roles[role] for role in roles])
 
     def facing(self) -> None:
         ahead = {}

@@ -1,0 +1,275 @@
+"""A made person's truth comes back from markers; a real one's lengths are those between its markers."""
+
+from __future__ import annotations
+
+import made_person
+import numpy as np
+import pytest
+from made_person import Person
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
+from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.markers.calibration import calibrate
+from vsf_drake.motion.markers.handedness import NOTE, prepared
+from vsf_drake.motion.markers.maps import SIDES, load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.placement import foot_placement
+
+MAPS = {"plug_in_gait": "plug_in_gait", "rajagopal": "rajagopal", "opensim": "rajagopal", "ior": "ior"}
+UNEQUAL = Person(thigh=(0.43, 0.41), shank=(0.40, 0.42), ankle_height=(0.07, 0.07), foot=(0.26, 0.25))
+"""Both soles are on the floor when the legs are straight."""
+EVEN = Person(ankle_height=(0.075, 0.075), foot=(0.26, 0.25))
+"""Both soles are on the floor in any symmetrical posture."""
+FLEXED = {"pelvis_tx": 1.3, "pelvis_tz": -0.2, "pelvis_tilt": -0.1}
+for s in "rl":
+    FLEXED |= {f"hip_flexion_{s}": 0.2, f"knee_angle_{s}": 0.3, f"ankle_angle_{s}": 0.2}
+BACKWARD = {"hip_flexion_r": -0.06, "hip_flexion_l": -0.06, "ankle_angle_r": 0.06, "ankle_angle_l": 0.06}
+"""Legs slanting backwards on flat soles."""
+
+
+def facts(person: Person = UNEQUAL, **more) -> PersonFacts:
+    stated = {"mass_kg": 80.0, "stature_m": 1.75, "sex": "male", "prosthetic_side": "right",
+              "leg_length_mm": 1e3 * person.leg_length, "knee_width_mm": 1e3 * person.knee_width,
+              "ankle_width_mm": 1e3 * person.ankle_width}
+    return PersonFacts(**(stated | more))
+
+
+def standing(angles=None, person: Person = UNEQUAL, *, label_set="plug_in_gait", medial=True, frames=120, **more):
+    return made_person.recording_of(
+        made_person.markers(angles or {}, person, label_set=label_set, medial=medial, frames=frames), **more)
+
+
+def calibrated(recording, person: Person = UNEQUAL, *, label_set="plug_in_gait", hip="harrington", **more):
+    return calibrate(recording, load_marker_map(MAPS[label_set]), facts(person, **more), hip=hip)
+
+
+def assert_truth(calibration, person: Person, label_set: str, tolerance: float = 1e-9) -> None:
+    """Every marker and every joint centre is where the person was made with it."""
+    for i, side in enumerate(SIDES):
+        truth = {made_person.label_of(role, side, label_set): (segment, p)
+                 for role, (segment, p) in person.points(side).items()
+                 if role in made_person._label_sets()[label_set]}
+        for segment, markers in calibration.segments.items():
+            for label, p_BM in zip(markers.labels, markers.p_BM, strict=True):
+                if label in truth:
+                    assert truth[label][0] == segment
+                    assert p_BM == pytest.approx(truth[label][1], abs=tolerance), label
+        for name, length in (("thigh", person.thigh), ("shank", person.shank), ("ankle_height", person.ankle_height)):
+            assert calibration.lengths_m[f"{name}_{side}"] == pytest.approx(length[i], abs=tolerance)
+        forward, lateral, up = person.hip_centre
+        out = -1 if side == "right" else 1
+        assert calibration.segments[f"thigh_{side}"].p_PB == pytest.approx([forward, out * lateral, up], abs=tolerance)
+
+
+POSTURES = pytest.mark.parametrize("angles, person", [({}, UNEQUAL), (FLEXED, EVEN)], ids=["straight", "flexed"])
+
+
+@pytest.mark.parametrize("label_set", MAPS)
+@POSTURES
+def test_medial_markers_give_the_person_back_in_any_posture(label_set, angles, person):
+    found = calibrated(standing(angles, person, label_set=label_set), person, label_set=label_set)
+    assert set(found.segments) == set(SEGMENTS) == set(PARENTS)
+    assert_truth(found, person, label_set)
+
+
+@POSTURES
+def test_plug_in_gait_without_medial_markers_gives_the_person_back(angles, person):
+    assert_truth(calibrated(standing(angles, person, medial=False), person), person, "plug_in_gait")
+
+
+def test_nothing_is_zeroed_while_standing():
+    angles = calibrated(standing(FLEXED, person=Person()), Person()).angles_rad
+    truth = dict.fromkeys(angles, 0.0) | FLEXED
+    truth["pelvis_ty"] = angles["pelvis_ty"]
+    assert angles == pytest.approx(truth, abs=1e-9)
+    straight = calibrated(standing(person=Person()), Person()).angles_rad
+    assert straight["pelvis_ty"] > angles["pelvis_ty"]
+
+
+def test_a_foot_is_as_long_as_its_sole():
+    found = calibrated(standing(label_set="opensim"), label_set="opensim")
+    for side in SIDES:
+        sole = UNEQUAL.sole(side)
+        assert found.feet[side].p_FHeel == pytest.approx(sole[0], abs=1e-9)
+        assert found.feet[side].p_FToe == pytest.approx(sole[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("prosthetic, intact", [("right", "left"), ("left", "right")])
+def test_the_subject_is_the_intact_leg_and_the_prosthesis_the_other(prosthetic, intact):
+    subject = calibrated(standing(), prosthetic_side=prosthetic).subject
+    i, k = SIDES.index(intact), SIDES.index(prosthetic)
+    assert subject.thigh_length_m == pytest.approx(UNEQUAL.thigh[i])
+    assert subject.shank_length_m == pytest.approx(UNEQUAL.shank[i])
+    assert subject.prosthetic_thigh_length_m == pytest.approx(UNEQUAL.thigh[k])
+    assert subject.prosthesis_length_m == pytest.approx(UNEQUAL.shank[k] + UNEQUAL.ankle_height[k])
+    assert (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m) == pytest.approx(UNEQUAL.hip_centre)
+    assert (subject.mass_kg, subject.stature_m) == (80.0, 1.75)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_model_puts_the_prosthesis_where_it_was_measured(side):
+    s = side[0]
+    person = Person(shank=(0.40, 0.40), heel_behind_ankle=0.075)
+    angles = BACKWARD | {f"ankle_rotation_{s}": -0.12}
+    R, p = (x[0] for x in made_person.poses(angles, person)[f"foot_{side}"])
+    assert R[2] == pytest.approx([0, 0, 1], abs=1e-12), "the sole is to be flat"
+    subject = calibrated(standing(angles, person), person, prosthetic_side=side).subject
+    assert subject.prosthesis_alignment_rad == pytest.approx(0.06)
+    assert subject.prosthesis_toe_out_rad == pytest.approx(0.12)
+    foot, place = FootParameters(), foot_placement(subject)
+    X_DP = place.pose(mirrored=side == "left")
+    p_SD = np.array([0, 0, place.sole_below(foot.build_height_m) - subject.prosthesis_length_m])
+    heel = p_SD + X_DP.multiply(np.array([-foot.pylon_x_m, 0, -foot.build_height_m]))
+    R_WS, p_WS = (x[0] for x in made_person.poses(angles, person)[f"shank_{side}"])
+    assert heel == pytest.approx(R_WS.T @ (p + R @ person.sole(side)[0] - p_WS), abs=1e-9)
+
+
+def test_left_mirrors_right():
+    person = Person()
+    right = calibrated(standing(BACKWARD | {"ankle_rotation_r": -0.1}, person), person, prosthetic_side="right").subject
+    left = calibrated(standing(BACKWARD | {"ankle_rotation_l": -0.1}, person), person, prosthetic_side="left").subject
+    for name in vars(right):
+        if name.endswith(("_m", "_rad")):
+            assert getattr(left, name) == pytest.approx(getattr(right, name), abs=1e-9), name
+
+
+def test_a_walk_can_stand_in_for_a_standing_trial_and_says_so():
+    """Skating: both soles flat on the floor throughout, knees turning through more than 30 degrees."""
+    person, time = Person(), np.arange(300) / 100
+    angles = {"pelvis_tx": 1.2 * time}
+    for s, phase in (("r", 0.0), ("l", np.pi)):
+        hip = 0.05 + 0.35 * np.sin(2 * np.pi * time + phase)
+        height = 0.93 * (person.thigh[0] + person.shank[0])
+        knee = hip + np.arccos((height - person.thigh[0] * np.cos(hip)) / person.shank[0])
+        angles |= {f"hip_flexion_{s}": hip, f"knee_angle_{s}": knee, f"ankle_angle_{s}": knee - hip}
+    for label_set in ("opensim", "plug_in_gait"):
+        walk = standing(angles, person, label_set=label_set, medial=False)
+        found = calibrated(walk, person, label_set=label_set)
+        assert_truth(found, person, label_set, 1e-7)
+        assert "Nobody stood still" in found.notes[0]
+        assert found.lengths_m["foot_right"] == pytest.approx(person.foot[0], abs=1e-7)
+
+
+def test_gaps_in_some_frames_do_no_harm():
+    recording = standing(frames=200)
+    rng = np.random.default_rng(1)
+    for x in recording.markers.values():
+        x[rng.random(200) < 0.4] = np.nan
+    assert_truth(calibrated(recording), UNEQUAL, "plug_in_gait")
+
+
+def test_one_frame_is_enough():
+    assert_truth(calibrated(standing(frames=1)), UNEQUAL, "plug_in_gait")
+
+
+def test_the_quietest_second_is_taken():
+    sway = np.concatenate([0.2 * np.sin(np.linspace(0, 6, 200)), np.zeros(100), 0.2 * np.sin(np.linspace(0, 6, 100))])
+    found = calibrated(standing({"pelvis_tx": sway}, rate_hz=100.0))
+    assert found.angles_rad["pelvis_tx"] == pytest.approx(0, abs=1e-9)
+    assert "2.00 to 2.99 s" in found.method[0]
+
+
+def test_the_plates_tell_the_mass_of_somebody_who_stands():
+    def plate(newton):
+        force = np.zeros((600, 3))
+        force[:, 2] = newton
+        return Plate("1", force, np.zeros((600, 3)), np.zeros(600))
+
+    on_plates = standing(plates=(plate(400.0), plate(380.0)), force_rate_hz=500.0)
+    found = calibrated(on_plates, mass_kg=None)
+    assert found.subject.mass_kg == pytest.approx(780 / 9.81)
+    assert any("both feet stood on plates" in note for note in found.notes)
+    with pytest.raises(InputError, match="nobody's weight"):
+        calibrated(standing(plates=(plate(3.0),), force_rate_hz=500.0), mass_kg=None)
+    with pytest.raises(InputError, match=r"mass_kg.*no force plates"):
+        calibrated(standing(), mass_kg=None)
+
+
+def test_stature_is_estimated_from_the_leg_and_called_an_estimate():
+    found = calibrated(standing(), stature_m=None)
+    assert found.subject.stature_m == pytest.approx(1.741 * (0.41 + 0.42) / (0.4222 + 0.4403), rel=1e-3)
+    assert any("estimate" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("missing, option", [("sex", "--sex"), ("prosthetic_side", "--prosthetic-side")])
+def test_what_no_recording_tells_must_be_stated(missing, option):
+    with pytest.raises(InputError, match=option):
+        calibrated(standing(), **{missing: None})
+
+
+@pytest.mark.parametrize("wrong, message", [({"knee_width_mm": 0.1}, "knee_width_mm"), ({"sex": "m"}, "female or male"),
+                                            ({"mass_kg": 78000.0}, "mass_kg")])
+def test_facts_in_another_unit_are_refused(wrong, message):
+    with pytest.raises(InputError, match=message):
+        calibrated(standing(), **wrong)
+
+
+def test_unequal_legs_are_reported():
+    person = Person(thigh=(0.45, 0.41), shank=(0.40, 0.44))
+    found = calibrated(standing(person=person), person)
+    assert any("thigh differ: 450 and 410 mm" in note for note in found.notes)
+    assert "thigh +40 mm" in found.method[-1]
+
+
+def test_axes_of_a_left_hand_are_mirrored_with_a_note():
+    recording = standing(FLEXED, EVEN)
+    flipped = made_person.recording_of({label: x * [1, -1, 1] for label, x in recording.markers.items()})
+    found = calibrated(flipped, EVEN)
+    assert_truth(found, EVEN, "plug_in_gait")
+    assert NOTE in found.notes
+    pig = load_marker_map("plug_in_gait")
+    assert prepared(recording, pig) is recording
+    again = prepared(prepared(flipped, pig), pig)
+    assert again.markers["LASI"] == pytest.approx(recording.markers["LASI"])
+    assert np.linalg.det(again.rotation_W) == pytest.approx(-1)
+
+
+def independent_centres(markers, side):
+    """Joint centres of gait2354's standing trial by another way: plain means, Harrington in millimetres."""
+    m = {label: 1e3 * np.nanmean(x, axis=0) for label, x in markers.items()}
+    s, out = ("R", -1) if side == "right" else ("L", 1)
+    origin, across = (m["R.ASIS"] + m["L.ASIS"]) / 2, m["L.ASIS"] - m["R.ASIS"]
+    width, depth = np.linalg.norm(across), np.linalg.norm(origin - m["V.Sacral"])
+    y = across / width
+    z = np.cross(origin - m["V.Sacral"], y)
+    z /= np.linalg.norm(z)
+    leg = np.linalg.norm(m[f"{s}.ASIS"] - m[f"{s}.Ankle.Med"])
+    hip = (origin + np.cross(y, z) * (-0.24 * depth - 9.9) + y * out * (0.28 * depth + 0.16 * width + 7.9)
+           + z * (-0.16 * width - 0.04 * leg - 7.1))
+    knee = (m[f"{s}.Knee.Lat"] + m[f"{s}.Knee.Med"]) / 2
+    ankle = (m[f"{s}.Ankle.Lat"] + m[f"{s}.Ankle.Med"]) / 2
+    return hip, knee, ankle, m[f"{s}.Heel"], m[f"{s}.Toe.Tip"]
+
+
+def test_a_real_persons_lengths_are_those_between_the_joint_centres(shared_data):
+    recording = read_trial(shared_data / "opensim_core/gait2354/subject01_static.trc")
+    person = PersonFacts(mass_kg=72.6, sex="male", prosthetic_side="left")
+    found = calibrate(recording, load_marker_map("rajagopal"), person)
+    for side in SIDES:
+        hip, knee, ankle, heel, toe = independent_centres(recording.markers, side)
+        expected = {"thigh": hip - knee, "shank": knee - ankle, "foot": (toe - heel)[:2]}
+        for name, vector in expected.items():
+            assert 1e3 * found.lengths_m[f"{name}_{side}"] == pytest.approx(np.linalg.norm(vector), rel=0.05)
+    assert found.subject.mass_kg == 72.6
+    assert found.subject.stature_m == pytest.approx(1.803, abs=0.01), "the model's own file says 1803 mm"
+    assert "Right less left" in found.method[-1]
+
+
+@pytest.mark.parametrize("path, name, shod_mm", [
+    ("opensim_core/example3DWalking/markers_walk.trc", "rajagopal", 300), ("bmc_gait/walk1.trc", "ior", None),
+    ("opensim_core/c3d/walking2.c3d", "rajagopal", None)])
+def test_real_walks_calibrate_without_a_standing_trial(shared_data, path, name, shod_mm):
+    person = PersonFacts(mass_kg=80, sex="male", prosthetic_side="right")
+    found = calibrate(read_trial(shared_data / path), load_marker_map(name), person)
+    lengths = found.lengths_m
+    for side in SIDES:
+        assert 0.35 < lengths[f"thigh_{side}"] < 0.52 and 0.35 < lengths[f"shank_{side}"] < 0.50
+        assert 0.06 < lengths[f"ankle_height_{side}"] < 0.13
+        if shod_mm is not None:
+            assert 1e3 * lengths[f"foot_{side}"] == pytest.approx(shod_mm, rel=0.05)
+    assert abs(lengths["thigh_right"] - lengths["thigh_left"]) < 0.02
+    assert abs(lengths["shank_right"] - lengths["shank_left"]) < 0.02
+    assert abs(found.subject.prosthesis_alignment_rad) < 0.3

@@ -1,0 +1,155 @@
+"""What a marker map promises: it serves real recordings, and says what does not fit."""
+
+from __future__ import annotations
+
+import made_person
+import numpy as np
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
+from vsf_drake.motion.markers.map_guess import choose_map, suggest_map
+from vsf_drake.motion.markers.maps import SHIPPED, SIDES, load_marker_map, parse_marker_map
+
+SAMPLES = {
+    "opensim_core/gait2354/subject01_static.trc": "rajagopal",
+    "opensim_core/example3DWalking/markers_walk.trc": "rajagopal",
+    "opensim_core/c3d/walking2.c3d": "rajagopal",
+    "bmc_gait/walk1.trc": "ior",
+}
+PIG = tuple(made_person.markers({}, label_set="plug_in_gait"))
+
+
+@pytest.mark.parametrize("path", SAMPLES)
+def test_shipped_maps_serve_the_public_recordings(shared_data, path):
+    labels = list(read_trial(shared_data / path).markers)
+    chosen, note = choose_map(labels, path)
+    assert chosen.name == SAMPLES[path] and chosen.name in note
+    found = chosen.find(labels)
+    for side in SIDES:
+        assert len(found.segments[f"thigh_{side}"]) >= 3
+        assert len(found.segments[f"shank_{side}"]) >= 3
+        assert len(found.segments[f"foot_{side}"]) >= 3
+    used = [label for labels in found.segments.values() for label in labels]
+    assert len(used) == len(set(used))
+    assert not any(label.endswith(("HJC", "KJC", "AJC")) for label in used)
+
+
+def test_walking_trials_share_the_segments_of_their_standing_trial(shared_data):
+    folder = shared_data / "opensim_core"
+    standing = read_trial(folder / "gait2354/subject01_static.trc")
+    found = load_marker_map("rajagopal").find(standing.markers)
+    for walk in ("gait2354/subject01_walk1.trc", "ik_reference/subject01_synthetic_marker_data.trc"):
+        walking = read_trial(folder / walk).markers
+        for segment, labels in found.segments.items():
+            assert len(set(labels) & set(walking)) >= 3, (walk, segment)
+
+
+@pytest.mark.parametrize("label_set, name", [("plug_in_gait", "plug_in_gait"), ("rajagopal", "rajagopal"),
+                                             ("opensim", "rajagopal"), ("ior", "ior")])
+@pytest.mark.parametrize("medial", [True, False])
+def test_the_three_marker_sets_are_recognised(label_set, name, medial):
+    assert choose_map(made_person.markers({}, label_set=label_set, medial=medial))[0].name == name
+
+
+def test_prefix_and_letter_case_do_not_matter():
+    found = load_marker_map("plug_in_gait")
+    spelled = found.translate([f"Subject01:{label.lower()}" for label in PIG])
+    assert list(spelled.values()) == list(PIG)
+    recording = made_person.recording_of({f"S:{label}": np.zeros((2, 3)) for label in PIG})
+    assert tuple(found.rename(recording).markers) == PIG
+
+
+def test_two_people_in_one_file_are_told_apart_or_refused():
+    labels = [f"{person}:{label}" for person in ("Ann", "Bob") for label in PIG]
+    with pytest.raises(InputError, match=r"Ann:LASI and Bob:LASI|Ann:RASI and Bob:RASI"):
+        load_marker_map("plug_in_gait").translate(labels)
+    text = load_marker_map("plug_in_gait").path.read_text(encoding="utf-8").replace("prefix: any", 'prefix: "Ann:"')
+    own = parse_marker_map(text, "own.yaml")
+    spelled = own.translate(labels)
+    assert spelled["Ann:RASI"] == "RASI" and spelled["Bob:RASI"] == "Bob:RASI"
+
+
+def test_a_role_with_two_candidates_is_refused_with_both_named():
+    with pytest.raises(InputError, match=r"RKNM and RMKN.*knee medial right"):
+        load_marker_map("plug_in_gait").find([*PIG, "RMKN"])
+
+
+def test_a_missing_role_names_what_was_there_and_what_is_like_it():
+    labels = [label for label in PIG if label != "LKNE"] + ["LKNE1"]
+    with pytest.raises(InputError) as caught:
+        load_marker_map("plug_in_gait").find(labels, "static.c3d")
+    message = str(caught.value)
+    assert "static.c3d" not in message or caught.value.file == "static.c3d"
+    assert "knee lateral left" in message and "LKNE (like LKNE1" in message and "RHEE" in message
+
+
+def test_a_pelvis_needs_its_back_and_a_foot_its_front():
+    pig = load_marker_map("plug_in_gait")
+    with pytest.raises(InputError, match="psis right or psis left or sacrum"):
+        pig.find([label for label in PIG if label != "RPSI"])
+    assert "sacrum" in pig.find([label for label in PIG if label != "RPSI"] + ["SACR"]).roles
+    with pytest.raises(InputError, match="toe right or toe tip right"):
+        pig.find([label for label in PIG if label != "RTOE"])
+
+
+@pytest.mark.parametrize("text, message", [
+    ("right: {asis: A, asis: B}", "twice"),
+    ("right: {asi: A}", "Did you mean asis"),
+    ("right: {asis: A}\nleft: {asis: A}", "asis_right and for asis_left"),
+    ("right: {asis: [A, {b: c}]}", "label or a list"),
+    ("right: {asis: []}", "label or a list"),
+    ("right: {asis: ''}", "label or a list"),
+    ("right: [A]", "mapping"),
+    ("just text", "mapping"),
+    ("", "mapping"),
+    ("right: {asis: 'A", "not valid YAML"),
+    ("forward: {}", "unknown key"),
+])
+def test_a_broken_map_is_refused_with_a_reason(text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        parse_marker_map(text, "mine.yaml")
+    assert str(caught.value.file) == "mine.yaml"
+
+
+def test_a_map_of_ones_own_is_loaded_by_its_path(tmp_path):
+    path = tmp_path / "ours.yaml"
+    path.write_text("right: {asis: NO, heel: 5}\nmiddle:\n  # nothing\n", encoding="utf-8")
+    assert load_marker_map(path).roles == {"asis_right": ("NO",), "heel_right": ("5",)}
+    with pytest.raises(InputError, match="no such marker map"):
+        load_marker_map("plugingait")
+
+
+@pytest.mark.parametrize("path", SAMPLES)
+def test_a_map_started_from_a_files_labels_finds_what_the_shipped_one_finds(shared_data, path):
+    labels = list(read_trial(shared_data / path).markers)
+    own = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+    assert own.roles == load_marker_map(SAMPLES[path]).find(labels).roles
+
+
+def test_a_started_map_guesses_from_words_and_says_so():
+    labels = ["R_ASIS", "L_ASIS", "SACRUM", "R Knee Lateral", "L Knee Lateral", "Ankle_Lat_R", "Ankle_Lat_L",
+              "Right Heel", "Left Heel", "R_MT2", "L_MT2", "RSHO", "C7", "Tête", "RThigh1", "L_HJC"]
+    text = suggest_map(labels)
+    found = parse_marker_map(text, "own.yaml").find(labels)
+    assert found.roles["knee_lateral_right"] == "R Knee Lateral"
+    assert found.roles["ankle_lateral_left"] == "Ankle_Lat_L"
+    assert found.segments["thigh_right"] == ("R Knee Lateral", "RThigh1")
+    assert "knee_lateral: 'R Knee Lateral'  # guess" in text
+    for label in ("RSHO", "C7", "Tête", "L_HJC"):
+        assert f"#   {label}" in text
+
+
+def test_labels_that_fit_no_map_are_listed():
+    with pytest.raises(InputError, match=r"no shipped marker map fits.*M001, M002"):
+        choose_map(["M001", "M002"])
+
+
+def test_every_shipped_map_has_both_sides_alike():
+    for name in SHIPPED:
+        marker_map = load_marker_map(name)
+        for places in (marker_map.roles, marker_map.clusters):
+            for role, labels in places.items():
+                if role.endswith("_right"):
+                    mirrored = tuple("L" + label[1:] for label in labels)
+                    assert places[role.replace("_right", "_left")] == mirrored, (name, role)
