@@ -153,3 +153,12 @@ def test_every_shipped_map_has_both_sides_alike():
                 if role.endswith("_right"):
                     mirrored = tuple("L" + label[1:] for label in labels)
                     assert places[role.replace("_right", "_left")] == mirrored, (name, role)
+
+
+def test_a_started_map_knows_the_bones_initials():
+    """R_IAS and the like: bone, place, as in several public data sets."""
+    names = ("IAS", "IPS", "FTC", "FLE", "FME", "FAL", "TAM", "FCC", "FM1", "FM2", "FM5", "FAX", "TTC")
+    labels = [f"{s}_{name}" for s in "RL" for name in names]
+    found = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+    assert found.roles["psis_left"] == "L_IPS" and found.roles["ankle_medial_right"] == "R_TAM"
+    assert found.segments["shank_left"] == ("L_FAL", "L_TAM", "L_FAX", "L_TTC")

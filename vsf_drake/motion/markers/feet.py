@@ -17,6 +17,8 @@ BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
 feet, a choice, unverified."""
 SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38
 """Shod feet of children and adults (a choice)."""
+OVER_M = 0.05
+"""Farther ahead of the ankle or behind it the hip is not in standing: of a walk, such frames count (a choice)."""
 _FOOT = FootParameters()
 
 
@@ -54,6 +56,7 @@ def foot_points(
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
     """`Subject`'s fields on the prosthesis, from frames in which its sole is flat on the floor (medians).
 
+    Of a walk, the frames in which the hip is above the foot count: the nearest to standing that it has.
     The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
     ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
     """
@@ -65,9 +68,12 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
     end = heel + R_WF @ np.array([_FOOT.pylon_x_m, 0.0, _FOOT.build_height_m])
     place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
     angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
+    ahead = np.abs(np.sum((anatomy.p_W[f"thigh_{side}"] - p_WF) * R_WF[..., :, 0], axis=-1))
+    like_standing = ahead < OVER_M
     outward = -1.0 if side == "right" else 1.0
     values = {
         "prosthesis_length_m": length, "prosthesis_fore_aft_m": place[:, 0],
         "prosthesis_lateral_m": outward * place[:, 1], "prosthesis_alignment_rad": angles[:, 0],
         "prosthesis_inversion_rad": angles[:, 1], "prosthesis_toe_out_rad": -angles[:, 2]}
-    return {name: float(np.nanmedian(value)) for name, value in values.items()}
+    return {name: float(np.nanmedian(value[like_standing] if like_standing.any() else value))
+            for name, value in values.items()}

@@ -23,17 +23,21 @@ ALIKE = 0.75
 VIRTUAL = ("HJC", "KJC", "AJC")
 """Endings of computed points that some files hold beside the markers; they are not guessed for anything."""
 WORDS = {
-    "asis": ("asis", "asi", "iliacanterior"), "psis": ("psis", "psi", "iliacposterior"),
-    "trochanter": ("trochanter", "troc", "gtr"),
-    "knee_medial": ("kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed"),
-    "knee_lateral": ("kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "knee"),
-    "ankle_medial": ("anklemed", "anklem", "ankleint", "medankle", "mankle", "malmed", "medmal", "mmal"),
-    "ankle_lateral": ("anklelat", "anklel", "ankleext", "latankle", "lankle", "mallat", "latmal", "lmal", "ankle"),
-    "heel": ("heel", "calc", "cal"), "toe_tip": ("toetip", "hallux", "toe"),
-    "toe": ("mt2", "met2", "mth2", "2mt", "2met"), "met1": ("mt1", "met1", "mth1", "1mt", "1met"),
-    "met5": ("mt5", "met5", "mth5", "5mt", "5met"),
-    "thigh": ("thigh", "th", "femur", "fem"), "shank": ("shank", "sh", "tibia", "tib", "calf", "leg"),
-    "foot": ("foot", "midfoot"),
+    "asis": ("asis", "asi", "ias", "iliacanterior"), "psis": ("psis", "psi", "ips", "iliacposterior"),
+    "trochanter": ("trochanter", "troc", "gtr", "ftc"),
+    "knee_medial": (
+        "kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed", "fme"),
+    "knee_lateral": (
+        "kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "knee", "fle"),
+    "ankle_medial": ("anklemed", "anklem", "ankleint", "medankle", "mankle", "malmed", "medmal", "mmal", "tam"),
+    "ankle_lateral": (
+        "anklelat", "anklel", "ankleext", "latankle", "lankle", "mallat", "latmal", "lmal", "ankle", "fal"),
+    "heel": ("heel", "calc", "cal", "fcc"), "toe_tip": ("toetip", "hallux", "toe"),
+    "toe": ("mt2", "met2", "mth2", "2mt", "2met", "fm2", "fmt2"),
+    "met1": ("mt1", "met1", "mth1", "1mt", "1met", "fm1", "fmt1"),
+    "met5": ("mt5", "met5", "mth5", "5mt", "5met", "fm5", "fmt5"),
+    "thigh": ("thigh", "th", "femur", "fem"),
+    "shank": ("shank", "sh", "tibia", "tib", "calf", "leg", "fax", "ttc"), "foot": ("foot", "midfoot"),
     "sacrum": ("sacrum", "sacral", "sacr", "sac"), "head_top": ("tophead", "headtop", "vertex"),
     "pelvis": ("iliaccrest", "crest", "pelvis")}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
