@@ -1,6 +1,6 @@
-"""The command line: `bench`, `simulate`, `stand`, `validate`. One module a command; importing it adds the command."""
+"""The command line, one module a command; importing a module adds its command."""
 
-from vsf_drake.cli import bench, simulate, stand, validate
+from vsf_drake.cli import bench, check, import_, simulate, stand, validate
 from vsf_drake.cli.app import app, main
 
-__all__ = ["app", "bench", "main", "simulate", "stand", "validate"]
+__all__ = ["app", "bench", "check", "import_", "main", "simulate", "stand", "validate"]

@@ -67,12 +67,13 @@ class Examined:
         return worst(check.mark for check in self.checks)
 
 
-def examine(trial: Trial, *, cutoff_hz: float | None = 6.0) -> Examined:
+def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side.
 
     Args:
         trial: as loaded, from joint angles or from markers.
         cutoff_hz: of the markers' filter; None where they were taken as filtered already.
+        stated: checks that only the caller can make, on what was stated and what had to be estimated.
 
     Raises:
         InputError: the person's segments do not fit together.
@@ -81,13 +82,12 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0) -> Examined:
     if trial.tracked is not None and trial.calibration is not None and trial.recording is not None:
         markers = MarkerEvidence(trial.tracked, trial.calibration, trial.recording, cutoff_hz, trial.contacts)
     model = model_feet(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
-    feet = model if markers is None else _tracked_feet(trial, markers)
+    feet = model if markers is None else _tracked_feet(trial, trial.tracked)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
-    measured = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
-    moving = _moving(feet, pelvis, trial)
+    measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
                for side in SIDES}
-    checks: list[Check] = []
+    checks: list[Check] = list(stated)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
         cop = _cop_at(feet[side].time_s, trial.plates.get(side))
         checks += foot_checks(feet[side], stances[side], cop)
@@ -102,15 +102,30 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0) -> Examined:
     return Examined(trial, markers, tuple(checks), notes, feet, model, measured, stances)
 
 
+def weighed(trial: Trial) -> Check:
+    """The mass that the plates felt in a trial from markers, whatever the trial says it is.
+
+    Raises:
+        ValueError: the trial does not come from markers.
+    """
+    if trial.tracked is None:
+        raise ValueError("only a trial from markers knows which foot was where")
+    pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
+    return _forces(trial, _measured(trial), _moving(_tracked_feet(trial, trial.tracked), pelvis, trial))[0]
+
+
 def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
     """(n, 3) m, the pelvis's origin at `time_s`."""
     names = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
     return os_to_world(trial.trajectory.ordered(names).sample(time_s)[0])
 
 
-def _tracked_feet(trial: Trial, markers: MarkerEvidence) -> dict[str, FootMotion]:
+def _measured(trial: Trial) -> dict[str, list[Stance]]:
+    return {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
+
+
+def _tracked_feet(trial: Trial, tracked: TrackedMotion) -> dict[str, FootMotion]:
     """The feet as markers saw them, moved onto the belt as the trial's pelvis was."""
-    tracked = markers.tracked
     time = np.clip(tracked.time_s, trial.trajectory.start_s, trial.trajectory.end_s)
     columns = [tracked.names.index(name) for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
     shift = pelvis_in_world(time, trial) - os_to_world(tracked.values[:, columns])
@@ -153,7 +168,7 @@ def _forces(trial: Trial, measured: Mapping[str, list[Stance]], moving: Mapping[
     end = min([motion.end_s, *(float(plate.time_s[-1]) for plate in trial.plates.values())])
     time = np.arange(start, end, GRID_S)
     if len(time) < 3:
-        return []
+        raise ValueError(f"forces and motion of {trial.name} do not overlap")
     vertical = force_checks.total_vertical(time, trial.plates)
     known = force_checks.covered(time, trial.plates, measured, moving)
     for start, end in (span for spans in trial.unmeasured.values() for span in spans):

@@ -11,6 +11,8 @@ import numpy as np
 from vsf_drake.analysis.recording.check import worst
 from vsf_drake.analysis.recording.examine import Examined
 from vsf_drake.motion.events import Stance
+from vsf_drake.motion.trial import Trial
+from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
 
 
@@ -43,8 +45,13 @@ def overall_mark(items: Sequence[Examined]) -> str:
 
 
 def person_table(item: Examined) -> dict[str, Any]:
-    """The subject, and what the standing trial told where there was one."""
-    table: dict[str, Any] = {"subject": to_plain(item.trial.subject)}
+    """The subject, the masses of the model's segments, and what the standing trial told where there was one.
+
+    Raises:
+        InputError: the person's segments do not fit together.
+    """
+    trial = item.trial
+    table: dict[str, Any] = {"subject": to_plain(trial.subject), "mass_budget_kg": mass_budget(trial)}
     if item.markers is not None:
         calibration = item.markers.calibration
         table["calibration"] = {
@@ -52,6 +59,18 @@ def person_table(item: Examined) -> dict[str, Any]:
             "notes": list(calibration.notes),
             "standing_angles_deg": {name: float(np.degrees(value)) for name, value in calibration.angles_rad.items()}}
     return table
+
+
+def mass_budget(trial: Trial) -> dict[str, float]:
+    """Masses (kg) of the model's segments by name; they add up to the body mass.
+
+    Raises:
+        InputError: the person's segments do not fit together.
+    """
+    body = scale_body(trial.subject, trial.model.foot, trial.model.socket)
+    return {"pelvis, head, arms and trunk": body.pelvis_mass, "two thighs": 2 * body.thigh_mass,
+            "intact shank": body.shank_mass, "intact foot": body.foot_mass,
+            "residual shank": body.residual_shank_mass, "prosthesis": body.prosthesis_mass}
 
 
 def _stance(stance: Stance) -> dict[str, Any]:

@@ -1,0 +1,226 @@
+"""A laboratory's recordings of one person to trials that drive the model, with an account of how good each is."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.analysis.intake_files import FileSet, walk_names
+from vsf_drake.analysis.recording.check import Check
+from vsf_drake.analysis.recording.examine import Examined, examine, weighed
+from vsf_drake.errors import InputError
+from vsf_drake.files import sha256
+from vsf_drake.model_file import check_fulcrum
+from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.from_markers import trial_from_recordings
+from vsf_drake.motion.manifest import Window
+from vsf_drake.motion.markers.calibration import PersonFacts
+from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
+from vsf_drake.motion.markers.person_facts import check_facts
+from vsf_drake.motion.markers.schema import Calibration
+from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.trial_record import default_model
+from vsf_drake.parameters import ModelParameters
+from vsf_drake.plants.scaling import scale_foot
+
+MID_FULCRUM_MM = 108.0
+"""Middle of the carriage's reach, 66 to 151 mm, where none is stated (a choice)."""
+STAND_IN_KG = 70.0
+"""Stands for a mass that only the walk tells, until its forces are known; no length depends on it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntakeOptions:
+    """How to read and what is known beside the files.
+
+    Attributes:
+        person, stated: as for `trial_from_recordings`.
+        marker_map: a shipped map's name or a file; None: the one that fits the labels best.
+        fulcrum_mm: None: mid-range.
+        up, forward, length_unit: as for `read_trial`. plate_sides: plate names by side.
+        hip, cutoff_hz, longest_gap_s, window, belt_speed_m_per_s: as for `trial_from_recordings`; a cut-off of
+            None for recordings that are filtered already.
+        scale_prosthesis: whether the model's prosthetic foot becomes as long as the person's.
+    """
+
+    person: PersonFacts
+    stated: Mapping[str, float] = field(default_factory=dict)
+    marker_map: str | None = None
+    fulcrum_mm: float | None = None
+    up: str | None = None
+    forward: str | None = None
+    length_unit: str | None = None
+    plate_sides: Mapping[str, str | None] | None = None
+    hip: str = "harrington"
+    cutoff_hz: float | None = 6.0
+    longest_gap_s: float = 0.1
+    window: Window | None = None
+    belt_speed_m_per_s: float = 0.0
+    scale_prosthesis: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Intake:
+    """What came of the files.
+
+    Attributes:
+        items: one per walk that could be used, all of one subject and one model. names: a file name for each.
+        failures: by file, why it could not be used.
+        scaled: whether `items` have a model of their own.
+        inputs: SHA-256 by file.
+    """
+
+    items: tuple[Examined, ...]
+    names: tuple[str, ...]
+    failures: dict[str, str]
+    scaled: bool
+    inputs: dict[str, str]
+
+
+def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial], Trial] | None = None,
+            progress: Callable[[str, float], None] | None = None) -> Intake:
+    """Reads, calibrates, tracks and checks every walk.
+
+    Args:
+        files: the standing trial, the walks and their forces.
+        refine: turns a trial into a better one (a global inverse kinematics).
+        progress: called with what is being done and the finished fraction.
+
+    Raises:
+        InputError: something that no recording tells is not stated; the standing trial cannot be used; or no
+            walk can (of several walks, one that cannot be used is only listed).
+    """
+    check_facts(options.person)
+    fulcrum_mm = MID_FULCRUM_MM if options.fulcrum_mm is None else options.fulcrum_mm
+    check_fulcrum(1e-3 * fulcrum_mm, default_model().foot, where="--fulcrum-mm")
+    marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
+    standing = None if files.standing is None else _read(files.standing, files.standing_forces, options)
+    made: dict[Path, Trial] = {}
+    failures: dict[Path, InputError] = {}
+    for number, walk in enumerate(files.walks):
+        if progress:
+            progress(f"importing {walk.name}", number / len(files.walks))
+        own = next((trial.calibration for trial in made.values()), None) if standing is None else None
+        try:
+            made[walk] = _trial(files, number, standing, marker_map, options, fulcrum_mm, own)
+            if refine is not None:
+                made[walk] = refine(made[walk])
+        except InputError as error:
+            failures[walk] = error
+    if not made:
+        raise _nothing_left(list(failures.values()))
+    trials, model_notes, scaled = _one_model(_one_mass(list(made.values())), options, fulcrum_mm)
+    stated = _statements(trials[0], files, options)
+    items, names = [], []
+    for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
+        notes = (*files.notes(walk), *model_notes, *trial.notes)
+        trial = dataclasses.replace(trial, notes=tuple(dict.fromkeys(notes)))  # noqa: PLW2901 (the same, with notes)
+        try:
+            items.append(examine(trial, cutoff_hz=options.cutoff_hz, stated=stated))
+            names.append(name)
+        except InputError as error:
+            failures[walk] = error
+    if not items:
+        raise _nothing_left(list(failures.values()))
+    return Intake(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()}, scaled,
+                  {str(path): sha256(path) for path in files.all() if path.is_file()})
+
+
+def _read(path: Path, forces: Path | None, options: IntakeOptions) -> Recording:
+    return read_trial(path, forces=forces, up=options.up, forward=options.forward, length_unit=options.length_unit)
+
+
+def _trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
+           options: IntakeOptions, fulcrum_mm: float, calibration: Calibration | None) -> Trial:
+    walk, forces = files.walks[number], files.forces[number]
+    recording = _read(walk, forces, options)
+    if not recording.plates:
+        raise InputError("has no force plates, and no force file lies beside it", file=walk, where="--forces",
+                         right="Name the walk's force file (.mot, .sto, .csv or .forces)")
+    used = [path for path in (walk, forces, files.standing, files.standing_forces) if path is not None]
+
+    def make(person: PersonFacts) -> Trial:
+        return trial_from_recordings(
+            standing, recording, marker_map, person, fulcrum_m=1e-3 * fulcrum_mm, stated=options.stated,
+            calibration=calibration, hip=options.hip, cutoff_hz=options.cutoff_hz,
+            longest_gap_s=options.longest_gap_s, plate_sides=options.plate_sides, window=options.window,
+            belt_speed_m_per_s=options.belt_speed_m_per_s, name=walk.stem,
+            inputs={path.name: sha256(path) for path in used})
+
+    try:
+        return make(options.person)
+    except InputError as error:
+        if options.person.mass_kg is not None or not (error.where or "").startswith("mass_kg"):
+            raise
+        trial = make(dataclasses.replace(options.person, mass_kg=STAND_IN_KG))
+        found = weighed(trial)
+        if found.value is None:
+            raise error from None
+        note = (f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground was on a "
+                "plate, less what the pelvis's motion took of it; it is good to a few percent: state mass_kg.")
+        return _weighing(trial, found.value, note)
+
+
+def _weighing(trial: Trial, mass_kg: float, note: str) -> Trial:
+    """The trial of the same person with another mass; motion and forces do not depend on it."""
+    subject = dataclasses.replace(trial.subject, mass_kg=mass_kg)
+    calibration = trial.calibration and dataclasses.replace(trial.calibration, subject=subject)
+    return dataclasses.replace(trial, subject=subject, calibration=calibration, notes=(*trial.notes, note))
+
+
+def _one_mass(trials: list[Trial]) -> list[Trial]:
+    """One person weighs one mass: the median, where each walk told its own."""
+    masses = [trial.subject.mass_kg for trial in trials]
+    if len(set(masses)) == 1:
+        return trials
+    mass = float(np.median(masses))
+    note = f"Body mass {mass:.1f} kg is the median of {', '.join(f'{m:.1f}' for m in masses)} kg, one from each walk."
+    return [_weighing(trial, mass, note) for trial in trials]
+
+
+def _one_model(trials: list[Trial], options: IntakeOptions, fulcrum_mm: float
+               ) -> tuple[list[Trial], tuple[str, ...], bool]:
+    """The trials with the model's foot as long as the person's, where that is asked for, and notes."""
+    notes = [] if options.fulcrum_mm is not None else [
+        f"The fulcrum's position is not stated: {MID_FULCRUM_MM:g} mm, mid-range, is assumed (--fulcrum-mm)."]
+    calibration = trials[0].calibration
+    if not options.scale_prosthesis or calibration is None:
+        return trials, tuple(notes), False
+    model: ModelParameters = trials[0].model
+    length = calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
+    ratio = length / model.foot.length_m
+    model = dataclasses.replace(model, foot=scale_foot(model.foot, length=ratio))
+    fulcrum_m = 1e-3 * fulcrum_mm * (ratio if options.fulcrum_mm is None else 1.0)
+    check_fulcrum(fulcrum_m, model.foot, where="--fulcrum-mm")
+    notes.append(f"The model's prosthetic foot is made {1e3 * length:.0f} mm long, {ratio:.3f} times its own length.")
+    return [dataclasses.replace(t, model=model, fulcrum_m=fulcrum_m) for t in trials], tuple(notes), True
+
+
+def _statements(trial: Trial, files: FileSet, options: IntakeOptions) -> list[Check]:
+    """What was not measured but taken from somewhere else; one check for each."""
+    subject, found = trial.subject, []
+    if options.person.mass_kg is None:
+        found.append(Check("body mass", "doubtful", subject.mass_kg, "kg", f"The body mass is not stated; "
+                           f"{subject.mass_kg:.1f} kg comes from the force plates. Every force in body weights rests "
+                           "on it (--mass-kg)."))
+    if options.person.stature_m is None:
+        found.append(Check("stature", "doubtful", subject.stature_m, "m", f"The stature is not stated; "
+                           f"{subject.stature_m:.2f} m is estimated. It scales only what the markers do not measure, "
+                           "such as the trunk (--stature-m)."))
+    if files.standing is None:
+        found.append(Check("standing trial", "doubtful", None, "", "The walk itself stands for the standing trial: "
+                           "joint centres and the feet's level are averages over its frames, good to a centimetre and "
+                           "a few degrees at best."))
+    return found
+
+
+def _nothing_left(errors: Sequence[InputError]) -> InputError:
+    messages = list(dict.fromkeys(str(error) for error in errors))
+    if len(messages) == 1:
+        return errors[0]
+    return InputError("none of the walks can be used:\n" + "\n".join(f"- {message}" for message in messages))

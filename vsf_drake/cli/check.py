@@ -1,0 +1,44 @@
+"""`vsf-drake check`: how good are trials that have a manifest already?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsf_drake.cli.app import Out, app, console, progress
+from vsf_drake.cli.import_ import finish, print_checks
+from vsf_drake.errors import InputError
+
+
+@app.command()
+def check(
+    trials: Annotated[list[Path], typer.Argument(metavar="TRIAL.yaml...", help="Trial manifests.")],
+    out: Out,
+) -> None:
+    """Judges recorded trials without simulating: a mark, a number and a sentence for everything that can go wrong."""
+    from vsf_drake.analysis.recording.examine import examine
+    from vsf_drake.motion.manifest import load_manifest
+    from vsf_drake.motion.trial import load_trial
+    from vsf_drake.report.import_outputs import CHECK, check_folder, write_check
+
+    out = out.expanduser()
+    check_folder(out, CHECK)
+    items, failures = [], {}
+    with progress() as show:
+        for number, path in enumerate(trials):
+            show(f"checking {path.name}", number / len(trials))
+            try:
+                trial, manifest = load_trial(path.expanduser()), load_manifest(path.expanduser())
+                items.append(examine(trial, cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz))
+            except InputError as error:
+                if len(trials) == 1:
+                    raise
+                failures[str(path)] = str(error)
+        if not items:
+            raise InputError("none of the trials can be read:\n" + "\n".join(f"- {why}" for why in failures.values()))
+        table = write_check(items, failures, out)
+    print_checks(table)
+    console.print(f"written to {out}; read {CHECK}.html first", highlight=False, markup=False)
+    finish(table)

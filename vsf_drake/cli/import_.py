@@ -1,0 +1,139 @@
+"""`vsf-drake import`: a laboratory's files to trials that drive the model, and how good they are."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from vsf_drake.cli.app import app, console, errors, progress
+from vsf_drake.errors import InputError
+
+COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
+
+
+@app.command("import")
+def import_(
+    files: Annotated[list[Path] | None, typer.Argument(
+        metavar="STATIC WALK...", help="Standing trial, then walks (.c3d, or .trc with forces). Without a standing "
+        "trial name the walk twice.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; created if needed.")] = None,
+    list_markers: Annotated[Path | None, typer.Option(
+        "--list-markers", help="Only print this file's labels and a marker map started from them.")] = None,
+    prosthetic_side: Annotated[str | None, typer.Option(help="right or left.")] = None,
+    sex: Annotated[str | None, typer.Option(help="male or female.")] = None,
+    mass_kg: Annotated[float | None, typer.Option(help="Prosthesis included; else from the forces.")] = None,
+    stature_m: Annotated[float | None, typer.Option(help="Else from the leg's length.")] = None,
+    name: Annotated[str | None, typer.Option(help="What reports call the person.")] = None,
+    subject: Annotated[Path | None, typer.Option(help="YAML with what is known of the person, instead.")] = None,
+    fulcrum_mm: Annotated[float | None, typer.Option(
+        help="Fulcrum position from the keel's posterior end. Default: 108, mid-range.")] = None,
+    marker_map: Annotated[str | None, typer.Option(
+        "--map", "--marker-map", help="plug_in_gait, rajagopal, ior or a file. Default: what fits best.")] = None,
+    forces: Annotated[list[Path] | None, typer.Option(
+        help="Force file of a walk, one for each in their order. Default: the one beside a .trc of like name.")] = None,
+    right_plate: Annotated[str | None, typer.Option(help="Plate under the right foot, if the file misleads.")] = None,
+    left_plate: Annotated[str | None, typer.Option(help="Plate under the left foot, if the file misleads.")] = None,
+    up: Annotated[str | None, typer.Option(help="Laboratory axis that points up: x, y, z, -x, ...")] = None,
+    forward: Annotated[str | None, typer.Option(help="Laboratory axis of walking.")] = None,
+    length_unit: Annotated[str | None, typer.Option(help="mm, cm or m, where the file does not say.")] = None,
+    hip: Annotated[str, typer.Option(help="Hip centre: harrington, bell, hara or davis.")] = "harrington",
+    cutoff_hz: Annotated[float, typer.Option(help="Low-pass of the markers, zero-phase.")] = 6.0,
+    already_filtered: Annotated[bool, typer.Option("--already-filtered", help="Do not filter them again.")] = False,
+    longest_gap_s: Annotated[float, typer.Option(help="Longest gap of a marker to fill.")] = 0.1,
+    window: Annotated[tuple[float, float] | None, typer.Option(
+        metavar="START END", help="Part of the walks to use, in s.")] = None,
+    belt_speed_m_per_s: Annotated[float, typer.Option(help="Of a treadmill; + when the belt runs backward.")] = 0.0,
+    scale_prosthesis: Annotated[bool, typer.Option(
+        "--scale-prosthesis", help="Make the model's prosthetic foot as long as the recorded one.")] = False,
+    ik: Annotated[bool, typer.Option("--ik", help="Refine the angles by a global inverse kinematics.")] = False,
+) -> None:
+    """Turns recordings of a person with markers over force plates into trials that drive the model."""
+    if list_markers is not None:
+        _list_markers(list_markers.expanduser())
+        return
+    from vsf_drake.analysis.intake import IntakeOptions, take_in
+    from vsf_drake.analysis.intake_files import gather
+    from vsf_drake.motion.manifest import Window
+    from vsf_drake.report.import_outputs import IMPORT, check_folder, write_import
+
+    if not files or len(files) < 2:
+        raise InputError("a standing trial and at least one walk are needed", where="STATIC WALK...",
+                         right="Without a standing trial name the walk twice")
+    if out is None:
+        raise InputError("is missing", where="--out", right="Name the folder for the results")
+    out = out.expanduser()
+    person, stated = _person(subject, {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
+                                       "stature_m": stature_m, "name": name})
+    check_folder(out, IMPORT)
+    options = IntakeOptions(
+        person=person, stated=stated, marker_map=marker_map, fulcrum_mm=fulcrum_mm, up=up, forward=forward,
+        length_unit=length_unit, hip=hip, cutoff_hz=None if already_filtered else cutoff_hz,
+        longest_gap_s=longest_gap_s, belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis,
+        plate_sides={"right": right_plate, "left": left_plate} if right_plate or left_plate else None,
+        window=None if window is None else Window(start_s=window[0], end_s=window[1]))
+    with progress() as show:
+        intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show,
+                         refine=_refine(options) if ik else None)
+        show("writing the report", 0.95)
+        table = write_import(intake, out)
+    print_checks(table)
+    console.print(f"written to {out}; read {IMPORT}.html first", highlight=False, markup=False)
+    finish(table)
+
+
+def print_checks(table: dict[str, Any]) -> None:
+    """Each trial with its mark, and every check that is not good."""
+    for trial in table["trials"]:
+        kind = " (SYNTHETIC)" if trial["synthetic"] else ""
+        grid = Table("mark", "check", "what it means", title=Text(f"{trial['name']}{kind}: {trial['mark']}"))
+        bad = [check for check in trial["checks"] if check["mark"] != "good"]
+        for check in sorted(bad, key=lambda check: check["mark"] != "unusable"):
+            where = ", ".join(str(part) for part in (check["name"], check["side"], check["stance"]) if part)
+            grid.add_row(Text(check["mark"], style=COLOURS[check["mark"]]), Text(where), Text(check["sentence"]))
+        if not bad:
+            grid.add_row(Text("good", style=COLOURS["good"]), "all", f"{len(trial['checks'])} checks are good")
+        console.print(grid)
+
+
+def finish(table: dict[str, Any]) -> None:
+    """Says which files could not be used, and ends with exit code 2 if there are any."""
+    for path, why in table["failures"].items():
+        message = why if path in why else f"{path}: {why}"
+        errors.print(f"error: {message}", style="red", highlight=False, soft_wrap=True, markup=False)
+    if table["failures"]:
+        sys.exit(InputError.exit_code)
+
+
+def _list_markers(path: Path) -> None:
+    """Labels and a started marker map, as YAML whose comments list the labels."""
+    from vsf_drake.motion.formats.read import list_labels
+    from vsf_drake.motion.markers.map_guess import suggest_map
+
+    labels = list_labels(path)
+    if not labels:
+        raise InputError("has no markers", file=path)
+    lines = [f"# {len(labels)} labels in {' '.join(path.name.split())}:", *(f"#   {label}" for label in labels)]
+    typer.echo("\n".join(lines) + "\n\n" + suggest_map(labels), nl=False)
+
+
+def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str, float]]:
+    """What is stated of the person, and the lengths that win over the markers."""
+    from vsf_drake.motion.markers.person_facts import PersonFacts
+    from vsf_drake.motion.stated_subject import load_stated_subject
+
+    given = {key: value for key, value in single.items() if value is not None}
+    if subject is None:
+        return PersonFacts(**given), {}
+    if given:
+        option = f"--{next(iter(given)).replace('_', '-')}"
+        raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
+    return load_stated_subject(subject.expanduser())
+
+
+def _refine(options: Any) -> Any:
+    raise InputError("is not there yet", where="--ik")

@@ -1,0 +1,160 @@
+"""Everything that an import or a check leaves on disk. All of it or nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vsf_drake.analysis.intake import Intake
+from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.recording.examine import Examined
+from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+from vsf_drake.motion.plates import SIDES
+from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.trial_files import write_trial_files
+from vsf_drake.report.import_page import write_import_page
+from vsf_drake.schema import dump_yaml, to_plain
+from vsf_drake.simulation.archive import check_target, result_folder
+from vsf_drake.simulation.provenance import provenance
+
+IMPORT, CHECK = "import", "check"
+SUBJECT_FILE, MODEL_FILE = "subject.yaml", "model.yaml"
+
+
+def check_folder(out: Path, kind: str) -> None:
+    """Whether an import or a check (`kind`) can go to `out`.
+
+    Raises:
+        InputError: `out` cannot be written, holds a result of another kind, or anything else but an earlier `kind`.
+    """
+    check_target(out, kind)
+    if out.is_dir() and any(out.iterdir()) and not (out / f"{kind}.json").is_file():
+        raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
+
+
+def write_import(intake: Intake, out: Path) -> dict[str, Any]:
+    """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
+
+    Every manifest is read back before anything appears in `out`. Files of an earlier import there that this one does
+    not write are removed.
+
+    Returns:
+        What import.json holds.
+
+    Raises:
+        InputError: `out` cannot be written, or a manifest cannot be read back.
+    """
+    first = intake.items[0]
+    files = [SUBJECT_FILE, f"{IMPORT}.json", f"{IMPORT}.html", *([MODEL_FILE] if intake.scaled else [])]
+    with result_folder(out) as folder:
+        _text(folder / SUBJECT_FILE, dump_yaml(first.trial.subject))
+        if intake.scaled:
+            _text(folder / MODEL_FILE, dump_yaml(first.trial.model))
+        tables = []
+        for item, name in zip(intake.items, intake.names, strict=True):
+            written = _write_trial(item.trial, folder, name, scaled=intake.scaled)
+            files += written.values()
+            tables.append({**trial_table(item), **written})
+        table = {"kind": IMPORT, "mark": "unusable" if intake.failures else overall_mark(intake.items),
+                 "trials": tables, "failures": intake.failures, **person_table(first), "files": sorted(files),
+                 **provenance(intake.inputs)}
+        write_json(folder / f"{IMPORT}.json", table)
+        title = f"Import of {first.trial.subject.name}"
+        write_import_page(folder / f"{IMPORT}.html", intake.items, title=title, person=_person(first),
+                          failures={Path(path).name: why for path, why in intake.failures.items()})
+        stale = _written_before(out / f"{IMPORT}.json") - set(files)
+    for name in stale:
+        (out / name).unlink(missing_ok=True)
+    return table
+
+
+def write_check(items: Sequence[Examined], failures: dict[str, str], out: Path) -> dict[str, Any]:
+    """Writes check.json and check.html to `out`; returns what check.json holds.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
+    table = {"kind": CHECK, "mark": "unusable" if failures else overall_mark(items),
+             "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)}
+                        for item in items],
+             "failures": failures, **provenance()}
+    with result_folder(out) as folder:
+        write_json(folder / f"{CHECK}.json", table)
+        write_import_page(folder / f"{CHECK}.html", items, title="Check of recordings", failures=failures,
+                          person=_person(items[0]) if len({item.trial.subject for item in items}) == 1 else None)
+    return table
+
+
+def _write_trial(trial: Trial, folder: Path, name: str, *, scaled: bool) -> dict[str, str]:
+    """Manifest, kinematics and forces of one trial, read back once; their names."""
+    kinematics, forces = write_trial_files(trial, folder, name)
+    manifest = f"{name}.yaml"
+    _text(folder / manifest, _manifest(trial, kinematics, forces, scaled=scaled))
+    load_trial(folder / manifest)
+    return {"manifest": manifest, "kinematics": kinematics, "forces": forces}
+
+
+def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> str:
+    """The manifest's text; what the belt carried is in the files already."""
+    content: dict[str, Any] = {
+        "name": trial.name, "subject": SUBJECT_FILE, "kinematics": kinematics,
+        "forces": {"file": forces, **{side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}},
+        "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
+        "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)}}
+    if scaled:
+        content["model"] = MODEL_FILE
+    if trial.synthetic:
+        content["synthetic"] = True
+    origin = " ".join(str(trial.path.name).split())
+    return f"# Made by vsf-drake import from {origin}.\n" + yaml.safe_dump(content, sort_keys=False,
+                                                                           allow_unicode=True)
+
+
+def _text(path: Path, text: str) -> None:
+    with replaced(path) as stream:
+        stream.write(text)
+
+
+def _written_before(path: Path) -> set[str]:
+    """The files that an earlier import says it wrote: plain names only."""
+    try:
+        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
+    return {name for name in files if isinstance(name, str) and Path(name).name == name}
+
+
+def _person(item: Examined) -> dict[str, Any]:
+    """What the page says of the person."""
+    subject = item.trial.subject
+    shown = {"name": subject.name, "mass, prosthesis included": f"{subject.mass_kg:.1f} kg",
+             "stature": f"{subject.stature_m:.3f} m", "sex": subject.sex, "prosthesis": subject.prosthetic_side}
+    budget = mass_budget(item.trial)
+    masses = ", ".join(f"{name} {mass:.2f}" for name, mass in budget.items())
+    rows = [*shown.items(), ("mass budget", f"{masses}: {sum(budget.values()):.2f} kg in all")]
+    for name, value in to_plain(subject).items():
+        if name.endswith("_rad"):
+            rows.append((name.removesuffix("_rad").replace("_", " "), f"{np.degrees(value):.1f}°"))
+        elif name.endswith("_m") and name != "stature_m":
+            rows.append((name.removesuffix("_m").replace("_", " "), f"{1e3 * value:.1f} mm"))
+    lists: list[tuple[str, Sequence[str]]] = []
+    if item.markers is not None:
+        calibration = item.markers.calibration
+        lengths = calibration.lengths_m
+        for key in [name for name in lengths if name.endswith("_right")]:
+            left = lengths.get(f"{key.removesuffix('_right')}_left")
+            pair = f"{1e3 * lengths[key]:.1f} mm" + (f" / {1e3 * left:.1f} mm" if left is not None else "")
+            rows.append((f"{key.removesuffix('_right').replace('_', ' ')}, right / left (standing trial)", pair))
+        angles = [f"{name}: {np.degrees(value):.1f}°" for name, value in calibration.angles_rad.items()
+                  if not name.startswith("pelvis_t") or name == "pelvis_tilt"]
+        lists = [("How joint centres and axes were found", calibration.method),
+                 ("What was assumed or looks doubtful", calibration.notes), ("Angles at standing", angles)]
+    return {"rows": rows, "lists": lists}
+
