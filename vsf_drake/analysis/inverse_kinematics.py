@@ -41,8 +41,10 @@ LIMITS_DEG = {
     "ankle_angle": (-80, 60), "ankle_adduction": (-70, 70), "ankle_rotation": (-70, 70)}
 """Beyond any joint's range (a choice); pelvis translations and rotation (the heading) have none."""
 MOST_ITERATIONS = 50
-SMALLEST_STEP = 1e-8
-"""A solution has been reached when no coordinate moves by more (m, rad)."""
+SMALLEST_STEP = 1e-6
+"""A solution has been reached when no coordinate moves by more (m, rad): a thousandth of what markers resolve."""
+AT_LIMIT_RAD = 1e-4
+"""An interior-point solution stays this little short of an active limit, at most."""
 LEVENBERG, MOST_LEVENBERG = 1e-7, 1e3
 MOST_LISTED = 5
 
@@ -113,7 +115,7 @@ def solve_inverse_kinematics(
         guess = start[n] if n == 0 or not success[n - 1] else values[n - 1] + start[n] - start[n - 1]
         values[n], cost[n], iterations[n], success[n] = solver.solve(guess, x)
     at_limit = tuple(name for k, name in enumerate(COORDINATES)
-                     if ((values[:, k] <= solver.low[k]) | (values[:, k] >= solver.high[k])).any())
+                     if np.minimum(values[:, k] - solver.low[k], solver.high[k] - values[:, k]).min() < AT_LIMIT_RAD)
     notes = [f"{name} lies at the limit of inverse kinematics" for name in at_limit]
     motion = describe(calibration, filled, markers, times, _poses(body, filled.segments, markers, values), values,
                       notes=("angles are from global inverse kinematics", *notes))

@@ -1,0 +1,156 @@
+"""Global inverse kinematics: the truth from exact markers, the optimum from others, no joint that comes apart."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from made_calibration import true_calibration
+from made_person import Person, label_of, markers, poses, recording_of, walking_angles
+from pydrake.multibody.plant import MultibodyPlant
+from scipy.optimize import least_squares
+
+from vsf_drake.analysis import inverse_kinematics as ik
+from vsf_drake.analysis.marker_model import make_marker_model
+from vsf_drake.errors import InputError
+from vsf_drake.motion.markers.joint_angles import COORDINATES
+from vsf_drake.motion.markers.tracking import track
+from vsf_drake.parameters import ModelParameters
+from vsf_drake.plants.person import add_person
+
+TIME = np.arange(40) / 50.0
+ANGLES = walking_angles(TIME)
+KNEE = COORDINATES.index("knee_angle_r")
+LABEL_SET = "rajagopal"
+
+
+def made(angles=ANGLES, label_set=LABEL_SET, noise=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    exact = markers(angles, label_set=label_set, medial=False, frames=40)
+    return recording_of({label: p + noise * rng.normal(size=p.shape) for label, p in exact.items()}, rate_hz=50.0)
+
+
+def truth(angles=ANGLES):
+    height = poses(angles)["pelvis"][1][:, 2]
+    return np.stack([height if name == "pelvis_ty" else np.broadcast_to(angles.get(name, 0.0), (40,))
+                     for name in COORDINATES], axis=1)
+
+
+def calibration(side="right", label_set=LABEL_SET):
+    made_one = true_calibration(label_set=label_set)
+    return dataclasses.replace(made_one, subject=dataclasses.replace(made_one.subject, prosthetic_side=side))
+
+
+def solve(recording, side="right", label_set=LABEL_SET, **options):
+    return ik.solve_inverse_kinematics(recording, calibration(side, label_set), cutoff_hz=None, **options)
+
+
+def marker_model(side="right"):
+    made_one = calibration(side)
+    return make_marker_model(made_one, made_one.segments, ModelParameters())
+
+
+@pytest.mark.parametrize("label_set", ["plug_in_gait", "rajagopal", "ior"])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_angles_that_the_markers_were_made_from_come_back(label_set, side):
+    solution = solve(made(label_set=label_set), side, label_set)
+    np.testing.assert_allclose(solution.motion.values, truth(), atol=1e-9)
+    assert solution.success.all() and solution.cost_m2.max() < 1e-18
+    assert max(solution.motion.residual_rms_m.values()) < 1e-9 and max(solution.motion.joint_gap_m.values()) < 1e-9
+    R, p = poses(ANGLES)["foot_left"]
+    np.testing.assert_allclose(solution.motion.feet["left"].heel_W, R @ Person().sole("left")[0] + p, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_segments_are_where_the_simulated_person_has_them(side):
+    body = marker_model(side)
+    plant = MultibodyPlant(0.0)
+    person = add_person(plant, calibration(side).subject, ModelParameters())
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        q = rng.uniform(-1.0, 1.0, len(COORDINATES))
+        positions = np.zeros(plant.num_positions())
+        for name in person.coordinate_names:
+            positions[plant.GetJointByName(name).position_start()] = q[COORDINATES.index(name)]
+        plant.SetPositions(context, positions)
+        R, p, _, _ = body.poses(q)
+        for name, segment in person.segments.items():
+            X = segment.EvalPoseInWorld(context)
+            np.testing.assert_allclose(R[body.segment_bodies[name]], X.rotation().matrix(), atol=1e-12)
+            np.testing.assert_allclose(p[body.segment_bodies[name]], X.translation(), atol=1e-12)
+
+
+def test_markers_move_with_the_coordinates_as_the_jacobian_says():
+    body = marker_model()
+    q = np.random.default_rng(3).uniform(-0.8, 0.8, len(COORDINATES))
+    _, jacobian = body.markers(q)
+    for k in range(len(q)):
+        step = 1e-6 * np.eye(len(q))[k]
+        difference = (body.markers(q + step)[0] - body.markers(q - step)[0]) / 2e-6
+        np.testing.assert_allclose(jacobian[:, :, k], difference, atol=1e-8)
+
+
+def test_noisy_markers_get_the_optimum_that_a_general_minimiser_finds():
+    recording = made(noise=0.01)
+    solution, body = solve(recording), marker_model()
+    weights = ik.marker_weights(calibration().segments, "right")
+    root = np.sqrt([weights[label] for label in body.labels])[:, None]
+    for n in (0, 17, 39):
+        seen = np.stack([recording.markers[label][n] for label in body.labels])
+        best = least_squares(lambda q, seen=seen: (root * (body.markers(q)[0] - seen)).ravel(), truth()[n],
+                             xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        np.testing.assert_allclose(solution.motion.values[n], best.x, atol=2e-6)
+        assert solution.cost_m2[n] == pytest.approx(2 * best.cost, rel=1e-9)
+
+
+def test_joints_that_hold_make_random_errors_smaller():
+    errors = {"apart": [], "held": []}
+    for seed in range(3):
+        recording = made(noise=0.005, seed=seed)
+        errors["apart"].append(track(recording, calibration(), cutoff_hz=None).values - truth())
+        errors["held"].append(solve(recording).motion.values - truth())
+    rms = {how: np.sqrt(np.mean(np.square(error), axis=(0, 1))) for how, error in errors.items()}
+    # The pelvis, the hips and the knees: what has joints on both sides gains most.
+    assert rms["held"][3:12].mean() < 0.8 * rms["apart"][3:12].mean()
+    assert (rms["held"] < 1.1 * rms["apart"]).all()
+
+
+def test_a_prosthetic_foot_that_bends_hardly_turns_its_shank():
+    """Its markers are 20 mm off; they weigh a twentieth of an intact foot's."""
+    recording = made()
+    for label in [label_of(role, "right", LABEL_SET) for role in ("heel", "toe", "met5")]:
+        recording.markers[label][:] += [0.0, 0.0, 0.02]
+    knee = {side: np.abs(solve(recording, side).motion.values[:, KNEE] - truth()[:, KNEE]).max()
+            for side in ("right", "left")}
+    assert knee["right"] < 0.2 * knee["left"]
+
+
+def test_heavier_markers_are_met_more_closely():
+    recording = made(noise=0.01)
+    even, heavy = solve(recording), solve(recording, weights={"RTB2": 100.0})
+    assert heavy.motion.residual_rms_m["RTB2"] < 0.2 * even.motion.residual_rms_m["RTB2"]
+
+
+def test_joints_stop_at_their_limits_and_the_notes_say_so():
+    beyond = ANGLES | {"knee_angle_r": np.full_like(TIME, np.radians(-48.0))}
+    solution = solve(made(beyond))
+    assert solution.at_limit == ("knee_angle_r",)
+    np.testing.assert_allclose(solution.motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
+    assert any("knee_angle_r lies at the limit" in note for note in solution.motion.notes)
+
+
+def test_a_failed_frame_raises_when_read_as_success(monkeypatch):
+    monkeypatch.setattr(ik, "MOST_ITERATIONS", 1)
+    solution = solve(made(noise=0.01))
+    assert not solution.success.any() and np.isfinite(solution.attempted.values).all()
+    with pytest.raises(InputError, match=r"failed in 40 of 40 frames, first at 0\.000, 0\.020"):
+        _ = solution.motion
+
+
+def test_weights_of_unknown_markers_and_impossible_ones_are_refused():
+    with pytest.raises(InputError, match="no segment has a marker NOSE"):
+        solve(made(), weights={"NOSE": 1.0})
+    for bad in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError, match=r"weights\.RTB2"):
+            solve(made(), weights={"RTB2": bad})
