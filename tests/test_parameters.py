@@ -115,6 +115,31 @@ def test_unphysical_subject_is_refused_with_file_line_and_key(tmp_path, change, 
     assert "line" in message
 
 
+NOT_MEASURED = [field.name for field in dataclasses.fields(Subject) if field.default is None]
+
+
+def test_a_subject_without_measurements_is_written_without_them_and_one_with_all_comes_back_equal(tmp_path):
+    """Files of earlier subjects stay as they were, and 0 measured is not the same as not measured."""
+    path = tmp_path / "subject.yaml"
+    assert yaml.safe_load(dump_yaml(Subject(**SUBJECT))) == {**SUBJECT, "name": "subject"}
+    lengths = {name: 0.4 for name in NOT_MEASURED if name.endswith("_length_m")}
+    whole = Subject(**SUBJECT, **{name: 0.0 for name in NOT_MEASURED if name.startswith("prosthesis_")
+                                  and name not in lengths}, **lengths)
+    path.write_text(dump_yaml(whole), encoding="utf-8")
+    assert load_yaml(path, Subject) == whole
+    assert whole.prosthesis_fore_aft_m == 0.0
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("prosthesis_length_m", 440.0), ("prosthesis_alignment_rad", 5.0), ("prosthesis_toe_out_rad", 7.0),
+    ("prosthesis_lateral_m", 12.0), ("prosthetic_thigh_length_m", 0.0)])
+def test_lengths_in_millimetres_and_angles_in_degrees_are_refused(tmp_path, key, value):
+    path = tmp_path / "subject.yaml"
+    path.write_text(yaml.safe_dump(SUBJECT | {key: value}), encoding="utf-8")
+    with pytest.raises(InputError, match=f"{key}.*physical range"):
+        load_yaml(path, Subject)
+
+
 @pytest.mark.parametrize("key", SUBJECT)
 def test_missing_key_is_named(tmp_path, key):
     path = tmp_path / "subject.yaml"

@@ -83,7 +83,7 @@ def test_leaning_at_the_ankles_balances(balanced):
 
 
 def test_stiffness_about_a_balance_is_that_of_a_potential(balanced):
-    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to small angles and differencing."""
+    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to differencing."""
     _, found = balanced
     assert found.stiffness[0, 1] == pytest.approx(found.stiffness[1, 0], rel=1e-3)
 

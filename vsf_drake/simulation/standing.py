@@ -24,7 +24,7 @@ import numpy as np
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.person import PELVIS_COORDINATES
-from vsf_drake.simulation.posture import ROTATIONS, TRANSLATIONS, Equilibrium, Posture
+from vsf_drake.simulation.posture import LEAST_SHARE, ROTATIONS, TRANSLATIONS, Equilibrium, Posture
 from vsf_drake.simulation.standing_result import NUDGE_M, NUDGE_RAD, Standing
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker
 
@@ -152,6 +152,10 @@ def _result(
         said.append(f"Holding its list took {abs(held['pelvis_list']):.1f} N m: the centre of pressure is "
                     f"{1e3 * abs(held['pelvis_list']) / posture.weight_n:.0f} mm from the centre of mass towards the "
                     f"{towards} foot.")
+    prosthetic, intact = walk.prosthetic.grf_W[:, 2], walk.intact.grf_W[:, 2]
+    share = float(prosthetic.sum() / max((prosthetic + intact).sum(), 1e-9))
+    if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
+        said.append(f"The person stands on one leg: the prosthetic foot carries {share:.0%}.")
     if rest_speed > AT_REST:
         said.append(f"The person did not come to rest before the start (speed {rest_speed:.2g}).")
     unconverged = int(np.sum(~record.converged))
@@ -164,7 +168,7 @@ def _result(
     stiffness = None if found is None else float(
         np.linalg.eigvalsh(0.5 * (found.stiffness + found.stiffness.T)).min())
     return Standing(
-        time_s=record.time_s, prosthetic_n=walk.prosthetic.grf_W[:, 2], intact_n=walk.intact.grf_W[:, 2],
+        time_s=record.time_s, prosthetic_n=prosthetic, intact_n=intact,
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
         free=free, held_nm=held, stiffness_nm_per_rad=stiffness, com_height_m=float(com),
