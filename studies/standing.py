@@ -57,7 +57,7 @@ def line(row: dict) -> str:
     held = ", ".join(f"{name.removeprefix('pelvis_')} {value:.0f}" for name, value in row["held_nm"].items())
     return (f"{row['prosthetic_side']:5s} {row['prosthesis_longer_mm']:+3.0f} mm  fulcrum {row['fulcrum_mm']:3.0f} mm  "
             f"mean {row['mean_vertical_n']:.1f} of {row['weight_n']:.1f} N  prosthetic {row['prosthetic_share']:.0%}  "
-            f"list {row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m): {held or 'nothing'}")
+            f"list {row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m) {held or '-'}")
 
 
 if __name__ == "__main__":
