@@ -10,6 +10,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.c3d_parameters import BLOCK, C3dDescription
 
 MOST_FRAMES = 100_000_000
+LARGEST = 1e9
+"""No position is as large, in any unit."""
 MOST_16_BITS = 65535
 """What the header says as last frame where there are more."""
 _CHUNK = 8 << 20
@@ -120,8 +122,9 @@ def read_points(c3d: C3dDescription, layout: Layout) -> np.ndarray:
     out = np.empty((layout.frames, layout.points, 3))
     for rows, block in _chunks(c3d, layout):
         points = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)
-        place = points[..., :3].astype(float)
-        unseen = ~(np.abs(place) < 1e30).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(points[..., 3] >= 0.0)
+        with np.errstate(invalid="ignore"):
+            place = points[..., :3].astype(float)
+        unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(points[..., 3] >= 0.0)
         place[unseen] = np.nan
         out[rows] = place * scale
     return out
@@ -138,7 +141,8 @@ def read_analog(c3d: C3dDescription, layout: Layout, channels: list[int]) -> np.
     out = np.empty((layout.frames * layout.subframes, len(channels)))
     for rows, block in _chunks(c3d, layout, signed=not unsigned):
         samples = block[:, 4 * layout.points:].reshape(-1, layout.channels)[:, channels]
-        out[rows.start * layout.subframes:rows.stop * layout.subframes] = (samples - offsets) * scales
+        with np.errstate(invalid="ignore", over="ignore"):
+            out[rows.start * layout.subframes:rows.stop * layout.subframes] = (samples - offsets) * scales
     return out
 
 

@@ -21,6 +21,9 @@ LOADED_N = 50.0
 FAR_M = 0.3
 """A centre of pressure this far off a plate is not on it, whatever the noise."""
 MOST_PLATES = 64
+SMALLEST_M2 = 1e-3
+LARGEST = 1e9
+"""No force, moment or position is as large, in any unit."""
 
 
 def read_plates(c3d: C3dDescription, layout: Layout, *, length_m: float, rate_hz: float, start_s: float,
@@ -57,19 +60,20 @@ def _read_plate(c3d: C3dDescription, layout: Layout, i: int, length_m: float, no
         notes.append(f"Force plate {i + 1} of {c3d.path.name} is of type {kind}, which is not read: it was left out.")
         return None
     corners = _of_plate(c3d, "CORNERS", i, 12).reshape(4, 3) * length_m
-    if not np.isfinite(corners).all() or _area(corners) < 1e-3:
+    if _area(corners) < SMALLEST_M2 or _is_bent(corners):
         notes.append(f"Force plate {i + 1} of {c3d.path.name} has no corners that span a surface: it was left out.")
         return None
     raw = read_analog(c3d, layout, _channels(c3d, layout, i, CHANNELS[kind]))
-    if not (np.abs(raw) < 1e12).all():
-        raise InputError("an analog sample is not a finite number", file=c3d.path, where=f"force plate {i + 1}")
     x = corners[0] - corners[1]
     z = np.cross(x, corners[0] - corners[3])
     axes = np.column_stack([v / np.linalg.norm(v) for v in (x, np.cross(z, x), z)])
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
     if kind == 4:
-        raw = raw @ _calibration(c3d, i, notes).T
+        with np.errstate(invalid="ignore", over="ignore"):
+            raw = raw @ _calibration(c3d, i, notes).T
+    if not (np.abs(raw) < LARGEST).all():
+        raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     unit = _moment_unit(c3d, i, kind, length_m)
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit)]
     for choice in choices if kind != 3 else choices[:1]:
@@ -147,7 +151,7 @@ def _of_plate(c3d: C3dDescription, name: str, i: int, size: int) -> np.ndarray:
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
     flat = value.ravel(order="F")[i * row:i * row + size]
-    if len(flat) != size or not np.isfinite(flat).all():
+    if len(flat) != size or not (np.abs(flat) < LARGEST).all():
         raise InputError(f"says nothing usable of force plate {i + 1}", file=c3d.path, where=f"FORCE_PLATFORM:{name}")
     return flat
 
@@ -158,6 +162,12 @@ def _channels(c3d: C3dDescription, layout: Layout, i: int, count: int) -> list[i
         raise InputError(f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
                          f"are {layout.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
     return channels
+
+
+def _is_bent(corners: np.ndarray) -> bool:
+    """Whether the corners do not lie in one rectangle's order: sides that meet at corner 1 are along each other."""
+    x, y = corners[0] - corners[1], corners[0] - corners[3]
+    return float(np.linalg.norm(np.cross(x, y))) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
 
 
 def _area(corners: np.ndarray) -> float:

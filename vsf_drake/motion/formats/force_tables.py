@@ -23,6 +23,8 @@ from vsf_drake.motion.formats.raw import RawPlate
 from vsf_drake.motion.plates import torque_names
 
 LARGEST_N = 20_000.0
+LARGEST = 1e9
+"""No number of a force table is as large, in any unit."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,11 @@ class Table:
             InputError: one is not; the message names line and column.
         """
         values = self.columns[name]
-        bad = ~np.isfinite(values) if rows is None else ~np.isfinite(values) & rows
+        bad = ~(np.abs(values) < LARGEST)
+        if rows is not None:
+            bad &= rows
         if bad.any():
-            raise InputError("the cell holds no finite number", file=self.path,
+            raise InputError("the cell holds no finite, believable number", file=self.path,
                              where=f"line {self.lines[int(np.argmax(bad))]}, column {name}")
         return values
 
@@ -126,10 +130,12 @@ def read_load(table: Table, plate: PlateColumns, length_m: float) -> RawPlate:
                          where=f"line {table.lines[row]}, plate {plate.name}", right="Newtons are needed")
     loaded = size > THRESHOLD_N
 
+    def numbers(name: str | None) -> np.ndarray:
+        return np.zeros(len(force)) if name is None else np.where(loaded, table.column(name, loaded), 0.0) * length_m
+
     def vectors(names: tuple[str | None, ...]) -> np.ndarray:
-        columns = [np.zeros(len(force)) if name is None else table.column(name, loaded) for name in names]
-        return np.column_stack(columns) * length_m
+        return np.column_stack([numbers(name) for name in names])
 
     point = vectors(plate.point) if sum(name is not None for name in plate.point) >= 2 else None
-    twist = None if plate.twist is None else table.column(plate.twist, loaded) * length_m
+    twist = None if plate.twist is None else numbers(plate.twist)
     return RawPlate(plate.name, force, point, vectors(plate.torque), twist)

@@ -8,6 +8,8 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 
+LATEST_S = 1e7
+"""Seconds; four months of recording."""
 RATE_SHARE = 2e-3
 """A stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)."""
 STEP_SHARE = 0.05
@@ -30,18 +32,19 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: f
     """
     if len(time_s) < 2:
         raise InputError(f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed")
-    bad = ~np.isfinite(time_s)
+    bad = ~(np.abs(time_s) < LATEST_S)
     if bad.any():
-        raise InputError("the time is not a number", file=path, where=f"line {lines[int(np.argmax(bad))]}, column Time")
-    rounding = _rounding(time_s)
+        raise InputError("the time is not a believable number", file=path,
+                         where=f"line {lines[int(np.argmax(bad))]}, column Time")
     index = np.arange(len(time_s))
     span = float(time_s[-1] - time_s[0])
-    if not 0.0 < span < 1e7:
+    if span <= 0.0:
         raise InputError(f"the times run from {time_s[0]:g} to {time_s[-1]:g} s", file=path, where="column Time",
                          right="They must increase")
     rate = float(1.0 / np.polynomial.Polynomial.fit(index, time_s, 1).convert().coef[1])
     if not 0.0 < rate < np.inf:
         raise InputError("the times do not increase evenly", file=path, where="column Time")
+    rounding = _rounding(time_s)
     if stated_hz is not None and abs(stated_hz / rate - 1.0) <= RATE_SHARE + 2.0 * rounding / span:
         slack = abs(stated_hz / rate - 1.0) * span
         rate = stated_hz

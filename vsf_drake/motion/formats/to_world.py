@@ -128,8 +128,8 @@ def note_overlaps(plates: list[Plate], notes: list[str]) -> None:
 def _overlap(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two rectangles in the floor overlap by more than 10 mm: no side of either separates them."""
     for corners in (one, other):
-        for k in range(2):
-            side = corners[k + 1, :2] - corners[k, :2]
+        for k in (1, 3):
+            side = corners[k, :2] - corners[0, :2]
             across = side / np.linalg.norm(side)
             a, b = one[:, :2] @ across, other[:, :2] @ across
             if min(a.max(), b.max()) - max(a.min(), b.min()) < 0.01:

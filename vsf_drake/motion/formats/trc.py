@@ -15,6 +15,8 @@ from vsf_drake.motion.formats.timing import even_rate
 from vsf_drake.motion.formats.units import file_length_factor
 
 MOST_MARKERS = 20_000
+LARGEST = 1e9
+"""What programs write for a marker that was not seen is larger; no position is, in any unit."""
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
@@ -52,7 +54,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         notes.append(f"The header of {path.name} says {stated:g} frames a second; the times say {rate:.6g}, which was "
                      "used.")
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
-    positions[~(abs(positions) < 1e30).all(axis=2)] = math.nan
+    positions[~(abs(positions) < LARGEST).all(axis=2)] = math.nan
     positions *= factor
     return RawTrial(RawMarkers(labels, positions, rate, float(table[0, 1])), up_convention="+y", notes=notes)
 
