@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vsf_drake.analysis.intake_files import FileSet, walk_names
+from vsf_drake.analysis.intake_steps import IntakeOptions, make_trial, read, with_mass
 from vsf_drake.analysis.recording.check import Check
-from vsf_drake.analysis.recording.examine import Examined, examine, weighed
+from vsf_drake.analysis.recording.examine import Examined, examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum
-from vsf_drake.motion.formats.read import read_trial
-from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.from_markers import trial_from_recordings
-from vsf_drake.motion.manifest import Window
-from vsf_drake.motion.markers.calibration import PersonFacts
-from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
+from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import check_facts
-from vsf_drake.motion.markers.schema import Calibration
 from vsf_drake.motion.trial import Trial
 from vsf_drake.motion.trial_record import default_model
 from vsf_drake.parameters import ModelParameters
@@ -30,38 +25,6 @@ from vsf_drake.plants.scaling import scale_foot
 
 MID_FULCRUM_MM = 108.0
 """Middle of the carriage's reach, 66 to 151 mm, where none is stated (a choice)."""
-STAND_IN_KG = 70.0
-"""Stands for a mass that only the walk tells, until its forces are known; no length depends on it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class IntakeOptions:
-    """How to read and what is known beside the files.
-
-    Attributes:
-        person, stated: as for `trial_from_recordings`.
-        marker_map: a shipped map's name or a file; None: the one that fits the labels best.
-        fulcrum_mm: None: mid-range.
-        up, forward, length_unit: as for `read_trial`. plate_sides: plate names by side.
-        hip, cutoff_hz, longest_gap_s, window, belt_speed_m_per_s: as for `trial_from_recordings`; a cut-off of
-            None for recordings that are filtered already.
-        scale_prosthesis: whether the model's prosthetic foot becomes as long as the person's.
-    """
-
-    person: PersonFacts
-    stated: Mapping[str, float] = field(default_factory=dict)
-    marker_map: str | None = None
-    fulcrum_mm: float | None = None
-    up: str | None = None
-    forward: str | None = None
-    length_unit: str | None = None
-    plate_sides: Mapping[str, str | None] | None = None
-    hip: str = "harrington"
-    cutoff_hz: float | None = 6.0
-    longest_gap_s: float = 0.1
-    window: Window | None = None
-    belt_speed_m_per_s: float = 0.0
-    scale_prosthesis: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +45,12 @@ class Intake:
     inputs: dict[str, str]
 
 
-def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial], Trial] | None = None,
-            progress: Callable[[str, float], None] | None = None) -> Intake:
+def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, float], None] | None = None
+            ) -> Intake:
     """Reads, calibrates, tracks and checks every walk.
 
     Args:
         files: the standing trial, the walks and their forces.
-        refine: turns a trial into a better one (a global inverse kinematics).
         progress: called with what is being done and the finished fraction.
 
     Raises:
@@ -99,7 +61,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial],
     fulcrum_mm = MID_FULCRUM_MM if options.fulcrum_mm is None else options.fulcrum_mm
     check_fulcrum(1e-3 * fulcrum_mm, default_model().foot, where="--fulcrum-mm")
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
-    standing = None if files.standing is None else _read(files.standing, files.standing_forces, options)
+    standing = None if files.standing is None else read(files.standing, files.standing_forces, options)
     made: dict[Path, Trial] = {}
     failures: dict[Path, InputError] = {}
     for number, walk in enumerate(files.walks):
@@ -107,9 +69,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial],
             progress(f"importing {walk.name}", number / len(files.walks))
         own = next((trial.calibration for trial in made.values()), None) if standing is None else None
         try:
-            made[walk] = _trial(files, number, standing, marker_map, options, fulcrum_mm, own)
-            if refine is not None:
-                made[walk] = refine(made[walk])
+            made[walk] = make_trial(files, number, standing, marker_map, options, fulcrum_mm, own)
         except InputError as error:
             failures[walk] = error
     if not made:
@@ -121,7 +81,8 @@ def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial],
         notes = (*files.notes(walk), *model_notes, *trial.notes)
         trial = dataclasses.replace(trial, notes=tuple(dict.fromkeys(notes)))  # noqa: PLW2901 (the same, with notes)
         try:
-            items.append(examine(trial, cutoff_hz=options.cutoff_hz, stated=stated))
+            items.append(examine(trial, cutoff_hz=options.cutoff_hz, stated=stated,
+                                 belt_speed_m_per_s=options.belt_speed_m_per_s))
             names.append(name)
         except InputError as error:
             failures[walk] = error
@@ -131,48 +92,6 @@ def take_in(files: FileSet, options: IntakeOptions, *, refine: Callable[[Trial],
                   {str(path): sha256(path) for path in files.all() if path.is_file()})
 
 
-def _read(path: Path, forces: Path | None, options: IntakeOptions) -> Recording:
-    return read_trial(path, forces=forces, up=options.up, forward=options.forward, length_unit=options.length_unit)
-
-
-def _trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
-           options: IntakeOptions, fulcrum_mm: float, calibration: Calibration | None) -> Trial:
-    walk, forces = files.walks[number], files.forces[number]
-    recording = _read(walk, forces, options)
-    if not recording.plates:
-        raise InputError("has no force plates, and no force file lies beside it", file=walk, where="--forces",
-                         right="Name the walk's force file (.mot, .sto, .csv or .forces)")
-    used = [path for path in (walk, forces, files.standing, files.standing_forces) if path is not None]
-
-    def make(person: PersonFacts) -> Trial:
-        return trial_from_recordings(
-            standing, recording, marker_map, person, fulcrum_m=1e-3 * fulcrum_mm, stated=options.stated,
-            calibration=calibration, hip=options.hip, cutoff_hz=options.cutoff_hz,
-            longest_gap_s=options.longest_gap_s, plate_sides=options.plate_sides, window=options.window,
-            belt_speed_m_per_s=options.belt_speed_m_per_s, name=walk.stem,
-            inputs={path.name: sha256(path) for path in used})
-
-    try:
-        return make(options.person)
-    except InputError as error:
-        if options.person.mass_kg is not None or not (error.where or "").startswith("mass_kg"):
-            raise
-        trial = make(dataclasses.replace(options.person, mass_kg=STAND_IN_KG))
-        found = weighed(trial)
-        if found.value is None:
-            raise error from None
-        note = (f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground was on a "
-                "plate, less what the pelvis's motion took of it; it is good to a few percent: state mass_kg.")
-        return _weighing(trial, found.value, note)
-
-
-def _weighing(trial: Trial, mass_kg: float, note: str) -> Trial:
-    """The trial of the same person with another mass; motion and forces do not depend on it."""
-    subject = dataclasses.replace(trial.subject, mass_kg=mass_kg)
-    calibration = trial.calibration and dataclasses.replace(trial.calibration, subject=subject)
-    return dataclasses.replace(trial, subject=subject, calibration=calibration, notes=(*trial.notes, note))
-
-
 def _one_mass(trials: list[Trial]) -> list[Trial]:
     """One person weighs one mass: the median, where each walk told its own."""
     masses = [trial.subject.mass_kg for trial in trials]
@@ -180,7 +99,7 @@ def _one_mass(trials: list[Trial]) -> list[Trial]:
         return trials
     mass = float(np.median(masses))
     note = f"Body mass {mass:.1f} kg is the median of {', '.join(f'{m:.1f}' for m in masses)} kg, one from each walk."
-    return [_weighing(trial, mass, note) for trial in trials]
+    return [with_mass(trial, mass, note) for trial in trials]
 
 
 def _one_model(trials: list[Trial], options: IntakeOptions, fulcrum_mm: float

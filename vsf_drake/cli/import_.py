@@ -56,8 +56,9 @@ def import_(
     if list_markers is not None:
         _list_markers(list_markers.expanduser())
         return
-    from vsf_drake.analysis.intake import IntakeOptions, take_in
+    from vsf_drake.analysis.intake import take_in
     from vsf_drake.analysis.intake_files import gather
+    from vsf_drake.analysis.intake_steps import IntakeOptions
     from vsf_drake.motion.manifest import Window
     from vsf_drake.report.import_outputs import IMPORT, check_folder, write_import
 
@@ -74,11 +75,11 @@ def import_(
         person=person, stated=stated, marker_map=marker_map, fulcrum_mm=fulcrum_mm, up=up, forward=forward,
         length_unit=length_unit, hip=hip, cutoff_hz=None if already_filtered else cutoff_hz,
         longest_gap_s=longest_gap_s, belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis,
+        inverse_kinematics=ik,
         plate_sides={"right": right_plate, "left": left_plate} if right_plate or left_plate else None,
         window=None if window is None else Window(start_s=window[0], end_s=window[1]))
     with progress() as show:
-        intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show,
-                         refine=_refine(options) if ik else None)
+        intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)
         table = write_import(intake, out)
     print_checks(table)
@@ -87,17 +88,16 @@ def import_(
 
 
 def print_checks(table: dict[str, Any]) -> None:
-    """Each trial with its mark, and every check that is not good."""
+    """Each trial with its mark: what makes it unusable in words, what is doubtful by name."""
+    grid = Table("trial", "mark", "why")
     for trial in table["trials"]:
-        kind = " (SYNTHETIC)" if trial["synthetic"] else ""
-        grid = Table("mark", "check", "what it means", title=Text(f"{trial['name']}{kind}: {trial['mark']}"))
-        bad = [check for check in trial["checks"] if check["mark"] != "good"]
-        for check in sorted(bad, key=lambda check: check["mark"] != "unusable"):
-            where = ", ".join(str(part) for part in (check["name"], check["side"], check["stance"]) if part)
-            grid.add_row(Text(check["mark"], style=COLOURS[check["mark"]]), Text(where), Text(check["sentence"]))
-        if not bad:
-            grid.add_row(Text("good", style=COLOURS["good"]), "all", f"{len(trial['checks'])} checks are good")
-        console.print(grid)
+        name = f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"
+        bad = [check["sentence"] for check in trial["checks"] if check["mark"] == "unusable"]
+        doubts = dict.fromkeys(check["name"] for check in trial["checks"] if check["mark"] == "doubtful")
+        why = [*bad, *([f"Doubtful: {', '.join(doubts)}."] if doubts else [])]
+        why = why or [f"All {len(trial['checks'])} checks are good."]
+        grid.add_row(Text(name), Text(trial["mark"], style=COLOURS[trial["mark"]]), Text("\n".join(why)))
+    console.print(grid)
 
 
 def finish(table: dict[str, Any]) -> None:
@@ -134,6 +134,3 @@ def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str
         raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
     return load_stated_subject(subject.expanduser())
 
-
-def _refine(options: Any) -> Any:
-    raise InputError("is not there yet", where="--ik")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,6 +29,8 @@ BOB_M = (0.01, 0.10)
 JUMP_M_PER_S2 = 30.0
 """Acceleration of a pelvis that no walk reaches (a choice: three times gravity)."""
 REST_M_PER_S = 0.05
+BELT_M_PER_S = 0.3
+"""Backward speed of standing feet that no ground allows (a choice)."""
 ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)
 """Content of angles above 12 Hz: 0.4 degrees of hip are 3 % body weight."""
 ROUGH_HZ = 12.0
@@ -102,6 +104,19 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
     sentence = f"The roughest angle, {worst_key}, holds {value:.3f}° above {ROUGH_HZ:.0f} Hz"
     sentence += ": smooth enough to prescribe." if mark == "good" else ": noise that shakes the model; filter it."
     return Check("smoothness of angles", mark, value, "deg", sentence)
+
+
+def belt(feet_m_per_s: Sequence[float]) -> Check | None:
+    """Whether both feet slide backward alike while they stand flat, as on a belt; velocities (m/s) along x, forward +.
+
+    None if they do not.
+    """
+    speed = -float(np.median(feet_m_per_s)) if len(feet_m_per_s) > 1 else 0.0
+    if speed < BELT_M_PER_S or np.ptp(feet_m_per_s) > 0.5 * speed:
+        return None
+    return Check("treadmill", "unusable", speed, "m/s", f"Every foot slides backward at {speed:.2f} m/s while it "
+                 "stands: this is a treadmill, and the model's ground stands still. Give --belt-speed-m-per-s "
+                 f"{speed:.2f} (or belt_speed_m_per_s in the manifest).")
 
 
 def walking(time_s: np.ndarray, pelvis_W: np.ndarray, *, belt_m_per_s: float = 0.0) -> list[Check]:

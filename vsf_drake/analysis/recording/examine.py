@@ -9,15 +9,16 @@ import numpy as np
 
 from vsf_drake.analysis.recording import angle_checks, force_checks, ground_checks, marker_checks
 from vsf_drake.analysis.recording.check import Check, worst
-from vsf_drake.analysis.recording.foot import FootMotion
-from vsf_drake.analysis.recording.foot_checks import foot_checks
-from vsf_drake.analysis.recording.model_feet import model_feet
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
+from vsf_drake.analysis.recording.foot_checks import clearance, foot_checks
+from vsf_drake.analysis.recording.model_feet import model_motion
 from vsf_drake.motion.contacts import Contact
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
 from vsf_drake.motion.markers.schema import Calibration, FootTrack, TrackedMotion
 from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
+from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
 
 GRID_S = 1e-3
@@ -67,12 +68,14 @@ class Examined:
         return worst(check.mark for check in self.checks)
 
 
-def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, stated: Sequence[Check] = ()) -> Examined:
+def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
+            stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side.
 
     Args:
         trial: as loaded, from joint angles or from markers.
         cutoff_hz: of the markers' filter; None where they were taken as filtered already.
+        belt_speed_m_per_s: of the treadmill that `trial` is seen from.
         stated: checks that only the caller can make, on what was stated and what had to be estimated.
 
     Raises:
@@ -81,8 +84,9 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, stated: Sequence[Che
     markers = None
     if trial.tracked is not None and trial.calibration is not None and trial.recording is not None:
         markers = MarkerEvidence(trial.tracked, trial.calibration, trial.recording, cutoff_hz, trial.contacts)
-    model = model_feet(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
-    feet = model if markers is None else _tracked_feet(trial, trial.tracked)
+    model = model_motion(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
+    feet = model.feet if markers is None else _tracked_feet(trial, markers.tracked, belt_speed_m_per_s)
+    body = model.centre_of_mass if markers is None else _body_path(trial, markers.tracked)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
     measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
@@ -90,19 +94,19 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, stated: Sequence[Che
     checks: list[Check] = list(stated)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
         cop = _cop_at(feet[side].time_s, trial.plates.get(side))
-        checks += foot_checks(feet[side], stances[side], cop)
-        checks += _ground(model[side], [s for s in measured.get(side, []) if _overlaps(s, trial)], trial)
+        checks += foot_checks(feet[side], stances[side], cop) + clearance(model.feet[side], stances[side])
+        checks += _ground(model.feet[side], [s for s in measured.get(side, []) if _overlaps(s, trial)], trial)
         if cop is not None:
             checks += _present(force_checks.cop_under_foot(feet[side], trial.plates[side], cop))
-    checks += _forces(trial, measured, moving)
+    checks += _forces(trial, body, measured, moving) + _belt(feet, stances)
     checks += _angles(trial, markers, pelvis)
     if markers is not None:
         checks += _markers(markers)
     notes = trial.notes if markers is None else tuple(dict.fromkeys((*trial.notes, *markers.tracked.notes)))
-    return Examined(trial, markers, tuple(checks), notes, feet, model, measured, stances)
+    return Examined(trial, markers, tuple(checks), notes, feet, model.feet, measured, stances)
 
 
-def weighed(trial: Trial) -> Check:
+def weighed(trial: Trial, *, belt_speed_m_per_s: float = 0.0) -> Check:
     """The mass that the plates felt in a trial from markers, whatever the trial says it is.
 
     Raises:
@@ -111,7 +115,8 @@ def weighed(trial: Trial) -> Check:
     if trial.tracked is None:
         raise ValueError("only a trial from markers knows which foot was where")
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
-    return _forces(trial, _measured(trial), _moving(_tracked_feet(trial, trial.tracked), pelvis, trial))[0]
+    moving = _moving(_tracked_feet(trial, trial.tracked, belt_speed_m_per_s), pelvis, trial)
+    return _forces(trial, _body_path(trial, trial.tracked), _measured(trial), moving)[0]
 
 
 def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
@@ -124,12 +129,15 @@ def _measured(trial: Trial) -> dict[str, list[Stance]]:
     return {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
 
 
-def _tracked_feet(trial: Trial, tracked: TrackedMotion) -> dict[str, FootMotion]:
-    """The feet as markers saw them, moved onto the belt as the trial's pelvis was."""
-    time = np.clip(tracked.time_s, trial.trajectory.start_s, trial.trajectory.end_s)
-    columns = [tracked.names.index(name) for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
-    shift = pelvis_in_world(time, trial) - os_to_world(tracked.values[:, columns])
-    shift[:, 2] = 0.0
+def _body_path(trial: Trial, tracked: TrackedMotion) -> CoordinateTrajectory:
+    """The body's centre of mass with the pelvis where its own markers show it."""
+    motion = tracked.trajectory(trial.trajectory.names, source=trial.trajectory.source)
+    return model_motion(trial.subject, trial.model, motion).centre_of_mass
+
+
+def _tracked_feet(trial: Trial, tracked: TrackedMotion, belt_m_per_s: float) -> dict[str, FootMotion]:
+    """The feet as markers saw them, seen from the belt as the trial is."""
+    shift = np.outer(belt_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
     feet = {}
     for side, track in tracked.feet.items():
         points = [p + shift for p in (track.heel_W, track.toe_W, track.ankle_W)]
@@ -162,8 +170,15 @@ def _ground(foot: FootMotion, stances: Sequence[Stance], trial: Trial) -> list[C
             *_present(ground_checks.depth(foot, stances, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m))]
 
 
-def _forces(trial: Trial, measured: Mapping[str, list[Stance]], moving: Mapping[str, list[Stance]]) -> list[Check]:
-    motion = trial.trajectory.ordered(("pelvis_ty",))
+def _belt(feet: Mapping[str, FootMotion], stances: Mapping[str, list[Stance]]) -> list[Check]:
+    flats = [(foot, rows) for side, foot in feet.items() for stance in stances[side]
+             if (rows := flat_phase(foot, stance)) is not None]
+    return _present(angle_checks.belt([float(slip_velocity(foot, floor_point(foot))[rows, 0].mean())
+                                       for foot, rows in flats]))
+
+
+def _forces(trial: Trial, motion: CoordinateTrajectory, measured: Mapping[str, list[Stance]],
+            moving: Mapping[str, list[Stance]]) -> list[Check]:
     start = max([motion.start_s, *(float(plate.time_s[0]) for plate in trial.plates.values())])
     end = min([motion.end_s, *(float(plate.time_s[-1]) for plate in trial.plates.values())])
     time = np.arange(start, end, GRID_S)
@@ -174,9 +189,9 @@ def _forces(trial: Trial, measured: Mapping[str, list[Stance]], moving: Mapping[
     for start, end in (span for spans in trial.unmeasured.values() for span in spans):
         known &= (time < start) | (time > end)
     _, velocity, acceleration = motion.sample(time)
-    found = [force_checks.mass(time, vertical, velocity[:, 0], known, mass_kg=trial.subject.mass_kg,
+    found = [force_checks.mass(time, vertical, velocity[:, 2], known, mass_kg=trial.subject.mass_kg,
                                feet=len(trial.plates))]
-    found += _present(force_checks.lag(time, vertical, acceleration[:, 0], known))
+    found += _present(force_checks.lag(time, vertical, acceleration[:, 2], known))
     return found + _present(force_checks.event_lag(measured, moving))
 
 

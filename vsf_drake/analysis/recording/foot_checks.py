@@ -52,7 +52,7 @@ SWING = (0.25, 0.75)
 
 
 def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray | None = None) -> list[Check]:
-    """Every check of one foot.
+    """Every check of one foot in stance.
 
     Args:
         foot: its motion. stances: its stances, in order.
@@ -62,14 +62,13 @@ def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray |
              if (rows := flat_phase(foot, stance)) is not None}
     if not flats:
         return [Check("foot-flat", "doubtful", None, "", f"The {foot.side} foot has no complete stance in which it "
-                      "could be looked at: sole angle, height and slip cannot be told.", foot.side),
-                *clearance(foot, stances)]
+                      "could be looked at: sole angle, height and slip cannot be told.", foot.side)]
     found = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
     found += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
     found.append(height(foot, list(flats.values())))
     if len(flats) > 1:
         found.append(height_between(foot, list(flats.values())))
-    return found + clearance(foot, stances)
+    return found
 
 
 def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
@@ -88,10 +87,13 @@ def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) ->
 
 
 def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
-    """Change of the foot's height from the beginning to the end of foot-flat (straight line through it)."""
+    """Change of the foot's height from the beginning to the end of foot-flat (straight line through it).
+
+    Of the lower of heel and toe, so that a heel that begins to rise is no drift.
+    """
     name, where = "height drift through foot-flat", _where(foot, number)
     time = foot.time_s[rows]
-    height_m = foot.ankle_W[rows, 2] if foot.undeformed else foot.height_m[rows]
+    height_m = foot.ankle_W[rows, 2] if foot.undeformed else np.minimum(foot.heel_W, foot.toe_W)[rows, 2]
     value = 1e3 * float(np.polyfit(time - time[0], height_m, 1)[0] * (time[-1] - time[0]))
     way = "rises" if value > 0 else "sinks"
     if foot.undeformed:
@@ -149,7 +151,7 @@ def height_between(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
 
 
 def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
-    """Least height of the foot's lowest point in mid-swing, between every two stances."""
+    """Least height of the foot's lowest point in mid-swing, over all swings; for the foot that the model has."""
     found = []
     for number, (before, after) in enumerate(pairwise(stances), start=1):
         start, length = before.end_s, after.start_s - before.end_s
@@ -160,11 +162,11 @@ def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
         return []
     value, number = min(found)
     mark = "good" if value >= CLEARANCE_MM[0] else "doubtful" if value >= CUT_MM else "unusable"
-    brushes = ("the model's foot may brush the ground" + (", as keel and socket sag in swing." if foot.prosthetic else
+    brushes = ("it may brush the ground" + (", as keel and socket sag in swing." if foot.prosthetic else
                                                           "; a toe that bends in life is stiff there."))
     meaning = ("it swings clear." if value >= CLEARANCE_MM[0] else brushes if value >= CLEARANCE_MM[1] else
-               "in the model it cuts the ground in mid-swing.")
-    sentence = f"The {foot.side} foot clears the floor by {value:.0f} mm in swing: {meaning}"
+               "it cuts the ground in mid-swing.")
+    sentence = f"The model's {foot.side} foot clears the floor by {value:.0f} mm in swing: {meaning}"
     return [Check("swing clearance", _mark(foot, mark), value, "mm", sentence, foot.side, number)]
 
 

@@ -16,23 +16,24 @@ from vsf_drake.parameters import GRAVITY
 MASS = (0.03, 0.10)
 """Error of the mass: a force is that share of body weight off."""
 MASS_ONE_FOOT = (0.06, 0.15)
-"""The same where only single support of one foot is measured: the pelvis stands for the whole body's acceleration over
-a few tenths of a second, good to a few percent (a choice)."""
+"""The same where only single support of one foot is measured: a rigid trunk tells the body's acceleration over a few
+tenths of a second to a few percent (a choice)."""
 LEAST_S = 0.25
 """Shortest measured time that tells a mass or a lag (a choice)."""
 LAG_S = (0.015, 0.030)
-"""Lag: 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but the pelvis tells the centre of mass's
+"""Lag: 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but a rigid trunk tells the body's
 acceleration to 10 ms or so only; so the limits are choices of one and two frames at 67 Hz."""
 LARGEST_LAG_S = 0.15
 LAG_CUTOFF_HZ = 6.0
 MOST_OF_IT = 0.8
 """Share of the known time that a shift must leave to be judged by it (a choice)."""
-BELIEVABLE_R = 0.7
-"""Correlation of force and acceleration below which no lag is read from it."""
+BELIEVABLE_R = 0.85
+"""Correlation of force and acceleration below which no lag is read from it (a choice)."""
 EVENT_LAG_S = (0.040, 0.080)
 """Touch-down from the foot's motion against the plate's: kinematic events are within 35 ms of 20 N."""
-OUTSIDE_M = (0.06, 0.12)
-"""Centre of pressure beside the line from heel to toe: half a foot's width and a shoe's rim; twice that."""
+OUTSIDE_M = (0.07, 0.14)
+"""Centre of pressure beside the line from heel to toe: half a foot's width and as much again as it curves; twice that.
+Choices."""
 LOADED_N = 50.0
 
 
@@ -73,13 +74,13 @@ def total_vertical(time_s: np.ndarray, plates: Mapping[str, PlateRecording]) -> 
     return total
 
 
-def mass(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s: np.ndarray, known: np.ndarray, *,
+def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, known: np.ndarray, *,
          mass_kg: float, feet: int) -> Check:
     """The mass that the plates felt, against the stated one: impulse = m (g T + change of vertical velocity).
 
     Args:
         time_s: (n,) s. vertical_n: (n,) N on all feet.
-        pelvis_up_m_per_s: (n,) vertical velocity of the pelvis, standing for the centre of mass.
+        up_m_per_s: (n,) vertical velocity of the body's centre of mass.
         known: (n,) bool, from `covered`. feet: how many feet have plates.
     """
     name, rows = "mass from the forces", longest_run(known)
@@ -89,7 +90,7 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s: np.ndarr
     start, end = rows[0], rows[-1]
     impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
     duration = float(time_s[end] - time_s[start])
-    found = impulse / (GRAVITY * duration + float(pelvis_up_m_per_s[end] - pelvis_up_m_per_s[start]))
+    found = impulse / (GRAVITY * duration + float(up_m_per_s[end] - up_m_per_s[start]))
     error = found / mass_kg - 1.0
     mark = grade(error, *(MASS if feet > 1 else MASS_ONE_FOOT))
     what = "agree with" if mark == "good" else "contradict"
@@ -100,8 +101,9 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s: np.ndarr
     return Check(name, mark, found, "kg", sentence)
 
 
-def lag(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s2: np.ndarray, known: np.ndarray) -> Check | None:
-    """By how much the force comes after the motion, from the pelvis's vertical acceleration; s. None if untold.
+def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, known: np.ndarray) -> Check | None:
+    """By how much the force comes after the motion, from the vertical acceleration of the body's centre; s.
+    None if untold.
 
     The shift at which force and acceleration, both at 6 Hz, correlate best, searched within 150 ms.
 
@@ -112,7 +114,7 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s2: np.ndarr
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
     force, motion = (low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ)
-                     for series in (vertical_n, pelvis_up_m_per_s2))
+                     for series in (vertical_n, up_m_per_s2))
     steps = round(LARGEST_LAG_S * rate)
     shifts = np.arange(-steps, steps + 1)
     inside = [(rows - shift >= 0) & (rows - shift < len(motion)) for shift in shifts]
@@ -123,7 +125,7 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, pelvis_up_m_per_s2: np.ndarr
         return None
     value = float(shifts[best] / rate)
     return _lag_check("lag of the forces", value, grade(value, *LAG_S),
-                      f"by the pelvis's vertical acceleration (correlation {values[best]:.2f})")
+                      f"by the body's vertical acceleration (correlation {values[best]:.2f})")
 
 
 def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]) -> Check | None:

@@ -14,8 +14,9 @@ RESIDUAL_M = (0.010, 0.020)
 gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
 CLUSTER_M = (0.008, 0.015)
 """Departure of a segment's markers from a rigid body: skin moves by 5 to 15 mm on thighs (a choice)."""
-JOINT_GAP_M = (0.015, 0.030)
-"""Distance between two segments' ideas of one joint centre: hip regressions alone err by 10 to 15 mm. Choices."""
+JOINT_GAP_M = (0.020, 0.035)
+"""Distance between two segments' ideas of one joint centre: hip regressions alone err by 10 to 15 mm, and skin moves.
+Choices."""
 GAP_S = (0.1, 0.2)
 """Longest gap filled; the first is the default limit of filling."""
 SAME_LENGTH = (0.03, 0.08)

@@ -1,4 +1,4 @@
-"""Where the model's feet are while its person follows a recording: forward kinematics of the plant, nothing simulated.
+"""Where the model's feet and centre of mass are while its person follows a recording: kinematics, nothing simulated.
 
 The prosthesis hangs under the residual shank as a rigid body: socket and keel undeformed. A real one bends under load,
 so its toe and heel go "into" the floor here by as much as the device would give.
@@ -28,9 +28,17 @@ class _Points:
     radius: np.ndarray
 
 
-def model_feet(subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, *,
-               offsets: GeometricOffsets | None = None) -> dict[str, FootMotion]:
-    """Both feet of the model's person, by side, at the trajectory's instants.
+@dataclass(frozen=True, eq=False)
+class ModelMotion:
+    """What the model's person does: both feet by side, and the body's centre of mass (x, y, z in W, m)."""
+
+    feet: dict[str, FootMotion]
+    centre_of_mass: CoordinateTrajectory
+
+
+def model_motion(subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, *,
+                 offsets: GeometricOffsets | None = None) -> ModelMotion:
+    """The feet and the centre of mass of the model's person at the trajectory's instants.
 
     `lowest_m` is that of the contact spheres. The heel and toe of the prosthesis are those of its flat sole below its
     rearmost and foremost sphere.
@@ -56,15 +64,18 @@ def model_feet(subject: Subject, model: ModelParameters, trajectory: CoordinateT
     columns = [plant.GetJointByName(name).position_start() for name in motion.names]
     q = np.zeros(plant.num_positions())
     places = {side: np.empty((len(motion.time_s), len(item.bodies), 3)) for side, item in points.items()}
+    centre = np.empty((len(motion.time_s), 3))
     for i, row in enumerate(motion.values):
         q[columns] = row
         plant.SetPositions(context, q)
+        centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
         for side, item in points.items():
             places[side][i] = _places(plant, context, item)
-    return {side: FootMotion(side, motion.time_s, *(places[side][:, k] for k in range(3)),
+    feet = {side: FootMotion(side, motion.time_s, *(places[side][:, k] for k in range(3)),
                              lowest_m=(places[side][:, 3:, 2] - item.radius[3:]).min(axis=1),
                              prosthetic=side == prosthetic, undeformed=side == prosthetic)
             for side, item in points.items()}
+    return ModelMotion(feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source))
 
 
 def _places(plant: MultibodyPlant, context: object, item: _Points) -> np.ndarray:
