@@ -24,6 +24,7 @@ from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
+from vsf_drake.motion.pelvis_path import reaching_pelvis
 from vsf_drake.motion.plates import HEAVIEST_BW
 from vsf_drake.motion.stated_subject import with_stated
 from vsf_drake.motion.treadmill import on_the_belt
@@ -92,13 +93,14 @@ def trial_from_recordings(
     if side not in assignment.plates:
         raise InputError(f"no plate carries the {side} (prosthetic) foot alone", file=walk.force_path or walk.path,
                          where="forces", right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None)
-    trajectory = tracked.trajectory(person_coordinates(side), source=str(walk.path))
+    values, reach_notes = reaching_pelvis(tracked, marked.calibration, subject)
+    trajectory = dataclasses.replace(tracked, values=values).trajectory(person_coordinates(side), source=str(walk.path))
     trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates, speed_m_per_s=belt_speed_m_per_s)
     span, window_notes = trial_window(path, window, trajectory, plates, subject, assignment.unmeasured)
     missing = tuple(f"No plate carries the {s} foot alone." for s in ("right", "left") if s not in plates)
     return Trial(path=path, name=name or path.stem, subject=subject, synthetic=synthetic, fulcrum_m=fulcrum_m,
                  start_s=span[0], end_s=span[1], trajectory=trajectory, plates=plates,
-                 notes=marked.notes + missing + belt_notes + window_notes, model=model or default_model(),
+                 notes=marked.notes + reach_notes + missing + belt_notes + window_notes, model=model or default_model(),
                  inputs=dict(inputs or {}), offsets=offsets, unmeasured=assignment.unmeasured,
                  recording=marked.recording, calibration=marked.calibration, tracked=tracked,
                  contacts=assignment.contacts)
