@@ -4,10 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from made_calibration import true_calibration
 from made_person import Person, markers, poses, recording_of, walking_angles
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
+from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
+from vsf_drake.motion.markers.handedness import prepared
+from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.tracking import track
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 
@@ -173,3 +179,79 @@ def test_a_wrong_unit_is_told_from_another_person(scale):
 def test_a_cut_off_that_the_frame_rate_cannot_have_is_refused():
     with pytest.raises(InputError, match="cut-off"):
         track(made(), true_calibration(), cutoff_hz=60.0)
+
+
+def spoil(recording, kind, label, frame, length, size):
+    """One thing that goes wrong in a laboratory."""
+    seen = {name: p.copy() for name, p in recording.markers.items()}
+    names = sorted(seen)
+    label, other = names[label % len(names)], names[(label + 1 + length) % len(names)]
+    stretch = slice(frame, frame + length)
+    if kind == "hidden":
+        seen[label][stretch] = np.nan
+    elif kind == "half hidden":
+        seen[label][stretch, 1] = np.inf
+    elif kind == "absent":
+        del seen[label]
+    elif kind == "shifted":
+        seen[label][stretch] += size
+    elif kind == "frozen":
+        seen[label][stretch] = seen[label][frame]
+    elif kind == "zero":
+        seen[label][stretch] = 0.0
+    elif kind == "exchanged":
+        seen[label][stretch], seen[other][stretch] = seen[other][stretch].copy(), seen[label][stretch].copy()
+    elif kind == "the same":
+        seen[label] = seen[other].copy()
+    elif kind == "everything hidden":
+        for p in seen.values():
+            p[stretch] = np.nan
+    return dataclasses.replace(recording, markers=seen)
+
+
+@settings(max_examples=80, deadline=None)
+@given(label_set=st.sampled_from(["plug_in_gait", "rajagopal", "ior"]), wrongs=st.lists(st.tuples(
+    st.sampled_from(["hidden", "half hidden", "absent", "shifted", "frozen", "zero", "exchanged", "the same",
+                     "everything hidden"]),
+    st.integers(0, 40), st.integers(0, 199), st.integers(1, 200), st.floats(-0.2, 0.2)), max_size=4))
+def test_whatever_goes_wrong_is_survived_with_finite_numbers_or_refused_with_a_reason(label_set, wrongs):
+    recording = made(label_set)
+    for wrong in wrongs:
+        recording = spoil(recording, *wrong)
+    try:
+        motion = track(recording, true_calibration(label_set=label_set))
+    except InputError as error:
+        assert "made.c3d" in str(error)
+        return
+    assert np.isfinite(motion.values).all() and len(motion.time_s) == len(motion.values)
+    for foot in motion.feet.values():
+        assert np.isfinite(foot.heel_W).all() and np.isfinite(foot.toe_W).all()
+    for numbers in (motion.residual_rms_m, motion.cluster_motion_m, motion.joint_gap_m):
+        assert np.isfinite(list(numbers.values())).all()
+
+
+def test_real_walks_of_four_laboratories_are_tracked(shared_data):
+    """Knees flex by 55 to 75 degrees in swing and end near straight; clusters keep their shape within millimetres."""
+    core = shared_data / "opensim_core"
+    walks = [(core / "gait2354" / "subject01_static.trc", core / "gait2354" / "subject01_walk1.trc", "rajagopal"),
+             (core / "example3DWalking" / "markers_walk.trc", None, "rajagopal"),
+             (core / "c3d" / "walking2.c3d", None, "rajagopal"), (shared_data / "bmc_gait" / "walk1.trc", None, "ior")]
+    for standing, walk, name in walks:
+        marker_map = load_marker_map(name)
+        person = PersonFacts(mass_kg=75.0, stature_m=1.8, sex="male", prosthetic_side="left")
+        recording = prepared(read_trial(walk or standing), marker_map)
+        motion = track(recording, calibrate(read_trial(standing), marker_map, person))
+        for side in ("r", "l"):
+            knee = np.degrees(motion.values[:, motion.names.index(f"knee_angle_{side}")])
+            assert 55 < knee.max() < 75 and knee.min() > -10
+        assert max(motion.cluster_motion_m.values()) < 0.006 and max(motion.joint_gap_m.values()) < 0.02
+
+
+def test_a_walk_into_the_volume_and_out_of_it_is_used_where_all_markers_are_there(shared_data):
+    recording = read_trial(shared_data / "opensim_core" / "c3d" / "walking2.c3d")
+    marker_map = load_marker_map("rajagopal")
+    person = PersonFacts(mass_kg=75.0, stature_m=1.8, sex="male", prosthetic_side="left")
+    motion = track(prepared(recording, marker_map), calibrate(recording, marker_map, person))
+    assert 0 < motion.start_frame and motion.start_frame + len(motion.time_s) < recording.frames
+    assert motion.time_s[-1] - motion.time_s[0] > 1.0
+    assert any("is used" in note for note in motion.notes)
