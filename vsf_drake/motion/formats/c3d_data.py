@@ -119,7 +119,7 @@ def _trial_frames(c3d: C3dDescription) -> tuple[int, int] | None:
 def read_points(c3d: C3dDescription, layout: Layout) -> np.ndarray:
     """(frames, points, 3) in the file's unit; NaN where the residual is negative, or all three numbers are zero."""
     scale = 1.0 if layout.floats else abs(c3d.header.scale or c3d.number("POINT:SCALE") or 1.0)
-    out = np.empty((layout.frames, layout.points, 3))
+    out = np.empty((layout.points, layout.frames, 3)).transpose(1, 0, 2)
     for rows, block in _chunks(c3d, layout):
         points = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)
         with np.errstate(invalid="ignore"):

@@ -109,7 +109,8 @@ def _check_size(markers: RawMarkers, path: Path) -> None:
     if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
         raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
                          right="The stated unit is wrong: give length_unit")
-    farthest = np.nanmax(np.abs(markers.positions), initial=0.0)
+    farthest = max(np.fmax.reduce(markers.positions, axis=None, initial=0.0),
+                   -np.fmin.reduce(markers.positions, axis=None, initial=0.0))
     if farthest > FARTHEST_M:
         raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
                          right="Is the unit right? Otherwise give length_unit")
@@ -119,7 +120,9 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
               forward: str | None) -> Recording:
     notes = trial.notes
     rotation = rotation_to_world(trial, path, up=up, forward=forward, notes=notes)
-    raw = [rotated(plate, rotation, force_path or path, notes) for plate in trial.forces.plates] if trial.forces else []
+    raw, waiting = [], trial.forces.plates if trial.forces else []
+    while waiting:
+        raw.append(rotated(waiting.pop(0), rotation, force_path or path, notes))
     floor = floor_height(raw, force_path or path)
     if floor:
         notes.append(f"The force plates lie at {1e3 * floor:.0f} mm: this was taken as the floor, z = 0.")
@@ -127,12 +130,15 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
         for points in (plate.point, plate.corners):
             if points is not None:
                 points[:, 2] -= floor
-    plates = [on_the_floor(plate, notes) for plate in raw]
+    plates = []
+    while raw:
+        plates.append(on_the_floor(raw.pop(0), notes))
     note_overlaps(plates, notes)
     markers: dict[str, np.ndarray] = {}
     if trial.markers is not None:
         for k, label in enumerate(trial.markers.labels):
-            markers[label] = trial.markers.positions[:, k] @ rotation.T
+            markers[label] = trial.markers.positions[:, k]
+            markers[label][:] = markers[label] @ rotation.T
             markers[label][:, 2] -= floor
     marked, felt = trial.markers, trial.forces
     return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),
