@@ -51,6 +51,35 @@ def test_exchanged_markers_are_named(pairs, named):
     assert caught.value.right
 
 
+@pytest.mark.parametrize("pair", [
+    ("RASI", "RTHI"), ("RKNE", "RTHI"), ("LANK", "LTIB"), ("LANK", "LHEE"), ("LANK", "LTOE"), ("RTHI", "RTIB"),
+    ("RKNM", "RMED"), ("LKNE", "LHEE"), ("RPSI", "RTHI")])
+def test_neighbours_exchanged_are_refused_and_one_of_them_named(pair):
+    with pytest.raises(InputError) as caught:
+        calibrated(exchanged(standing("plug_in_gait"), pair), "plug_in_gait")
+    assert any(label in str(caught.value.where) for label in pair)
+
+
+def test_first_and_fifth_metatarsal_are_told_apart():
+    with pytest.raises(InputError, match="LFM, LVM: the left met1 is outside the left met5"):
+        calibrated(exchanged(standing("ior"), ("LFM", "LVM")), "ior")
+
+
+def test_a_trajectory_that_stands_twice_is_refused():
+    markers = standing()
+    markers["RLMAL"] = markers["RMMAL"].copy()
+    with pytest.raises(InputError, match="RLMAL, RMMAL: lie in the same place"):
+        calibrated(markers)
+
+
+def test_a_marker_seen_too_rarely_is_left_out_with_a_note():
+    markers = standing(frames=200)
+    markers["RTH1"][10:] = np.nan
+    found = calibrated(markers)
+    assert "RTH1" not in found.segments["thigh_right"].labels
+    assert any("not used: RTH1" in note for note in found.notes)
+
+
 def test_markers_of_a_good_standing_trial_pass():
     for label_set, name in (("rajagopal", "rajagopal"), ("plug_in_gait", "plug_in_gait"), ("ior", "ior")):
         calibrated(standing(label_set), name)

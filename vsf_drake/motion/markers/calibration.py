@@ -19,7 +19,7 @@ from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import Posture, find_posture
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
-from vsf_drake.motion.markers.standing_checks import check_labels
+from vsf_drake.motion.markers.standing_checks import check_labels, check_proportions
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check
 
@@ -58,21 +58,26 @@ def calibrate(
     feet = {side: foot_points(side, segments[f"foot_{side}"], found, person, _ankle_height(anatomy, side))
             for side in SIDES}
     lengths = _lengths(segments, feet, anatomy)
+    check_proportions(lengths, found, standing.path)
     subject, notes = _subject(standing, posture, found, anatomy, person, segments, feet, lengths)
     mirrored = (NOTE,) if NOTE in standing.notes else ()
-    notes = (*mirrored, *posture.notes, *anatomy.notes, *notes, *_differences(lengths))
+    used = {label for segment in segments.values() for label in segment.labels}
+    hidden = [label for labels in found.segments.values() for label in labels if label not in used]
+    unused = (f"Hardly or not seen and not used: {', '.join(hidden)}.",) if hidden else ()
+    notes = (*mirrored, *posture.notes, *unused, *anatomy.notes, *notes, *_differences(lengths))
     return Calibration(subject=subject, segments=segments, feet=feet, angles_rad=_angles(anatomy), lengths_m=lengths,
                        method=(_stretch(posture), *anatomy.method, _left_right(lengths)), notes=notes)
 
 
 def _segment(name: str, posture: Posture, found: FoundMarkers, anatomy: Anatomy) -> SegmentMarkers:
-    labels = tuple(label for label in found.segments[name] if label in posture.points)
     R, p = anatomy.R_W[name], anatomy.p_W[name]
-    local = [_average((posture.points[label] - p)[:, None] @ R) for label in labels]
+    local = {label: _average((posture.points[label] - p)[:, None] @ R)
+             for label in found.segments[name] if label in posture.points}
+    labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
     p_PB = np.zeros(3) if parent is None else _average(
         (p - anatomy.p_W[parent])[:, None] @ anatomy.R_W[parent])
-    return SegmentMarkers(labels=labels, p_BM=np.array(local).reshape(-1, 3), p_PB=p_PB)
+    return SegmentMarkers(labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB)
 
 
 def _average(points: np.ndarray) -> np.ndarray:

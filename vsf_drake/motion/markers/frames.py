@@ -177,6 +177,8 @@ class _Builder:
         shape = x[whole][0] - x[whole][0].mean(axis=0)
         for _ in range(2):
             poses = rigid_poses(shape, x)
+            if not poses.found.any():
+                return None
             back = (x - poses.p_WB[:, None]) @ poses.R_WB
             shape = np.nanmean(back, axis=0)
         return rigid_poses(shape, x).R_WB

@@ -70,13 +70,13 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
     if moved[worst] <= STILL_M:
         mean, seen = _mean(x[start:start + width])
         points = {label: mean[None, k] for k, label in enumerate(labels) if seen[k] >= SEEN_PART}
-        hidden = [label for label in labels if label not in points]
-        notes = (f"Hardly or not seen while standing and not used: {', '.join(hidden)}.",) if hidden else ()
         posture = Posture(points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
-                          float(time[start + width - 1]), notes)
+                          float(time[start + width - 1]))
     elif _steps(recording, found) > STEPPING_M:
         points = {label: x[:, k] for k, label in enumerate(labels)}
         flat = {side: _foot_flat(points, found, side, recording) for side in SIDES}
+        for side in SIDES:
+            _seen_together(points, found, flat[side], side, recording)
         posture = Posture(points, False, flat, float(time[0]), float(time[-1]), (
             "Nobody stood still: joint centres and axes are from all frames of a walk, the feet's from the frames in "
             "which they are flat. Doubtful; record a standing trial.",))
@@ -166,6 +166,21 @@ def _foot_flat(
     for z in heights:
         flat &= np.abs(z - np.median(z[quiet])) <= FLAT_M
     return flat if flat.any() else quiet
+
+
+def _seen_together(
+    points: dict[str, np.ndarray], found: FoundMarkers, flat: np.ndarray, side: str, recording: Recording
+) -> None:
+    """Refuses a walk without a frame that shows the pelvis and all of a leg while its foot is flat."""
+    other = "left" if side == "right" else "right"
+    leg = [label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)
+           and not (role.endswith(other) and not role.startswith(("asis", "psis")))]
+    seen = np.stack([np.isfinite(points[label]).all(axis=1) & flat for label in leg])
+    if not seen.all(axis=0).any():
+        rare = leg[int(np.argmin(seen.sum(axis=1)))]
+        raise InputError(f"is not seen together with the others of pelvis and {side} leg while the foot is flat",
+                         file=recording.path, where=f"marker {rare}",
+                         right="Fill its gaps, leave it out of the marker map, or give a standing trial")
 
 
 def _on_floor(posture: Posture, found: FoundMarkers, recording: Recording) -> None:
