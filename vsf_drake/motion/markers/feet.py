@@ -47,7 +47,8 @@ def foot_points(
         roles = ("toe",) if at("toe") is not None else ("met1", "met5")
         length = float(np.mean([(at(role)[0] - rear) / BALL_RATIO[role] for role in roles]))
     if not SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M:
-        raise InputError(f"heel and forefoot markers make the {side} foot {length:.3f} m long", where=f"markers {', '.join(segment.labels)}",
+        raise InputError(f"heel and forefoot markers make the {side} foot {length:.3f} m long",
+                         where=f"markers {', '.join(segment.labels)}",
                          right="Check the labels of heel and toe and the unit of the markers' file")
     return FootPoints(p_FHeel=np.array([rear, heel[1], -ankle_height]),
                       p_FToe=np.array([rear + length, heel[1], -ankle_height]))
