@@ -168,7 +168,7 @@ def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
                    for name, published in LEG.items()}
         angles[f"hip_flexion_{side}"] += draw.tilt_deg
     published_peak = float(wave("knee_flexion", np.array([LOADING_PEAK]))[0])
-    off = (right % 1.0 - LOADING_PEAK) / LOADING_WIDTH
+    off = ((right - LOADING_PEAK + 0.5) % 1.0 - 0.5) / LOADING_WIDTH
     angles["knee_angle_r"] -= (published_peak - draw.knee_loading_deg) * np.exp(-0.5 * off**2)
     angles["ankle_angle_l"] = wave("ankle_dorsiflexion", left)
     values = {name: np.radians(curve) for name, curve in angles.items()}

@@ -30,21 +30,22 @@ MARGIN_S = 0.42
 PLACING = 8
 STIFFNESS_EVERY = 5
 """Steps between two measurements of how the force answers to the shank's pose."""
-STANDARD = {"pelvis_tx": 0.006, "pelvis_ty": 0.03, "pelvis_tz": 0.04, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
+STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.04, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
             "pelvis_rotation": 0.03, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
-            "knee_angle": 0.05, "knee_adduction": 0.02, "knee_rotation": 0.05, "ankle_angle": 0.08,
+            "knee_angle_r": 0.035, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05, "ankle_angle": 0.1,
             "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve."""
 ROUGHNESS_PER_S3 = 2.0e3
 """Third derivative of a correction that goes with its `STANDARD`, as a multiple of it."""
-SUPPORT_M, ROLL_RAD, CLEARANCE_M, ACCELERATION, ACCELERATION_ALONE = 5e-4, 0.01, 2e-3, 0.5, 0.2
+SUPPORT_M, ROLL_RAD, CLEARANCE_M, ACCELERATION, ACCELERATION_ALONE = 5e-4, 0.01, 2e-3, 0.3, 0.2
 """Tolerated: position of a loaded support, roll and turn of a loaded foot, height of the sole in swing; acceleration of
 the centre of mass (m/s²), and where the prosthesis stands alone, so that no other force can explain it."""
+EARLY_S = 0.02
 FORCE_HZ = 1000
 STRIKE_S, STRIKE_M = 0.013, 5e-4
 SHEAR_N_PER_M, SOFTEST_N_PER_M = 15e3, 8e3
 PROBE_M, PROBE_RAD = 1e-3, 0.005
-FORCE_N, SHEAR_N, CENTRE_M, LARGEST_N, LOADED_N, RELAXATION = 6.0, 4.0, 0.01, 250.0, 20.0, 0.7
+FORCE_N, SHEAR_N, CENTRE_M, LARGEST_N, LOADED_N, RELAXATION = 6.0, 4.0, 0.012, 250.0, 20.0, 0.7
 """Tolerated: vertical and horizontal force, centre of pressure; limit of an error, load that counts, share of a step."""
 LIFT_M, AWAY_S = 0.022, 0.10
 """Wished height of the sole in swing, this long after lift-off and before strike."""
@@ -79,7 +80,7 @@ def recorded_time(draw: Draw) -> np.ndarray:
 
 def standard_deviations() -> np.ndarray:
     """(21,) `STANDARD` by coordinate."""
-    return np.array([STANDARD[n if n.startswith("pelvis") else n[:-2]] for n in COORDINATES])
+    return np.array([STANDARD.get(n) or STANDARD[n[:-2]] for n in COORDINATES])
 
 
 def start(draw: Draw, base: Callable[[Draw, np.ndarray], np.ndarray]) -> Attempt:
@@ -122,17 +123,19 @@ def _common(person: Person, attempt: Attempt, body: Linearised, intact: list[Sup
     """What both stages ask: near the published curves, smooth, dynamics, intact foot on the floor, toes up in swing."""
     draw, time = attempt.draw, attempt.time_s
     wishes, sigma = Wishes(attempt.splines), standard_deviations()
-    wishes.coordinates(-(attempt.splines.values @ attempt.c.T), sigma)
+    correction = attempt.splines.values @ attempt.c.T
+    correction[:, :3] -= correction[:, :3].mean(axis=0)
+    wishes.coordinates(-correction, sigma)
     wishes.smooth(attempt.c, ROUGHNESS_PER_S3 * sigma)
     for support in intact:
-        anchor(wishes, body, support, 2.0 * SUPPORT_M)
+        anchor(wishes, body, support, 4.0 * SUPPORT_M)
     _level(wishes, body, INTACT_FOOT, intact_force(draw, time)[:, 2], np.radians(draw.toe_out_deg), 3.0 * ROLL_RAD)
     total = prosthetic_force(draw, time) + intact_force(draw, time)
     wanted = GRAVITY * (total - [0.0, 0.0, 1.0])
     step = time[1] - time[0]
     present = np.zeros_like(wanted)
     present[1:-1] = (body.com_W[2:] - 2.0 * body.com_W[1:-1] + body.com_W[:-2]) / step**2
-    alone = (time > draw.intact_lift_s) & (time < draw.intact_strike_s)
+    alone = (time > draw.intact_lift_s - EARLY_S) & (time < draw.intact_strike_s + EARLY_S)
     wishes.acceleration(body.J_com, wanted - present, np.where(alone, ACCELERATION_ALONE, ACCELERATION))
     stride = draw.stride_s
     device = [np.array([x, 0.0, person.sole_height]) for x in (0.01, 0.12, person.model.foot.length_m - 0.01)]

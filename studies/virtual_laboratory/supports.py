@@ -51,7 +51,7 @@ def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np
 
 
 def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
-    """The prosthesis's, the heel at x = 0, half a step width to the right; the forefoot turned out."""
+    """The prosthesis's, the heel at x = 0, the middle half a step width to the right; turned out."""
     heel_n, toe_n = _shares(draw.roll_over, time_s / draw.stance_s, load_n)
     lever = DEVICE_FOREFOOT_M - person.model.foot.pylon_x_m
     toe_stiffness = 1.0 / (1.0 / FOREFOOT_N_PER_M[draw.condition] + lever**2 / SOCKET_NM_PER_RAD)
@@ -61,8 +61,8 @@ def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
     for x, load, stiffness in ((DEVICE_HEEL_M, heel_n, HEEL_N_PER_M), (DEVICE_FOREFOOT_M, toe_n, toe_stiffness)):
         p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
                                person.sole_height + load / stiffness + pressed])
-        along = x - DEVICE_HEEL_M
-        p_W = np.array([along * np.cos(turn), -0.5 * draw.step_width_m - along * np.sin(turn), 0.0])
+        along, ahead = x - DEVICE_HEEL_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
+        p_W = np.array([along * np.cos(turn), -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])
         found.append(Support(DEVICE, p_B, p_W, load))
     return found
 
@@ -80,8 +80,8 @@ def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
         for ratio, load in ((INTACT_HEEL, heel_n), (INTACT_FOREFOOT, toe_n)):
             p_B = np.column_stack([np.full(len(load), heel_x + ratio * length), np.zeros(len(load)),
                                    -body.ankle_height + load / INTACT_N_PER_M])
-            along = (ratio - INTACT_HEEL) * length
+            along, ahead = (ratio - INTACT_HEEL) * length, (ratio - 0.5 * (INTACT_HEEL + INTACT_FOREFOOT)) * length
             p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
-                            0.5 * draw.step_width_m + along * np.sin(turn), 0.0])
+                            0.5 * draw.step_width_m + ahead * np.sin(turn), 0.0])
             found.append(Support(INTACT_FOOT, p_B, p_W, load))
     return found

@@ -17,10 +17,12 @@ from scipy.stats import norm
 CONDITIONS = {"low": 66.0, "medium": 108.0, "high": 151.0}
 """Fulcrum position (mm) by name of the published condition."""
 TRIALS_PER_CONDITION = 3
+YIELDING = {"low": 0.06, "medium": 0.03, "high": 0.0}
+"""Parts of stance by which the centre of pressure passes later along a softer forefoot."""
 STANCE_S = {"low": (0.73, 0.02), "medium": (0.79, 0.01), "high": (0.71, 0.02)}
 """Published stance time of the prosthetic foot, mean and standard deviation (s)."""
 SPREAD = {
-    "walk_m": (0.82, 0.02),
+    "speed_off_m_per_s": (0.0, 0.02),
     "duty": (0.61, 0.008),
     "intact_duty": (0.64, 0.008),
     "intact_step": (0.487, 0.008),
@@ -29,24 +31,26 @@ SPREAD = {
     "tilt_deg": (0.0, 1.5),
     "list_scale": (1.0, 0.15),
     "rotation_scale": (1.0, 0.2),
-    "knee_loading_deg": (10.0, 1.5),
-    "first_peak_bw": (1.05, 0.025),
+    "knee_loading_deg": (7.5, 1.2),
+    "first_peak_bw": (1.04, 0.02),
     "trough_bw": (0.83, 0.025),
-    "second_peak_bw": (1.05, 0.025),
+    "second_peak_bw": (1.04, 0.02),
     "loading": (0.0, 0.008),
     "first_peak_at": (0.25, 0.02),
     "trough_at": (0.48, 0.015),
     "second_peak_at": (0.76, 0.015),
     "unloading": (0.0, 0.006),
     "braking_bw": (0.12, 0.010),
-    "propulsion_bw": (0.105, 0.012),
-    "lateral_bw": (0.045, 0.007),
+    "propulsion_bw": (0.105, 0.010),
+    "lateral_bw": (0.045, 0.006),
     "roll_over": (0.0, 0.02),
 }
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs from
 stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
 LOADED_BW = 20.0 / (78.0 * 9.81)
 """Vertical force at which a stance begins and ends: 20 N."""
+MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
+"""Faster (m/s) by 0.8 per second of shorter stance, about the mean of the three published stance times: 1.0 to 1.2 m/s."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations."""
 
@@ -56,7 +60,7 @@ class Draw:
     """How one trial is walked. Times in s from the prosthetic foot's heel strike.
 
     Attributes:
-        walk_m: what the body advances during the prosthetic stance.
+        speed_off_m_per_s: speed beyond what goes with the stance time (`speed_m_per_s`).
         duty, intact_duty: stance / stride of either foot; intact_step: instant of the intact foot's strike / stride.
         step_width_m, toe_out_deg: of the feet on the floor.
         tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published pelvic curves.
@@ -69,7 +73,7 @@ class Draw:
     condition: str
     number: int
     stance_s: float
-    walk_m: float
+    speed_off_m_per_s: float
     duty: float
     intact_duty: float
     intact_step: float
@@ -106,7 +110,7 @@ class Draw:
 
     @property
     def speed_m_per_s(self) -> float:
-        return self.walk_m / self.stance_s
+        return MEAN_SPEED_M_PER_S - SPEED_PER_STANCE * (self.stance_s - MEAN_STANCE_S) + self.speed_off_m_per_s
 
     @property
     def intact_strike_s(self) -> float:
@@ -131,6 +135,7 @@ def draw_trials(seed: int) -> list[Draw]:
             third = (random.permutation(TRIALS_PER_CONDITION) + random.uniform(size=TRIALS_PER_CONDITION))
             size = np.clip(norm.ppf(third / TRIALS_PER_CONDITION), -WIDEST_SD, WIDEST_SD)
             drawn[name] = mean + deviation * size
+        drawn["roll_over"] += YIELDING[condition]
         trials += [Draw(condition=condition, number=i + 1, **{n: float(v[i]) for n, v in drawn.items()})
                    for i in range(TRIALS_PER_CONDITION)]
     return trials
