@@ -99,7 +99,7 @@ def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
 
     The unit directions a (proximal) and b (distal) minimise sum |a - R b|^2: the singular vector of the stacked
     [1, -R] with the smallest singular value, the direction that Ehrig et al. (2007, doi
-    10.1016/j.jbiomech.2006.12.001) find in their symmetrical axis of rotation approach.
+    10.1016/j.jbiomech.2006.10.026) find in their symmetrical axis of rotation approach.
 
     Args:
         R_relative: (n, 3, 3), the distal segment's orientation in the proximal one's frame; NaN frames are left out.
