@@ -51,7 +51,10 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A load, or a part of one, and the foot it was given to (None: neither, or both at once)."""
+    """A load, or a part of one, and the foot it was given to (None: neither, or both at once).
+
+    `in_view`: the markers cover it. `shared`: both feet's. `contradicted`: given as stated, against its place.
+    """
 
     load: Load
     side: str | None
@@ -59,6 +62,7 @@ class Found:
     doubt: str | None = None
     in_view: bool = True
     shared: bool = False
+    contradicted: bool = False
 
     @property
     def scuff(self) -> bool:
@@ -151,7 +155,7 @@ def _attribute_one(load: Load, floor: FeetOnFloor, stated: str | None) -> list[F
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
             doubt = (f"it is stated as the {stated} foot's, from which its centre of pressure is {distance:.2f} m; it "
                      f"is {float(np.median(apart[other][0])):.2f} m from the {other} foot")
-            return [Found(load, stated, distance, doubt)]
+            return [Found(load, stated, distance, doubt, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
     found = []
     for first, last, side in turns:
@@ -202,7 +206,7 @@ def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]
 def _judge_sharing(item: Found, found: Sequence[Found], floor: FeetOnFloor) -> Found:
     """The same load without a foot if both stand on the plate at once."""
     load, side = item.load, item.side
-    if side is None or item.scuff or not item.in_view or np.isnan(item.distance_m):
+    if side is None or item.scuff or item.contradicted or not item.in_view or np.isnan(item.distance_m):
         return item
     rows = _rows(load, floor, LIGHT_N)
     times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
