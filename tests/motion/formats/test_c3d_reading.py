@@ -119,6 +119,11 @@ def test_a_subjects_prefix_is_taken_away(tmp_path):
     assert any("Jürgen" in note for note in read_trial(path).notes)
 
 
+def test_a_file_of_unlabelled_points_is_refused(tmp_path):
+    path = write_c3d(tmp_path / "walk.c3d", {f"*{k}": place for k, place in enumerate(body().values())})
+    assert "neither labelled markers nor force plates" in message(lambda: read_trial(path))
+
+
 def test_labels_in_any_alphabet_stay_as_they_are(tmp_path):
     names = ["Ferse_für_links", "膝", "колено"]
     markers = dict(zip(names, body().values(), strict=False))

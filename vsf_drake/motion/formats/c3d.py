@@ -49,6 +49,9 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
             positions = positions[:, kept]
         markers = RawMarkers(labels, positions, rate, start)
     forces = read_plates(c3d, layout, length_m=factor, rate_hz=rate, start_s=start, notes=notes)
+    if markers is None and forces is None:
+        raise InputError("has neither labelled markers nor force plates that can be read", file=path,
+                         right=" ".join(notes) or "Export the trial with its marker labels")
     stated = c3d.number("ANALOG:RATE")
     if forces is not None and stated and abs(stated / forces.rate_hz - 1.0) > 1e-3:
         notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {layout.subframes} samples a frame make "
