@@ -78,16 +78,26 @@ def test_longer_gaps_are_refused_by_name_and_interval():
         fill(walk([("RTOE", 100, 101)], PLUG_IN_GAIT), "plug_in_gait", longest_gap_s=0.0)
 
 
-def test_two_of_four_lost_at_once_are_no_rigid_cluster():
-    assert {gap.how for gap in fill(walk([("RTH1", 100, 108), ("RTH2", 100, 108)])).gaps} == {"spline"}
-    with pytest.raises(InputError, match=r"marker RTH[12] is missing from 1\.000 to 1\.190 s"):
-        fill(walk([("RTH1", 100, 120), ("RTH2", 100, 120)]))
+@pytest.mark.parametrize(("start", "stop"), [(100, 108), (100, 160), (0, 60)])
+def test_two_others_and_the_joint_centre_know_where_a_lost_marker_is(start, stop):
+    """Two of four on the thigh; two of three on the foot (LMT2, LMT5), where a spline over the swing errs by 20 mm."""
+    filled = fill(walk([("RTH1", start, stop), ("RTH2", start, stop), ("LCAL", start, stop)]))
+    assert {gap.how for gap in filled.gaps} == {"rigid cluster and joint centre"}
+    for label in ("RTH1", "RTH2", "LCAL"):
+        np.testing.assert_allclose(filled.markers[label], TRUTH[label], atol=1e-9)
+
+
+def test_the_joint_centre_does_not_help_where_the_segment_above_is_lost_too():
+    lost = [(label, 100, 120) for label in ("RTH1", "RTH2", "RASI")]
+    np.testing.assert_allclose(fill(walk(lost)).markers["RTH1"], TRUTH["RTH1"], atol=1e-9)
+    with pytest.raises(InputError, match=r"marker R(TH[12]|ASI) is missing from 1\.000 to 1\.190 s"):
+        fill(walk([*lost, ("LASI", 100, 120)]))
 
 
 def test_short_losses_of_the_others_do_not_break_a_cluster():
     filled = fill(walk([("RTH1", 80, 160), ("RTH2", 100, 104)]))
-    assert {(gap.label, gap.how) for gap in filled.gaps} == {("RTH1", "rigid cluster"), ("RTH2", "spline")}
-    np.testing.assert_allclose(filled.markers["RTH1"], TRUTH["RTH1"], atol=1e-4)
+    assert {gap.label for gap in filled.gaps} == {"RTH1", "RTH2"}
+    np.testing.assert_allclose(filled.markers["RTH1"], TRUTH["RTH1"], atol=1e-9)
 
 
 def test_ends_without_markers_are_trimmed():
@@ -147,12 +157,14 @@ def test_a_longest_gap_that_is_no_length_is_refused():
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(sorted(TRUTH)), st.integers(0, 299), st.integers(1, 60)), max_size=12))
 def test_any_gaps_are_filled_well_or_refused(gaps):
+    """Exactly by clusters; a spline across a quick swing, a tenth of a second long, may be centimetres off."""
     try:
         filled = fill(walk([(label, start, start + length) for label, start, length in gaps]))
     except InputError:
         return
     start, count = filled.start_frame, len(filled.markers["RTH1"])
+    exact = all(gap.how != "spline" for gap in filled.gaps)
     for label, path in filled.markers.items():
-        np.testing.assert_allclose(path, TRUTH[label][start:start + count], atol=0.01)
-        np.testing.assert_array_equal(path[filled.seen[label]],
-                                      TRUTH[label][start:start + count][filled.seen[label]])
+        truth, seen = TRUTH[label][start:start + count], filled.seen[label]
+        np.testing.assert_array_equal(path[seen], truth[seen])
+        np.testing.assert_allclose(path, truth, atol=1e-9 if exact else 0.06)

@@ -6,27 +6,28 @@ Only markers of the calibration's clusters count. A gap of any of them is closed
    pose says, plus its offset from that pose before and after the gap (in the segment's frame), passed linearly from one
    to the other, so that the path is continuous. Such a gap may have any length, since the segment's pose rests on the
    others: beyond `longest_gap_s`, "the segment goes on without it", which is noted.
-2. The gap is no longer than `longest_gap_s`: a cubic spline through the frames around it.
-3. It reaches an end of the recording: the recording is trimmed to where every needed marker is there, which is noted.
+2. Two others are, and with the proximal joint centre, as the parent's markers have it, they determine the segment: the
+   same, with the joint centre for one more marker.
+3. The gap is no longer than `longest_gap_s`: a cubic spline through the frames around it.
+4. It reaches an end of the recording: the recording is trimmed to where every needed marker is there, which is noted.
    A stretch of less than `SHORTEST_STRETCH_S` between such a gap and the end is trimmed off with it.
-4. Otherwise the recording is refused, with the marker and the interval named.
+5. Otherwise the recording is refused, with the marker and the interval named.
 
 A marker that is never seen is left out if its segment can do without it, else refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.clusters import determines, needs_joint_centre, subset
-from vsf_drake.motion.markers.poses import rigid_poses
-from vsf_drake.motion.markers.schema import Gap, SegmentMarkers
+from vsf_drake.motion.markers.clusters import determines, segment_poses, subset, with_joint_centre
+from vsf_drake.motion.markers.fills import placed_by_cluster, runs, splined
+from vsf_drake.motion.markers.schema import PARENTS, Gap, SegmentMarkers
 
 LONGEST_GAP_S = 0.1
 SHORTEST_STRETCH_S = 0.5
@@ -34,8 +35,6 @@ SHORTEST_STRETCH_S = 0.5
 FEWEST_FRAMES = 6
 """What a quintic spline through the coordinates needs."""
 MOST_LISTED = 6
-SPLINE_FRAMES = 4
-"""Frames on either side of a gap that shape the spline across it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +94,14 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
     for path in work.markers.values():
         path[~np.isfinite(path).all(axis=1)] = np.nan
     for markers in present.values():
-        _fill_from_clusters(work, markers)
-    for label in labels:
-        _fill_by_spline(work, label)
-    for markers in present.values():
-        _fill_from_clusters(work, markers)
+        _fill_from_cluster(work, markers)
+    for name, markers in present.items():
+        _fill_from_cluster(work, markers, _joint_centre(work, present, name))
+        for label in markers.labels:
+            _fill_by_spline(work, label)
+    for name, markers in present.items():
+        _fill_from_cluster(work, markers)
+        _fill_from_cluster(work, markers, _joint_centre(work, present, name))
     start, stop = _usable(work, notes)
     gaps = []
     for label, filled_from, filled_to, how in sorted(work.gaps, key=lambda gap: (gap[1], gap[0])):
@@ -134,67 +136,48 @@ def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
     return present, notes
 
 
-def _runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
-    """The stretches [start, stop) in which `flags` (n,) is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str) -> np.ndarray:
+    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN where they do not tell."""
+    ancestors: list[str] = []
+    parent = PARENTS[name]
+    while parent is not None:
+        ancestors.insert(0, parent)
+        parent = PARENTS[parent]
+    if not ancestors:
+        return np.full((work.recording.frames, 3), np.nan)
+    poses = segment_poses({ancestor: segments[ancestor] for ancestor in ancestors}, work.markers)
+    return poses[ancestors[-1]].points(segments[name].p_PB)
 
 
-def _fill_from_clusters(work: _Work, markers: SegmentMarkers) -> None:
-    """Rule 1 for every gap of the segment's markers; what is filled here does not serve to fill another."""
-    before = {label: work.markers[label].copy() for label in markers.labels}
+def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray | None = None) -> None:
+    """Rule 1, or 2 with the joint centre (frames, 3); what is filled here does not serve to fill another."""
+    p_BM, how = markers.p_BM, "rigid cluster"
+    p_WM = np.stack([work.markers[label] for label in markers.labels], axis=1)
+    if centre is not None:
+        p_BM, how = with_joint_centre(p_BM), "rigid cluster and joint centre"
+        p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
     for own, label in enumerate(markers.labels):
-        for start, stop in list(_runs(np.isnan(work.markers[label][:, 0]))):
-            _fill_one_from_cluster(work, markers, own, before, (start, stop))
-
-
-def _fill_one_from_cluster(work: _Work, markers: SegmentMarkers, own: int, before: dict[str, np.ndarray],
-                           gap: tuple[int, int]) -> None:
-    """Rule 1 for marker number `own`; at the recording's ends as far out as the others are seen without a break."""
-    (start, stop), frames = gap, work.recording.frames
-    first, last = max(start - 1, 0), min(stop + 1, frames)
-    edges = [frame for frame in (start - 1, stop) if 0 <= frame < frames]
-    seen = np.stack([np.isfinite(path[:, 0]) for path in before.values()], axis=1)
-    others = [k for k in range(len(markers.labels)) if k != own and all(seen[edge, k] for edge in edges)]
-    if len(edges) == 2:
-        others = [k for k in others if seen[first:last, k].all()]
-    if not edges or needs_joint_centre(markers.p_BM[others]):
-        return
-    unseen = start + np.flatnonzero(~seen[start:stop][:, others].all(axis=1))
-    if unseen.size and start == 0:
-        first = start = int(unseen[-1]) + 1
-    elif unseen.size:
-        last = stop = int(unseen[0])
-    if start == stop:
-        return
-    paths = np.stack(list(before.values()), axis=1)[first:last]
-    poses = rigid_poses(markers.p_BM[others], paths[:, others])
-    offset_B = np.einsum("nji,nj->ni", poses.R_WB, paths[:, own] - poses.p_WB) - markers.p_BM[own]
-    known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)
-    blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
-    placed = np.einsum("nij,nj->ni", poses.R_WB, markers.p_BM[own] + blended) + poses.p_WB
-    work.markers[markers.labels[own]][start:stop] = placed[start - first:stop - first]
-    work.gaps.append((markers.labels[own], start, stop, "rigid cluster"))
+        path = work.markers[label]
+        for gap in list(runs(np.isnan(path[:, 0]))):
+            start, stop, placed = placed_by_cluster(p_BM, p_WM, own, gap)
+            if start < stop:
+                path[start:stop] = placed
+                work.gaps.append((label, start, stop, how))
 
 
 def _fill_by_spline(work: _Work, label: str) -> None:
-    """Rule 2: gaps between seen frames, from up to `SPLINE_FRAMES` known ones on either side."""
+    """Rule 3."""
     path = work.markers[label]
-    known = np.flatnonzero(np.isfinite(path[:, 0]))
-    for start, stop in list(_runs(np.isnan(path[:, 0]))):
-        left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
-        if stop - start > work.longest or not left.size or not right.size:
-            continue
-        around = np.concatenate((left, right))
-        path[start:stop] = CubicSpline(around, path[around])(np.arange(start, stop))
-        work.gaps.append((label, start, stop, "spline"))
+    for start, stop in list(runs(np.isnan(path[:, 0]))):
+        if stop - start <= work.longest and splined(path, start, stop):
+            work.gaps.append((label, start, stop, "spline"))
 
 
 def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
-    """Rules 3 and 4: the frames [start, stop) that have every marker."""
+    """Rules 4 and 5: the frames [start, stop) that have every marker."""
     recording, frames = work.recording, work.recording.frames
     missing = {label: np.isnan(path[:, 0]) for label, path in work.markers.items()}
-    complete = list(_runs(~np.any(list(missing.values()), axis=0)))
+    complete = list(runs(~np.any(list(missing.values()), axis=0)))
     if not complete:
         worst = sorted((label for label, flags in missing.items() if flags.any()),
                        key=lambda label: -missing[label].sum())[:4]
@@ -207,12 +190,12 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
         run = (others or [r for r in complete if r != (start, stop)])[0]
         low, high = (run[1], start) if run[1] <= start else (stop, run[0])
         label, (first, last) = max(
-            ((label, gap) for label, flags in missing.items() for gap in _runs(flags)
+            ((label, gap) for label, flags in missing.items() for gap in runs(flags)
              if gap[0] < high and gap[1] > low), key=lambda item: item[1][1] - item[1][0])
         raise InputError(
             f"marker {label} is missing from {work.interval(first, last)}, longer than the "
             f"{work.longest / (recording.marker_rate_hz or 1.0):g} s that may be filled, and its segment has no three "
-            "others to stand in", file=recording.path,
+            "others to stand in (nor two and the joint centre)", file=recording.path,
             right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps")
     lacking = [label for label, flags in missing.items() if flags.any()]
     if stop - start < FEWEST_FRAMES:
