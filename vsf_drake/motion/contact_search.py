@@ -157,6 +157,9 @@ def _attribute_one(load: Load, floor: FeetOnFloor, stated: str | None) -> list[F
                      f"is {float(np.median(apart[other][0])):.2f} m from the {other} foot")
             return [Found(load, stated, distance, doubt, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
+    far = max(float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns)
+    if far > FAR_M:
+        return [Found(load, None, far, f"for a while its centre of pressure is {far:.2f} m from the nearest foot")]
     found = []
     for first, last, side in turns:
         piece = replace(load, start_s=load.start_s if first == 0 else float(times[first]),

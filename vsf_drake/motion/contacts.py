@@ -19,7 +19,7 @@ from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
 from vsf_drake.motion.markers.schema import FootTrack
 from vsf_drake.motion.measured import unmeasured_spans
-from vsf_drake.motion.plate_checks import check_upward, describe_offsets, describe_overlaps, without_doubles
+from vsf_drake.motion.plate_checks import check_upward, without_doubles
 from vsf_drake.motion.plate_sum import on_one_foot
 from vsf_drake.motion.plates import SIDES, PlateRecording
 
@@ -104,8 +104,7 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
                              item.load.start_seen, item.load.end_seen, item.distance_m,
                              "; ".join(filter(None, (item.doubt, doubts.get(i)))) or None)
                      for i, item in enumerate(found) if not item.scuff)
-    notes = (*double_notes, *describe_overlaps(plates), *describe_offsets(plates, file),
-             *_describe(contacts), *_describe_missing(missing))
+    notes = (*double_notes, *_describe(contacts), *_describe_missing(missing))
     return Assignment(sums, contacts, stances, missing, notes)
 
 

@@ -153,21 +153,26 @@ def best_map(recording: Recording) -> MarkerMap:
     """The shipped map that finds a complete set of markers in the recording, and most of them.
 
     Raises:
-        InputError: none fits.
+        InputError: none fits; what is missing, where a map knows half of the labels.
     """
-    fitting: dict[str, tuple[int, MarkerMap]] = {}
-    for name in SHIPPED:
-        candidate = load_marker_map(name)
+    fitting: list[tuple[int, MarkerMap]] = []
+    failing: list[tuple[int, InputError]] = []
+    for candidate in map(load_marker_map, SHIPPED):
+        labels = candidate.translate(recording.markers, recording.path).values()
         try:
-            found = candidate.find(candidate.translate(recording.markers, recording.path).values(), recording.path)
-        except InputError:
-            continue
-        fitting[name] = (sum(map(len, found.segments.values())), candidate)
+            found = candidate.find(labels, recording.path)
+        except InputError as error:
+            failing.append((len(candidate.spellings() & set(labels)), error))
+        else:
+            fitting.append((sum(map(len, found.segments.values())), candidate))
     if not fitting:
+        known, error = max(failing, key=lambda pair: pair[0])
+        if 2 * known >= len(recording.markers):
+            raise error
         raise InputError("no shipped marker map fits its labels: " + ", ".join(recording.markers),
                          file=recording.path, where="marker_map",
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
-    return max(fitting.values(), key=lambda pair: pair[0])[1]
+    return max(fitting, key=lambda pair: pair[0])[1]
 
 
 def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, hip: str, *,

@@ -1,8 +1,7 @@
-"""Force plates that cannot be right: upside down, on their side, the same one twice, one in another, not zeroed."""
+"""Force plates that cannot be right: upside down, on their side, the same one twice."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -10,16 +9,12 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.contact_search import LIGHT_N, FeetOnFloor
-from vsf_drake.motion.events import MINIMUM_PEAK_N, MINIMUM_S, THRESHOLD_N
+from vsf_drake.motion.events import MINIMUM_PEAK_N, MINIMUM_S
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.plates import SIDES
-from vsf_drake.motion.polygons import overlap_m
 
 SAME_FORCE = 0.02
 """Two plates whose forces differ by less than this share of themselves report one load: no two steps are so alike."""
-OVERLAP_M = 0.01
-OFFSET_N = 5.0
-"""An empty plate that reads more than this was not zeroed."""
 
 
 def check_upward(plate: Plate, *, file: str | Path) -> None:
@@ -73,24 +68,3 @@ def _distance(plate: Plate, rows: np.ndarray, time: np.ndarray, floor: FeetOnFlo
     if not at.any():
         return np.inf
     return float(np.median(np.minimum(*(floor.distance(time[at], plate.cop_m[at, :2], side)[0] for side in SIDES))))
-
-
-def describe_overlaps(plates: Sequence[Plate]) -> tuple[str, ...]:
-    """One sentence for each pair of plates that lie in each other."""
-    notes = []
-    for a, b in combinations([plate for plate in plates if plate.corners_m is not None], 2):
-        depth = overlap_m(a.corners_m, b.corners_m)
-        if depth > OVERLAP_M:
-            notes.append(f"Plates {a.name} and {b.name} overlap by {1e3 * depth:.0f} mm: their corners are doubtful.")
-    return tuple(notes)
-
-
-def describe_offsets(plates: Sequence[Plate], file: str | Path) -> tuple[str, ...]:
-    """One sentence for each plate that reads a force while nobody stands on it."""
-    notes = []
-    for plate in plates:
-        empty = plate.force_n[np.abs(plate.force_n[:, 2]) <= THRESHOLD_N, 2]
-        rest = float(np.median(empty)) if len(empty) else 0.0
-        if abs(rest) > OFFSET_N:
-            notes.append(f"Plate {plate.name} of {Path(file).name} reads {rest:.1f} N while it is empty: zero it.")
-    return tuple(notes)
