@@ -74,7 +74,7 @@ def _enough(p_BM: np.ndarray, reach: np.ndarray, least: int) -> list[int]:
 
 
 def splined(path: np.ndarray, start: int, stop: int) -> bool:
-    """Fills `path` (frames, 3) in [start, stop) by a cubic spline through its neighbours; False if one side has none."""
+    """Fills `path` (frames, 3) in [start, stop) by a cubic spline through its neighbours; False if a side has none."""
     known = np.flatnonzero(np.isfinite(path[:, 0]))
     left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
     if not left.size or not right.size:

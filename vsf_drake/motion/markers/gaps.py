@@ -137,13 +137,14 @@ def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
 
 
 def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str) -> np.ndarray:
-    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN where they do not tell."""
+    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN where not known or needed."""
     ancestors: list[str] = []
     parent = PARENTS[name]
     while parent is not None:
         ancestors.insert(0, parent)
         parent = PARENTS[parent]
-    if not ancestors:
+    whole = all(np.isfinite(work.markers[label]).all() for label in segments[name].labels)
+    if whole or not ancestors:
         return np.full((work.recording.frames, 3), np.nan)
     poses = segment_poses({ancestor: segments[ancestor] for ancestor in ancestors}, work.markers)
     return poses[ancestors[-1]].points(segments[name].p_PB)

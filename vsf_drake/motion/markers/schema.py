@@ -87,7 +87,10 @@ class FootTrack:
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """A stretch in which a marker was not seen and how it was filled ("rigid cluster" or "spline")."""
+    """A stretch in which a marker was not seen, and how it was filled.
+
+    `how` is "rigid cluster", "rigid cluster and joint centre" or "spline".
+    """
 
     label: str
     start_s: float
