@@ -233,8 +233,16 @@ def test_plates_in_each_others_place_are_refused():
         assign(*shifted)
 
 
-def test_forces_that_come_late_are_doubted():
-    late = [dataclasses.replace(p, force_n=np.roll(p.force_n, 250, axis=0), cop_m=np.roll(p.cop_m, 250, axis=0))
+@pytest.mark.parametrize("late_ms", [-250, 250])
+def test_forces_on_another_clock_are_refused(late_ms):
+    """A quarter of a second off, half of each load acts where the foot is not yet or no longer."""
+    late = [dataclasses.replace(p, force_n=np.roll(p.force_n, late_ms, axis=0), cop_m=np.roll(p.cop_m, late_ms, axis=0))
             for p in everywhere()]
-    result = assign(*late)
-    assert all(c.doubt for c in result.contacts if c.start_seen and c.end_seen)
+    with pytest.raises(InputError, match="must share frame, unit and clock"):
+        assign(*late)
+
+
+def test_forces_a_little_late_keep_their_feet():
+    late = [dataclasses.replace(p, force_n=np.roll(p.force_n, 80, axis=0), cop_m=np.roll(p.cop_m, 80, axis=0))
+            for p in everywhere()]
+    assert sides(assign(*late)) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]

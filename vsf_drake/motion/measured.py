@@ -42,7 +42,7 @@ def unmeasured_spans(found: Sequence[Found], stances: dict[str, tuple[Stance, ..
                 continue
             spans.append((min([start, *(a for _, a, _ in covering)]), max([end, *(b for *_, b in covering)])))
             for i, _, _ in covering:
-                doubts[i] = f"the foot stands on no plate for {gap:.2f} s of this stance"
+                doubts[i] = f"the foot stands on no plate for {gap:.2f} s of this stance, or the clocks differ"
         missing[side] = _merged([(max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans])
     return missing, doubts
 
