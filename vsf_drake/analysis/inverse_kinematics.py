@@ -27,11 +27,12 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from vsf_drake.analysis.marker_model import MarkerModel, make_marker_model
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.markers.clusters import segment_poses
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.poses import RigidPoses
 from vsf_drake.motion.markers.schema import Calibration, SegmentMarkers, TrackedMotion
-from vsf_drake.motion.markers.tracking import CUTOFF_HZ, checked_markers, describe, filtered, segment_poses
+from vsf_drake.motion.markers.tracking import CUTOFF_HZ, checked_markers, describe, filtered
 from vsf_drake.parameters import ModelParameters
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT, OTHER_WEIGHT = 2.0, 0.1, 1.0
@@ -129,7 +130,7 @@ def marker_weights(segments: Mapping[str, SegmentMarkers], prosthetic_side: str,
     Raises:
         InputError: `stated` has a label that is on no segment, or a weight that is not positive.
     """
-    weights = {}
+    weights: dict[str, float] = {}
     for name, segment in segments.items():
         weight = OTHER_WEIGHT
         if name.startswith("foot"):

@@ -137,7 +137,7 @@ def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
 
 
 def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str) -> np.ndarray:
-    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN where unknown or not needed."""
+    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN if unknown or not needed."""
     ancestors: list[str] = []
     parent = PARENTS[name]
     while parent is not None:

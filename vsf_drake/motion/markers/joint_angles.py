@@ -56,7 +56,7 @@ def joint_angles(R_PD: np.ndarray, joint: str, side: str) -> np.ndarray:
     y = np.arctan2(R[..., 0, 2], R[..., 2, 2])
     x = np.arctan2(-R[..., 1, 2], np.hypot(R[..., 1, 0], R[..., 1, 1]))
     z = np.arctan2(R[..., 1, 0], R[..., 1, 1])
-    return np.stack([y, x, z], axis=-1) * _signs(joint, side)
+    return np.asarray(np.stack([y, x, z], axis=-1) * _signs(joint, side))
 
 
 def joint_rotation(angles: np.ndarray, joint: str, side: str) -> np.ndarray:
@@ -86,7 +86,7 @@ def coordinates_of(R_W: Mapping[str, np.ndarray], p_WPelvis: np.ndarray) -> np.n
     """
     columns = [world_to_os(p_WPelvis), _continuous(joint_angles(R_W["pelvis"], "pelvis", "right"))]
     for segment in SEGMENTS[1:]:
-        R_PW = R_W[PARENTS[segment]].swapaxes(-1, -2)
+        R_PW = R_W[str(PARENTS[segment])].swapaxes(-1, -2)
         columns.append(_continuous(joint_angles(R_PW @ R_W[segment], *segment_joint(segment))))
     return np.concatenate(columns, axis=-1)
 
@@ -97,7 +97,7 @@ def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
     R_W = {"pelvis": joint_rotation(values[..., 3:6], "pelvis", "right")}
     for k, segment in enumerate(SEGMENTS[1:], start=2):
         R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
-        R_W[segment] = R_W[PARENTS[segment]] @ R_PD
+        R_W[segment] = R_W[str(PARENTS[segment])] @ R_PD
     return R_W, os_to_world(values[..., :3])
 
 

@@ -37,8 +37,8 @@ class RigidPoses:
         """(n, 3) or (n, k, 3) m: the points `p_BQ`, (3,) or (k, 3) in B, in W."""
         p_BQ = np.asarray(p_BQ, dtype=float)
         if p_BQ.ndim == 1:
-            return self.R_WB @ p_BQ + self.p_WB
-        return p_BQ @ self.R_WB.transpose(0, 2, 1) + self.p_WB[:, None, :]
+            return np.asarray(self.R_WB @ p_BQ + self.p_WB)
+        return np.asarray(p_BQ @ self.R_WB.transpose(0, 2, 1) + self.p_WB[:, None, :])
 
 
 def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray, weights: np.ndarray | None = None) -> RigidPoses:
@@ -96,4 +96,4 @@ def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
     centred = from_mean - (np.einsum("nk,nki->ni", seen.astype(float), from_mean) / count)[:, None, :]
     dispersion = np.einsum("nk,nki,nkj->nij", seen.astype(float), centred, centred) / count[:, :, None]
     values = np.linalg.eigvalsh(dispersion)
-    return np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
+    return np.asarray(np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0)))

@@ -82,4 +82,4 @@ def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str,
 
 
 def _rms(residual: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(residual**2, axis=1))
+    return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))

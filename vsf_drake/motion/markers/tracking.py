@@ -89,7 +89,10 @@ def filtered(markers: Mapping[str, np.ndarray], *, rate_hz: float, cutoff_hz: fl
 def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray], times: np.ndarray,
              poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: tuple[str, ...] = ()) -> TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
-    feet, residuals, cluster, gaps = {}, {}, {}, {}
+    feet: dict[str, FootTrack] = {}
+    residuals: dict[str, float] = {}
+    cluster: dict[str, float] = {}
+    gaps: dict[str, float] = {}
     for name, segment in filled.segments.items():
         residuals |= residual_rms(segment, filled, poses[name])
         cluster[name] = cluster_motion(segment, markers)
