@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.recording import ground_checks
-from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
+from vsf_drake.analysis.recording.foot import FLAT_RAD, FootMotion, flat_phase, floor_point, slip_velocity
 from vsf_drake.analysis.recording.foot_checks import (
     clearance,
     drift,
@@ -24,14 +24,16 @@ TIME = np.arange(0.0, 2.0, 0.01)
 
 def made_foot(*, pitch_deg=0.0, sole_m=0.0, rise_m_per_s=0.0, slide_m_per_s=0.0, swing_m=0.05, side="right",
               prosthetic=True, undeformed=False, length_m=0.25) -> FootMotion:
-    """Flat from 15 to 60 % of the stance, rolling before and after, lifted in between stances."""
+    """Flat from 15 to 60 % of the stance; before it rolls over its heel, after it over its toe; lifted in swing."""
     start, end = STANCE.start_s + 0.15 * STANCE.duration_s, STANCE.start_s + 0.60 * STANCE.duration_s
     before, after = np.clip(start - TIME, 0.0, None), np.clip(TIME - end, 0.0, None)
-    pitch = np.radians(pitch_deg) + 3.0 * np.minimum(before, 0.15) - 3.0 * np.minimum(after, 0.2)
+    rolling = 3.0 * np.minimum(before, 0.15) - 3.0 * np.minimum(after, 0.2)
+    pitch = np.radians(pitch_deg) + rolling
     away = (TIME < STANCE.start_s) | (TIME > STANCE.end_s)
     heel = np.zeros((len(TIME), 3))
     heel[:, 0] = slide_m_per_s * (TIME - start)
-    heel[:, 2] = sole_m + rise_m_per_s * (TIME - start) - 0.5 * length_m * np.sin(pitch)
+    heel[:, 2] = sole_m + rise_m_per_s * (TIME - start) - length_m * np.sin(np.minimum(rolling, 0.0))
+    heel[:, 2] -= 0.5 * length_m * np.sin(np.radians(pitch_deg))
     heel[away, 2] += swing_m
     along = np.column_stack([np.cos(pitch), 0 * pitch, np.sin(pitch)])
     up = np.column_stack([-np.sin(pitch), 0 * pitch, np.cos(pitch)])
@@ -49,7 +51,7 @@ def flat(foot):
 def test_foot_flat_is_found_where_the_foot_is_flat():
     foot = made_foot()
     instants = TIME[flat(foot)]
-    slack = np.radians(3.0) / 3.0 + 0.011  # how long the foot still is within 3 degrees, and a frame
+    slack = FLAT_RAD / 3.0 + 0.011  # how long the rolling foot still counts as flat, and a frame
     assert instants[0] == pytest.approx(STANCE.start_s + 0.15 * STANCE.duration_s, abs=slack)
     assert instants[-1] == pytest.approx(STANCE.start_s + 0.60 * STANCE.duration_s, abs=slack)
 
@@ -133,7 +135,7 @@ def test_drift_is_the_rise_through_foot_flat(rate, mark):
 def test_height_is_that_of_the_flat_sole():
     foot = made_foot(sole_m=-0.012)
     check = height(foot, [flat(foot)])
-    assert check.value == pytest.approx(-12.0, abs=0.2)
+    assert check.value == pytest.approx(-12.0, abs=1.0)  # the rolling at both ends lifts the middle a little
     assert check.mark == "doubtful"
     assert "below the floor" in check.sentence
 
@@ -144,7 +146,7 @@ def test_stances_at_different_heights_are_told_apart():
     foot.heel_W[rows[len(rows) // 2 :], 2] += 0.006
     foot.toe_W[rows[len(rows) // 2 :], 2] += 0.006
     check = height_between(foot, [rows[: len(rows) // 2], rows[len(rows) // 2 :]])
-    assert check.value == pytest.approx(6.0, abs=0.1)
+    assert check.value == pytest.approx(6.0, abs=1.0)  # rolling at both ends lifts the middle a little
     assert check.mark == "unusable"
 
 

@@ -122,5 +122,7 @@ def _refined(trial: Trial, options: IntakeOptions) -> Trial:
                                       longest_gap_s=options.longest_gap_s).motion
     trajectory = motion.trajectory(trial.trajectory.names, source=trial.trajectory.source)
     trajectory, _, _ = on_the_belt(trajectory, {}, speed_m_per_s=options.belt_speed_m_per_s)
+    feet = motion.feet if trial.tracked is None else trial.tracked.feet  # the model's hang from the leg, these do not
     notes = ("The angles are those of a global inverse kinematics of the model.", *motion.notes)
-    return dataclasses.replace(trial, trajectory=trajectory, tracked=motion, notes=(*trial.notes, *notes))
+    return dataclasses.replace(trial, trajectory=trajectory, tracked=dataclasses.replace(motion, feet=feet),
+                               notes=(*trial.notes, *notes))

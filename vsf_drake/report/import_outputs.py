@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from vsf_drake.analysis.recording.examine import Examined
 from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
+from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.plates import SIDES
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.motion.trial_files import write_trial_files
@@ -26,6 +27,8 @@ from vsf_drake.simulation.provenance import provenance
 
 IMPORT, CHECK = "import", "check"
 SUBJECT_FILE, MODEL_FILE = "subject.yaml", "model.yaml"
+KINDS = (".yaml", ".mot", ".json", ".html")
+"""Suffixes of what an import writes."""
 
 
 def check_folder(out: Path, kind: str) -> None:
@@ -128,7 +131,7 @@ def _written_before(path: Path) -> set[str]:
         files = json.loads(path.read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, KeyError, TypeError):
         return set()
-    return {name for name in files if isinstance(name, str) and Path(name).name == name}
+    return {name for name in files if isinstance(name, str) and Path(name).name == name and Path(name).suffix in KINDS}
 
 
 def _person(item: Examined) -> dict[str, Any]:
@@ -152,9 +155,19 @@ def _person(item: Examined) -> dict[str, Any]:
             left = lengths.get(f"{key.removesuffix('_right')}_left")
             pair = f"{1e3 * lengths[key]:.1f} mm" + (f" / {1e3 * left:.1f} mm" if left is not None else "")
             rows.append((f"{key.removesuffix('_right').replace('_', ' ')}, right / left (standing trial)", pair))
-        angles = [f"{name}: {np.degrees(value):.1f}°" for name, value in calibration.angles_rad.items()
-                  if not name.startswith("pelvis_t") or name == "pelvis_tilt"]
         lists = [("How joint centres and axes were found", calibration.method),
-                 ("What was assumed or looks doubtful", calibration.notes), ("Angles at standing", angles)]
+                 ("What was assumed or looks doubtful", calibration.notes),
+                 ("Angles at standing", _standing(calibration.angles_rad))]
     return {"rows": rows, "lists": lists}
 
+
+def _standing(angles_rad: Mapping[str, float]) -> list[str]:
+    """The angles at standing: a line for the pelvis and one for each leg."""
+    lines = []
+    for name in ("pelvis", "right", "left"):
+        own = {key: value for key, value in angles_rad.items() if key not in PELVIS_TRANSLATIONS
+               and (key.startswith("pelvis_") if name == "pelvis" else key.endswith(f"_{name[0]}"))}
+        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} {np.degrees(value):.1f}°"
+                 for key, value in own.items())
+        lines.append(f"{name}: {', '.join(words)}")
+    return lines

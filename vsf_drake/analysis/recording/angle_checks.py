@@ -61,7 +61,8 @@ def zeroed(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], standing_ra
     if len(main) >= FEWEST_ANGLES:
         value = float(np.max(main))
         if value < ZERO_DEG:
-            return Check(name, "unusable", value, "deg", "At standing every sagittal angle is within "
+            mark = "doubtful" if standing_rad else "unusable"
+            return Check(name, mark, value, "deg", "At standing every sagittal angle is within "
                          f"{value:.2f}° of zero, which no person's are: they were subtracted. {meaning}")
         if standing_rad:
             return Check(name, "good", value, "deg", "The standing trial has angles of its own (up to "

@@ -8,8 +8,9 @@ import numpy as np
 
 from vsf_drake.motion.events import Stance
 
-FLAT_RAD = np.radians(3.0)
-"""A foot is flat while its sole is within this of its usual angle in mid-stance (a choice)."""
+FLAT_RAD = np.radians(1.5)
+"""A foot is flat while its sole is within this of its usual angle in mid-stance: a few times what filtered markers
+scatter, and no more than 3 mm at the middle of a foot that begins to roll (a choice)."""
 MIDDLE = (0.25, 0.45)
 """Shares of stance in which every foot of a walk is flat: after the forefoot is down, before the heel rises."""
 SEARCH = (0.10, 0.70)
@@ -66,7 +67,7 @@ def shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
 def flat_phase(foot: FootMotion, stance: Stance) -> np.ndarray | None:
     """Indices of the frames in which the foot stands flat in `stance`; None if fewer than three are known.
 
-    The longest run within 3 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
+    The longest run within 1.5 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
     """
     middle = np.flatnonzero(foot.rows(*shares(stance, MIDDLE)))
     if len(middle) < FEWEST_FRAMES or not stance.complete:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import Check, grade
+from vsf_drake.analysis.recording.check import Check, grade, worst
 from vsf_drake.motion.markers.schema import Gap
 
 RESIDUAL_M = (0.010, 0.020)
@@ -18,7 +18,9 @@ JOINT_GAP_M = (0.020, 0.035)
 """Distance between two segments' ideas of one joint centre: hip regressions alone err by 10 to 15 mm, and skin moves.
 Choices."""
 GAP_S = (0.1, 0.2)
-"""Longest gap filled; the first is the default limit of filling."""
+"""Longest gap filled without markers of the same segment to go by; the first is the default limit of filling."""
+BY_CLUSTER_S = (1.0, float("inf"))
+"""The same where the segment's other markers say where it was: without one of them for so long it rests on fewer."""
 SAME_LENGTH = (0.03, 0.08)
 """Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
 SMOOTH_M = 2e-5
@@ -56,11 +58,16 @@ def gaps_filled(gaps: Sequence[Gap]) -> Check:
         return Check("gaps filled", "good", 0.0, "s", "No marker in use had a gap.")
     longest = max(gaps, key=lambda gap: gap.end_s - gap.start_s)
     value = longest.end_s - longest.start_s
-    mark = "good" if value <= GAP_S[0] + 1e-9 else "doubtful" if value <= GAP_S[1] else "unusable"
+    mark = worst(_gap_mark(gap) for gap in gaps)
     sentence = (f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''} filled; the longest, {longest.label} from "
                 f"{longest.start_s:.3f} to {longest.end_s:.3f} s, by {longest.how}")
-    sentence += "." if mark == "good" else ": there the motion is a guess."
+    sentence += "." if mark == "good" else ". Not all of that is sure: see the list of gaps."
     return Check("gaps filled", mark, value, "s", sentence)
+
+
+def _gap_mark(gap: Gap) -> str:
+    limits = BY_CLUSTER_S if gap.how.startswith("rigid cluster") else GAP_S
+    return grade(gap.end_s - gap.start_s - 1e-9, *limits)
 
 
 def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
