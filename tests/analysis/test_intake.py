@@ -1,0 +1,123 @@
+"""Files that belong together, and persons whose mass only the forces tell."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from made_laboratory import MASS, Laboratory
+
+from vsf_drake.analysis.intake import take_in
+from vsf_drake.analysis.intake_files import gather, walk_names
+from vsf_drake.analysis.intake_steps import IntakeOptions
+from vsf_drake.analysis.recording.examine import examine, weighed
+from vsf_drake.errors import InputError
+from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.resources import resource
+
+PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
+
+
+def touch(folder, *names):
+    for name in names:
+        (folder / name).write_text("x", encoding="utf-8")
+    return [folder / name for name in names]
+
+
+def test_force_file_beside_a_trc_is_found_by_its_name(tmp_path):
+    for beside in ("walk_grf.mot", "walk.forces", "walk.csv", "walk.sto", "walk.mot"):
+        folder = tmp_path / beside
+        folder.mkdir()
+        standing, walk, _, forces = touch(folder, "static.trc", "walk.trc", "walk_ik.mot", beside)
+        files = gather(standing, [walk])
+        assert files.forces == (forces,)
+        assert any(beside in note for note in files.notes(walk))
+
+
+def test_stated_forces_win_and_a_c3d_has_its_own(tmp_path):
+    standing, walk, beside, stated = touch(tmp_path, "static.c3d", "walk.trc", "walk.mot", "plates.mot")
+    files = gather(standing, [walk], [stated])
+    assert files.forces == (stated,)
+    assert files.notes(walk) == ()
+    [c3d] = touch(tmp_path, "walk.c3d")
+    assert gather(standing, [c3d]).forces == (None,)
+    assert beside.is_file()
+
+
+def test_walk_that_is_its_own_standing_trial_leaves_none(tmp_path):
+    [walk] = touch(tmp_path, "walk.c3d")
+    assert gather(walk, [walk]).standing is None
+    assert gather(tmp_path / "." / "walk.c3d", [walk]).standing is None
+
+
+def test_files_that_cannot_belong_together_are_refused(tmp_path):
+    standing, walk, forces = touch(tmp_path, "static.c3d", "walk.c3d", "walk.mot")
+    with pytest.raises(InputError, match="given twice"):
+        gather(standing, [walk, walk])
+    with pytest.raises(InputError, match="do not fit"):
+        gather(standing, [walk], [forces, forces])
+    with pytest.raises(InputError, match="no such file"):
+        gather(tmp_path / "none.c3d", [walk])
+    with pytest.raises(InputError, match="is a folder"):
+        gather(tmp_path, [walk])
+
+
+def test_results_get_names_of_their_own(tmp_path):
+    walks = [tmp_path / name for name in ("a/walk.c3d", "b/walk.trc", "b/Walk.c3d", "subject.c3d", "ü 1.c3d")]
+    assert walk_names(walks) == ["walk", "walk_2", "Walk_3", "subject_trial", "ü 1"]
+
+
+def test_masses_of_several_walks_become_one_person(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    standing, walks = laboratory.standing(), [laboratory.walk("one.trc"), laboratory.walk("two.trc")]
+    person = dataclasses.replace(PERSON, mass_kg=None)
+    intake = take_in(gather(standing, walks), IntakeOptions(person=person))
+    masses = {item.trial.subject.mass_kg for item in intake.items}
+    assert len(masses) == 1
+    assert len({item.trial.subject for item in intake.items}) == 1
+    for item in intake.items:
+        assert item.checks[0].name == "body mass"
+        assert item.checks[0].mark == "doubtful"
+
+
+def test_progress_names_each_walk(tmp_path):
+    laboratory, told = Laboratory(tmp_path), []
+    files = gather(laboratory.standing(), [laboratory.walk("one.trc")])
+    take_in(files, IntakeOptions(person=PERSON), progress=lambda what, share: told.append((what, share)))
+    assert told == [("importing one.trc", 0.0)]
+
+
+def test_model_feet_are_those_that_the_simulation_walks_on():
+    trial = load_trial(resource("data/synthetic_walk/trial.yaml"))
+    item = examine(trial)
+    gait = make_gait(trial.subject, trial.model)
+    context = gait.diagram.CreateDefaultContext()
+    plant_context, person = gait.plant_context(context), gait.person
+    row = len(trial.trajectory.time_s) // 2
+    motion = trial.trajectory.ordered(person.coordinate_names)
+    q = np.zeros(gait.plant.num_positions())
+    for name, value in zip(motion.names, motion.values[row], strict=True):
+        q[gait.plant.GetJointByName(name).position_start()] = value
+    gait.plant.SetPositions(plant_context, q)
+    for side, sites in (("right", person.foot.sites), ("left", person.intact_sites)):
+        heights = [(gait.plant.EvalBodyPoseInWorld(plant_context, gait.plant.get_body(body)) @ place)[2] - radius
+                   for body, place, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
+        assert item.model_feet[side].lowest_m[row] == pytest.approx(np.min(heights), abs=1e-12)
+
+
+def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
+    trial = load_trial(resource("data/synthetic_walk/trial.yaml"))
+    raised = dataclasses.replace(trial, offsets=dataclasses.replace(trial.offsets, height_m=0.03))
+    here, there = (next(c for c in examine(t).checks if c.name == "height at touch-down" and c.side == "right")
+                   for t in (trial, raised))
+    # along the shank, which leans back by some 20 degrees at touch-down
+    assert there.value - here.value == pytest.approx(30.0 * np.cos(np.radians(20.0)), abs=2.0)
+    assert there.mark == "doubtful"
+
+
+def test_only_marker_trials_tell_which_foot_was_where():
+    with pytest.raises(ValueError, match="markers"):
+        weighed(load_trial(resource("data/synthetic_walk/trial.yaml")))

@@ -1,0 +1,110 @@
+"""The page of a check: one file, no network, nothing hidden, every text only text."""
+
+from __future__ import annotations
+
+import dataclasses
+import html.parser
+import re
+
+import pytest
+
+from vsf_drake.analysis.recording.check import MARKS
+from vsf_drake.analysis.recording.examine import examine
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.report.import_figures import angle_figure, floor_figure, force_figure, height_figure, residual_figure
+from vsf_drake.report.import_page import import_page, write_import_page
+from vsf_drake.resources import resource
+
+VOID = {"meta", "img", "br"}
+
+
+@pytest.fixture(scope="module")
+def item():
+    return examine(load_trial(resource("data/synthetic_walk/trial.yaml")))
+
+
+@pytest.fixture(scope="module")
+def page(item):
+    odd = dataclasses.replace(item, trial=dataclasses.replace(item.trial, name="<b>trial</b> & $x$ ü"))
+    return import_page([item, odd], title="Check <1>", failures={"walk <3>.c3d": "is cut & short"})
+
+
+class Balanced(html.parser.HTMLParser):
+    """Collects tags and fails on one that closes out of turn."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[tuple[str, dict]] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_page_is_whole_html_and_loads_nothing(page):
+    reader = Balanced()
+    reader.feed(page)
+    assert reader.open == []
+    for tag, attributes in reader.seen:
+        assert tag not in ("script", "link", "iframe")
+        for key in ("src", "href"):
+            assert attributes.get(key, "#").startswith(("#", "data:image/svg+xml;base64,"))
+    assert "http" not in re.sub(r"base64,[^\"]*", "", page)
+
+
+def test_links_of_the_summary_lead_to_their_trials(page):
+    reader = Balanced()
+    reader.feed(page)
+    targets = {attributes["id"] for _, attributes in reader.seen if "id" in attributes}
+    links = {attributes["href"][1:] for _, attributes in reader.seen if "href" in attributes}
+    assert links == targets
+    assert len(links) == 2
+
+
+def test_names_and_messages_are_only_text(page):
+    assert "<b>trial" not in page
+    assert "&lt;b&gt;trial&lt;/b&gt; &amp; $x$ ü" in page
+    assert "walk &lt;3&gt;.c3d" in page
+    assert "is cut &amp; short" in page
+
+
+def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
+    text = html.unescape(page)
+    for check in item.checks:
+        assert check.sentence in text
+        assert check.mark in MARKS
+    order = [m for m in re.findall(r'<tr><td><span class="mark"[^>]*>(\w+)</span></td><td>[^<]', page)]
+    first = order[: len(item.checks)]
+    assert first == sorted(first, key=lambda mark: -MARKS.index(mark))
+
+
+def test_synthetic_trials_are_called_so_in_title_text_and_every_figure(item, page):
+    assert "(SYNTHETIC)</title>" in page
+    assert "SYNTHETIC, not recorded: " in page
+    for make in (angle_figure, force_figure, floor_figure, height_figure):
+        figure = make(item)
+        labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+        assert any("SYNTHETIC" in label for label in labels)
+
+
+def test_angle_trials_have_no_marker_residuals(item):
+    assert residual_figure(item) is None
+
+
+def test_axes_name_their_units(item):
+    for make in (angle_figure, force_figure, floor_figure, height_figure):
+        for axes in make(item).axes:
+            assert "(" in axes.get_xlabel()
+            assert "(" in axes.get_ylabel()
+
+
+def test_same_trial_gives_the_same_page(item, tmp_path):
+    for name in ("a.html", "b.html"):
+        write_import_page(tmp_path / name, [item], title="again")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.html", "b.html"]
