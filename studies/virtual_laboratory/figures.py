@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Recorded
-
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.filters import low_pass
 

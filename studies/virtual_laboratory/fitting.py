@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+
 from virtual_laboratory.motion import COORDINATES, DEGREE, Splines
 
 BAND = DEGREE + 1

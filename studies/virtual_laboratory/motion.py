@@ -15,8 +15,8 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.interpolate import BSpline
-from virtual_laboratory.targets import Draw
 
+from virtual_laboratory.targets import Draw
 from vsf_drake.motion.kinematics import person_coordinates
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import sole_height

@@ -1,8 +1,8 @@
 """From a fitted motion to what a laboratory would have recorded of it: coordinates and both feet's forces.
 
-The prosthetic foot's force is what the virtual prosthesis gives when driven by the coordinates *as written*: rounded, at
-200 Hz, splined as `vsf_drake` splines them. The intact foot's force is inverse dynamics: what else it takes to move the
-whole person so, m (g + a_com) - F_prosthetic, while the intact foot is on the floor. Its centre of pressure is
+The prosthetic foot's force is what the virtual prosthesis gives when driven by the coordinates *as written*: rounded,
+at 200 Hz, splined as `vsf_drake` splines them. The intact foot's force is inverse dynamics: what else it takes to move
+the whole person so, m (g + a_com) - F_prosthetic, while the intact foot is on the floor. Its centre of pressure is
 constructed (from heel to forefoot along the foot), its free moment zero.
 """
 
@@ -11,13 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from virtual_laboratory.motion import COORDINATES, Person
-from virtual_laboratory.polish import FORCE_HZ, MARGIN_S, RATE_HZ, Attempt, walk
+from virtual_laboratory.placing import MARGIN_S, RATE_HZ, Attempt
+from virtual_laboratory.polish import FORCE_HZ, walk
 from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.supports import Support
 from virtual_laboratory.targets import Draw, roll_over
-
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY
@@ -92,7 +93,7 @@ def _intact_foot(person: Person, draw: Draw, time_s: np.ndarray, q: np.ndarray, 
                  prosthetic_n: np.ndarray, intact: list[Support]) -> tuple[Foot, np.ndarray]:
     path = CoordinateTrajectory(time_s, person.centre_of_mass(q), ("x", "y", "z"))
     acceleration = path.sample(instants)[2]
-    needed = person.subject.mass_kg * (acceleration + [0.0, 0.0, GRAVITY]) - prosthetic_n
+    needed = person.subject.mass_kg * (acceleration + np.array([0.0, 0.0, GRAVITY])) - prosthetic_n
     after = instants - MARGIN_S
     into, out = (after - draw.intact_strike_s) / FADE_S, (draw.intact_lift_s - after) / FADE_S
     share = np.clip(np.maximum(into, out), 0.0, 1.0)

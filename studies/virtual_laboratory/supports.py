@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from virtual_laboratory.fitting import Wishes
 from virtual_laboratory.motion import DEVICE, INTACT_FOOT, Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
@@ -70,7 +71,7 @@ def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
 def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
     """The intact foot's in the stance before and after, a stride apart."""
     length, body = person.handles.body.foot_length, person.handles.body
-    turn, stride_m = np.radians(draw.toe_out_deg), draw.speed_m_per_s * draw.stride_s
+    turn = np.radians(draw.toe_out_deg)
     heel_x = -person.model.intact_foot.ankle_x_ratio * length
     found = []
     for strike_s in (draw.intact_strike_s - draw.stride_s, draw.intact_strike_s):

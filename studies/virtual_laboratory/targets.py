@@ -45,12 +45,12 @@ SPREAD = {
     "lateral_bw": (0.045, 0.006),
     "roll_over": (0.0, 0.02),
 }
-"""Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs from
-stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+"""Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
+from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
 LOADED_BW = 20.0 / (78.0 * 9.81)
 """Vertical force at which a stance begins and ends: 20 N."""
 MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
-"""Faster (m/s) by 0.8 per second of shorter stance, about the mean of the three published stance times: 1.0 to 1.2 m/s."""
+"""Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations."""
 
@@ -125,7 +125,7 @@ class Draw:
 def draw_trials(seed: int) -> list[Draw]:
     """Nine trials. Every quantity is drawn once from each third of its normal distribution, in random order.
 
-    Three such draws (a Latin hypercube) have the stated spread, where three independent ones may by chance lie together.
+    Three such draws (a Latin hypercube) have the stated spread; three independent ones may by chance lie together.
     """
     random = np.random.default_rng(seed)
     trials = []

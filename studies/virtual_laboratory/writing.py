@@ -1,0 +1,108 @@
+"""The files of data/reference_subject: OpenSim tables, manifests, the figures and the page that explains them."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from virtual_laboratory.motion import COORDINATES
+from virtual_laboratory.recording import Foot, Recorded
+from virtual_laboratory.targets import Draw, describe
+from virtual_laboratory.tiers import Tier
+from vsf_drake.files import replaced
+from vsf_drake.motion.plates import world_to_os
+from vsf_drake.motion.storage import write_storage
+
+TEMPLATE = Path(__file__).with_name("readme_template.md")
+NAME = "SYNTHETIC reference subject"
+NOTICE = "SYNTHETIC, nobody walked this (made by studies/make_reference_subject.py)"
+SUBJECT = f"""\
+# {NOTICE}. The subject's published figures: McGeehan 2021
+# (doi 10.1115/1.4050456). Lengths are scaled from the stature.
+name: {NAME}
+mass_kg: 78.0
+stature_m: 1.81
+sex: male
+prosthetic_side: right
+"""
+FORCE_DECIMALS, PLACE_DECIMALS, MOMENT_DECIMALS = 2, 5, 3
+
+
+def write_subject(folder: Path) -> Path:
+    """`subject.yaml` in `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with replaced(folder / "subject.yaml") as stream:
+        stream.write(SUBJECT)
+    return folder / "subject.yaml"
+
+
+def write_trial(folder: Path, trial: Recorded, tier: Tier) -> None:
+    """Manifest, kinematics and forces of one trial in the tier's folder."""
+    place = folder / tier.name
+    place.mkdir(parents=True, exist_ok=True)
+    draw = trial.draw
+    title = f"{NAME}, {tier.name} tier, {draw.name}: {NOTICE}"
+    write_storage(place / f"{draw.name}_kinematics.mot", time_s=trial.time_s, names=COORDINATES,
+                  values=tier.coordinates, in_degrees=True, title=title)
+    columns = {**_columns(tier.right, "r"), **_columns(tier.left, "l")}
+    write_storage(
+        place / f"{draw.name}_forces.mot", time_s=trial.force_time_s, names=list(columns),
+        values=np.column_stack(list(columns.values())),
+        title=f"{title}; r: from a virtual prosthesis, l: inverse dynamics with a constructed centre of pressure")
+    with replaced(place / f"{draw.name}.yaml") as stream:
+        stream.write(
+            f"# {NOTICE}.\n"
+            f"name: {NAME}, {tier.name} tier, {draw.condition} stiffness, trial {draw.number}\n"
+            "synthetic: true\nsubject: ../subject.yaml\n"
+            f"kinematics: {draw.name}_kinematics.mot\n"
+            f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
+            f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}}}\n")
+
+
+def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
+    """OpenSim's columns of one foot; place and moment are zero where it is not loaded, as in OpenSim's own files."""
+    force = world_to_os(foot.force).round(FORCE_DECIMALS) + 0.0
+    cop = world_to_os(np.nan_to_num(foot.cop)).round(PLACE_DECIMALS) + 0.0
+    moment = np.nan_to_num(foot.free_moment).round(MOMENT_DECIMALS) + 0.0
+    columns = {f"ground_force_{side}_v{axis}": force[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"ground_force_{side}_p{axis}": cop[:, i] for i, axis in enumerate("xyz")}
+    still = np.zeros(len(moment))
+    return columns | {f"ground_torque_{side}_{axis}": moment if axis == "y" else still for axis in "xyz"}
+
+
+def write_figures(folder: Path, figures: dict[str, dict[str, float]], draws: list[Draw]) -> None:
+    """`figures.csv`, what came out, and `draws.csv`, what was drawn: one line per trial."""
+    for name, rows in (("figures.csv", figures), ("draws.csv", {d.name: describe(d) for d in draws})):
+        with replaced(folder / name) as stream:
+            stream.write(f"# {NAME}: {NOTICE}\n")
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(["trial", *next(iter(rows.values()))])
+            writer.writerows([trial, *(f"{float(value):.5g}" for value in row.values())] for trial, row in rows.items())
+
+
+def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[str, dict[str, float]]) -> None:
+    """`README.md` out of the template and what was achieved."""
+    shown = {"stance_s": ("stance s", 1, 3), "speed_m_per_s": ("speed m/s", 1, 3),
+             "first_peak_bw": ("peak 1 %BW", 100, 1), "trough_bw": ("trough %BW", 100, 1),
+             "second_peak_bw": ("peak 2 %BW", 100, 1), "braking_bw": ("braking %BW", 100, 1),
+             "propulsion_bw": ("propulsion %BW", 100, 1), "medial_peak_bw": ("medial %BW", 100, 1),
+             "cop_travel_mm": ("CoP travel mm", 1, 0), "swing_clearance_mm": ("clearance mm", 1, 1),
+             "slip_flat_mm": ("slip mm", 1, 1), "knee_loading_deg": ("knee, loading °", 1, 1),
+             "step_width_mm": ("step width mm", 1, 0), "intact_peak_bw": ("intact peak %BW", 100, 1),
+             "unexplained_vertical_bw": ("unexplained, vertical %BW", 100, 1),
+             "unexplained_fore_aft_bw": ("fore-aft %BW", 100, 1)}
+    achieved = {trial: [f"{scale * row[key]:.{digits}f}" for key, (_, scale, digits) in shown.items()]
+                for trial, row in figures.items()}
+    stretched = {one: [f"{100 * error:.1f}" if other != one else "-" for other, error in row.items()]
+                 for one, row in null.items()}
+    text = TEMPLATE.read_text(encoding="utf-8")
+    text = text.replace("{figures}", _table("trial", [title for title, _, _ in shown.values()], achieved))
+    with replaced(folder / "README.md") as stream:
+        stream.write(text.replace("{null}", _table("curve of", list(null), stretched)))
+
+
+def _table(corner: str, head: list[str], rows: dict[str, list[str]]) -> str:
+    lines = [[corner, *head], ["---"] * (1 + len(head)), *([name, *cells] for name, cells in rows.items())]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
