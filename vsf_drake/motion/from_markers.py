@@ -23,6 +23,7 @@ from vsf_drake.motion.markers.handedness import prepared
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
+from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
 from vsf_drake.motion.pelvis_path import reaching_pelvis
 from vsf_drake.motion.plates import HEAVIEST_BW
@@ -87,7 +88,8 @@ def trial_from_recordings(
     """
     path = walk.path if path is None else path
     marked = walk_from_markers(standing, walk, marker_map, person, stated=stated, calibration=calibration, hip=hip,
-                               cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s, plate_sides=plate_sides)
+                               cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s, plate_sides=plate_sides,
+                               model=model, fulcrum_m=fulcrum_m)
     subject, tracked, assignment = marked.calibration.subject, marked.tracked, marked.assignment
     side = subject.prosthetic_side
     if side not in assignment.plates:
@@ -110,7 +112,8 @@ def walk_from_markers(
     standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts, *,
     stated: Mapping[str, float] | None = None, calibration: Calibration | None = None, hip: str = "harrington",
     cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
-    plate_sides: Mapping[str, str | None] | None = None,
+    plate_sides: Mapping[str, str | None] | None = None, model: ModelParameters | None = None,
+    fulcrum_m: float = MID_FULCRUM_M,
 ) -> MarkedWalk:
     """Person, motion and forces on the feet; see `trial_from_recordings` for the arguments.
 
@@ -126,8 +129,9 @@ def walk_from_markers(
     notes += walk.notes
     weighed = True
     if calibration is None:
-        calibration, weighed = _calibrated(walk if standing is None else standing, marker_map, person, hip,
-                                           alone=standing is None)
+        calibration, weighed = _calibrated(
+            walk if standing is None else standing, marker_map, person, alone=standing is None, hip=hip, model=model,
+            fulcrum_m=fulcrum_m)
         if standing is not None:
             notes += [f"Standing trial: {note}" for note in standing.notes]
     notes += calibration.notes
@@ -175,18 +179,21 @@ def best_map(recording: Recording) -> MarkerMap:
     return max(fitting, key=lambda pair: pair[0])[1]
 
 
-def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, hip: str, *,
-                alone: bool) -> tuple[Calibration, bool]:
+def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, *, alone: bool, hip: str,
+                model: ModelParameters | None, fulcrum_m: float) -> tuple[Calibration, bool]:
     """The calibration, and whether its mass is known rather than a placeholder."""
+    def by(facts: PersonFacts) -> Calibration:
+        return calibrate(source, marker_map, facts, hip=hip, model=model, fulcrum_m=fulcrum_m)
+
     if person.mass_kg is not None:
-        return calibrate(source, marker_map, person, hip=hip), True
+        return by(person), True
     if source.plates and not alone:
         try:
-            return calibrate(source, marker_map, person, hip=hip), True
+            return by(person), True
         except InputError as error:
             if not (error.where or "").startswith("mass_kg"):
                 raise
-    return calibrate(source, marker_map, dataclasses.replace(person, mass_kg=PLACEHOLDER_KG), hip=hip), False
+    return by(dataclasses.replace(person, mass_kg=PLACEHOLDER_KG)), False
 
 
 def _check_size(walk: Recording, assignment: Assignment, mass_kg: float) -> None:

@@ -15,7 +15,8 @@ from vsf_drake.motion.markers.handedness import NOTE, prepared
 from vsf_drake.motion.markers.maps import SIDES, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
-from vsf_drake.parameters import FootParameters
+from vsf_drake.motion.markers.settling import settling
+from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.placement import foot_placement
 
 MAPS = {"plug_in_gait": "plug_in_gait", "rajagopal": "rajagopal", "opensim": "rajagopal", "ior": "ior"}
@@ -97,6 +98,11 @@ def test_a_foot_is_as_long_as_its_sole():
         assert found.feet[side].p_FToe == pytest.approx(sole[1], abs=1e-9)
 
 
+def settled(subject):
+    """What the prosthesis gave (m) under half of the weight while the person stood on it."""
+    return settling(0.5 * GRAVITY * subject.mass_kg, ModelParameters())
+
+
 @pytest.mark.parametrize("prosthetic, intact", [("right", "left"), ("left", "right")])
 def test_the_subject_is_the_intact_leg_and_the_prosthesis_the_other(prosthetic, intact):
     subject = calibrated(standing(), prosthetic_side=prosthetic).subject
@@ -104,7 +110,7 @@ def test_the_subject_is_the_intact_leg_and_the_prosthesis_the_other(prosthetic, 
     assert subject.thigh_length_m == pytest.approx(UNEQUAL.thigh[i])
     assert subject.shank_length_m == pytest.approx(UNEQUAL.shank[i])
     assert subject.prosthetic_thigh_length_m == pytest.approx(UNEQUAL.thigh[k])
-    assert subject.prosthesis_length_m == pytest.approx(UNEQUAL.shank[k] + UNEQUAL.ankle_height[k])
+    assert subject.prosthesis_length_m - settled(subject) == pytest.approx(UNEQUAL.shank[k] + UNEQUAL.ankle_height[k])
     assert (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m) == pytest.approx(UNEQUAL.hip_centre)
     assert (subject.mass_kg, subject.stature_m) == (80.0, 1.75)
 
@@ -121,7 +127,7 @@ def test_the_model_puts_the_prosthesis_where_it_was_measured(side):
     assert subject.prosthesis_toe_out_rad == pytest.approx(0.12)
     foot, place = FootParameters(), foot_placement(subject)
     X_DP = place.pose(mirrored=side == "left")
-    p_SD = np.array([0, 0, place.sole_below(foot.build_height_m) - subject.prosthesis_length_m])
+    p_SD = np.array([0, 0, place.sole_below(foot.build_height_m) - subject.prosthesis_length_m + settled(subject)])
     heel = p_SD + X_DP.multiply(np.array([-foot.pylon_x_m, 0, -foot.build_height_m]))
     R_WS, p_WS = (x[0] for x in made_person.poses(angles, person)[f"shank_{side}"])
     assert heel == pytest.approx(R_WS.T @ (p + R @ person.sole(side)[0] - p_WS), abs=1e-9)

@@ -6,6 +6,8 @@ markers' places in them averaged. That is doubtful and says so.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from vsf_drake.errors import InputError
@@ -19,8 +21,9 @@ from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import Posture, find_posture
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
+from vsf_drake.motion.markers.settling import MID_FULCRUM_M, measured_under, settling
 from vsf_drake.motion.markers.standing_checks import check_labels, check_proportions
-from vsf_drake.parameters import Subject
+from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.schema import check
 
 UNEQUAL = 0.05
@@ -30,7 +33,8 @@ __all__ = ["PersonFacts", "calibrate"]
 
 
 def calibrate(
-    standing: Recording, marker_map: MarkerMap, person: PersonFacts, *, hip: str = "harrington"
+    standing: Recording, marker_map: MarkerMap, person: PersonFacts, *, hip: str = "harrington",
+    model: ModelParameters | None = None, fulcrum_m: float = MID_FULCRUM_M
 ) -> Calibration:
     """The person who stands in `standing`: lengths, joint centres and where the markers sit.
 
@@ -40,6 +44,8 @@ def calibrate(
             (`handedness.prepared` brings other recordings to both).
         person: what is stated beside the markers.
         hip: one of `joint_centres.HIP_METHODS`; Harrington's full regression by default.
+        model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it
+            is than it was under the person.
 
     Raises:
         InputError: a marker is missing, hidden or mistaken for another; nobody stands still; the floor is elsewhere;
@@ -60,13 +66,14 @@ def calibrate(
     lengths = _lengths(segments, feet, anatomy)
     check_proportions(lengths, found, standing.path)
     subject, notes = _subject(standing, posture, found, anatomy, person, segments, feet, lengths)
+    subject, unloaded = _unloaded(subject, model or ModelParameters(), fulcrum_m, still=posture.still)
     mirrored = (NOTE,) if NOTE in standing.notes else ()
     used = {label for segment in segments.values() for label in segment.labels}
     hidden = [label for labels in found.segments.values() for label in labels if label not in used]
     unused = (f"Hardly or not seen and not used: {', '.join(hidden)}.",) if hidden else ()
     notes = (*mirrored, *posture.notes, *unused, *anatomy.notes, *notes, *_differences(lengths))
     return Calibration(subject=subject, segments=segments, feet=feet, angles_rad=_angles(anatomy), lengths_m=lengths,
-                       method=(_stretch(posture), *anatomy.method, _left_right(lengths)), notes=notes)
+                       method=(_stretch(posture), *anatomy.method, unloaded, _left_right(lengths)), notes=notes)
 
 
 def _segment(name: str, posture: Posture, found: FoundMarkers, anatomy: Anatomy) -> SegmentMarkers:
@@ -126,6 +133,16 @@ def _subject(
         **prosthesis_of(prosthetic, anatomy, feet[prosthetic]))
     notes = tuple(note for note in (mass_note, height_note) if note)
     return check(subject, file=standing.path), notes
+
+
+def _unloaded(subject: Subject, model: ModelParameters, fulcrum_m: float, *, still: bool) -> tuple[Subject, str]:
+    """The subject with the prosthesis as long as without load, and a sentence on it."""
+    load = measured_under(subject.mass_kg, still=still)
+    more = settling(load, model, fulcrum_m=fulcrum_m)
+    assert subject.prosthesis_length_m is not None
+    longer = dataclasses.replace(subject, prosthesis_length_m=subject.prosthesis_length_m + more)
+    return longer, (f"The prosthesis was measured under load, taken as {load:.0f} N (not measured): without load it is "
+                    f"{1e3 * more:.1f} mm longer, by the statics of this model.")
 
 
 def _angles(anatomy: Anatomy) -> dict[str, float]:

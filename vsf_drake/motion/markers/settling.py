@@ -1,0 +1,67 @@
+"""How much a prosthesis gives under the person who stands on it while it is measured.
+
+Markers show the prosthesis as long as it is under load. The model's length is the unloaded one; between them lie
+foam, keel and socket. Statics for small deflections, the sole held flat: contact spheres against the rigid heel block
+and against a keel of sprung joints, pinned at its end A and carried by the fulcrum; the socket in series, along the
+limb.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vsf_drake.laws.beam import section_inertia
+from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
+
+STANDING_SHARE = 0.5
+"""Share of the weight on the prosthesis in standing, where it was not measured (a choice: even)."""
+WALKING_SHARE = 0.85
+"""Vertical force in mid-stance over the weight: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015) at
+1.1 m/s; for a walk that stands in for the standing trial."""
+MID_FULCRUM_M = 0.108
+"""Where the fulcrum is taken to have stood while the person was measured, if nobody says: mid-range."""
+_DEEPEST_M = 0.1
+_ITERATIONS = 50
+
+
+def settling(load_n: float, model: ModelParameters, *, fulcrum_m: float = MID_FULCRUM_M) -> float:
+    """Metres by which the sole comes nearer to the residual limb under `load_n` (N) along the pylon."""
+    if load_n <= 0.0:
+        return 0.0
+    depth = brentq(lambda d: flat_sole_force(d, model.foot, fulcrum_m=fulcrum_m) - load_n, 0.0, _DEEPEST_M)
+    return float(depth) + load_n / model.socket.tz.stiffness
+
+
+def flat_sole_force(depth: float, foot: FootParameters, *, fulcrum_m: float) -> float:
+    """N on the flat sole pressed `depth` (m) into the ground.
+
+    Keel joints turn by theta and raise the keel at x by the sum of theta_j (x - x_j) over the joints behind x; their
+    moments, the fulcrum's force and those of the spheres balance (Newton's method on theta).
+    """
+    x, rise, k, n = (np.array(column) for column in zip(*(
+        (1e-3 * x, 1e-3 * rise, zone.stiffness, zone.exponent) for zone in foot.zones
+        for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True)), strict=True))
+    lengths = np.array(foot.keel.element_lengths_m)
+    joints = np.concatenate(([0.0], np.cumsum(lengths) - 0.5 * lengths))
+    bending = foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m)
+    springs = np.diag(np.concatenate(([0.0], bending / lengths)))
+    at_fulcrum = np.maximum(0.0, fulcrum_m - joints)
+    springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
+    lever = np.maximum(0.0, x[:, None] - joints) * (x >= foot.fulcrum.rearmost_m)[:, None]
+    theta = np.zeros(len(joints))
+    for _ in range(_ITERATIONS):
+        pressed = np.maximum(0.0, depth - rise - lever @ theta)
+        force = k * pressed**n
+        slope = np.where(pressed > 0.0, k * n * pressed ** (n - 1.0), 0.0)
+        residual = springs @ theta - lever.T @ force
+        step = np.linalg.solve(springs + lever.T @ (slope[:, None] * lever), residual)
+        theta -= step
+        if np.abs(step).max() < 1e-12:
+            break
+    return float(force.sum())
+
+
+def measured_under(mass_kg: float, *, still: bool) -> float:
+    """N on the prosthesis while its length was measured: half of the weight in standing, 0.85 of it in a walk."""
+    return (STANDING_SHARE if still else WALKING_SHARE) * mass_kg * GRAVITY
