@@ -88,9 +88,8 @@ def floor_figure(item: Examined) -> Figure:
             for stance in item.stances[side]:
                 _outline(axes, foot, stance)
             if side in item.trial.plates:
-                plate = item.trial.plates[side]
-                step = max(1, len(plate.time_s) // MOST_POINTS)
-                axes.plot(plate.cop_W[::step, 0], plate.cop_W[::step, 1], ".", color=COLOURS[side], markersize=2.5)
+                cop = item.trial.plates[side].cop_W[:: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)]
+                axes.plot(cop[:, 0], cop[:, 1], ".", color=COLOURS[side], markersize=2.5)
         axes.set_aspect("equal", adjustable="datalim")
         label(axes, x="forward (m)", y="left (m)",
               title="Floor: centre of pressure (dots), feet (thick), plates (grey)")

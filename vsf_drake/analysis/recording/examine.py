@@ -22,6 +22,8 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
 
 GRID_S = 1e-3
+EDGE_S = 0.1
+"""Velocities this close to an end of a filtered recording are not its own (a choice: half a period of 6 Hz)."""
 PARTIAL_S = 0.12
 """A plate that sees less of a stance than its motion tells by more than this has seen a part of it."""
 
@@ -140,9 +142,9 @@ def _tracked_feet(trial: Trial, tracked: TrackedMotion, belt_m_per_s: float) -> 
     shift = np.outer(belt_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
     feet = {}
     for side, track in tracked.feet.items():
-        points = [p + shift for p in (track.heel_W, track.toe_W, track.ankle_W)]
-        feet[side] = FootMotion(side, tracked.time_s, *points, prosthetic=side == trial.subject.prosthetic_side,
-                                lowest_m=np.minimum(points[0][:, 2], points[1][:, 2]))
+        feet[side] = FootMotion(side, tracked.time_s, heel_W=track.heel_W + shift, toe_W=track.toe_W + shift,
+                                ankle_W=track.ankle_W + shift, prosthetic=side == trial.subject.prosthetic_side,
+                                lowest_m=np.minimum(track.heel_W[:, 2], track.toe_W[:, 2]))
     return feet
 
 
@@ -186,13 +188,14 @@ def _forces(trial: Trial, motion: CoordinateTrajectory, measured: Mapping[str, l
         raise ValueError(f"forces and motion of {trial.name} do not overlap")
     vertical = force_checks.total_vertical(time, trial.plates)
     known = force_checks.covered(time, trial.plates, measured, moving)
+    known &= (time >= motion.start_s + EDGE_S) & (time <= motion.end_s - EDGE_S)
     for start, end in (span for spans in trial.unmeasured.values() for span in spans):
         known &= (time < start) | (time > end)
     _, velocity, acceleration = motion.sample(time)
     found = [force_checks.mass(time, vertical, velocity[:, 2], known, mass_kg=trial.subject.mass_kg,
                                feet=len(trial.plates))]
-    found += _present(force_checks.lag(time, vertical, acceleration[:, 2], known))
-    return found + _present(force_checks.event_lag(measured, moving))
+    lag = force_checks.lag(time, vertical, acceleration[:, 2], known) or force_checks.event_lag(measured, moving)
+    return found + _present(lag)
 
 
 def _angles(trial: Trial, markers: MarkerEvidence | None, pelvis: np.ndarray) -> list[Check]:

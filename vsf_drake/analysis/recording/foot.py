@@ -18,6 +18,8 @@ SEARCH = (0.10, 0.70)
 SHORTEST_FLAT_S = 0.10
 """A foot that keeps its angle for less than this (a prosthesis under a turning shank) is judged over `MIDDLE`."""
 FEWEST_FRAMES = 3
+BALL = 0.7
+"""Heel to ball as a share of the foot's length, on which the heel turns when it rises (a usual figure)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,11 @@ class FootMotion:
     def height_m(self) -> np.ndarray:
         """(n,) height of the middle of the sole."""
         return 0.5 * (self.heel_W[:, 2] + self.toe_W[:, 2])
+
+    @property
+    def ball_m(self) -> np.ndarray:
+        """(n,) height of the sole under the ball of the foot."""
+        return (1.0 - BALL) * self.heel_W[:, 2] + BALL * self.toe_W[:, 2]
 
     def rows(self, start_s: float, end_s: float) -> np.ndarray:
         """(n,) bool: the frames from `start_s` to `end_s`."""

@@ -129,7 +129,10 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
 
 
 def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]) -> Check | None:
-    """Median of touch-down by the plates minus touch-down by the feet's motion; s. None without a pair."""
+    """Median of touch-down by the plates minus touch-down by the feet's motion; s. None without a pair.
+
+    Several times coarser than `lag`, for recordings in which that tells nothing.
+    """
     pairs = [m.start_s - k.start_s for side in measured for m in measured[side] for k in moving.get(side, ())
              if m.start_seen and k.start_seen and min(m.end_s, k.end_s) > max(m.start_s, k.start_s)]
     if not pairs:

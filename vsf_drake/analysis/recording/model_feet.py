@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context
 
 from vsf_drake.analysis.recording.foot import FootMotion
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -62,7 +63,7 @@ def model_motion(subject: Subject, model: ModelParameters, trajectory: Coordinat
               "left" if prosthetic == "right" else "right": _intact(person, model, prosthetic)}
     motion = trajectory.ordered(person.coordinate_names)
     columns = [plant.GetJointByName(name).position_start() for name in motion.names]
-    q = np.zeros(plant.num_positions())
+    q: np.ndarray = np.zeros(plant.num_positions())
     places = {side: np.empty((len(motion.time_s), len(item.bodies), 3)) for side, item in points.items()}
     centre = np.empty((len(motion.time_s), 3))
     for i, row in enumerate(motion.values):
@@ -71,20 +72,20 @@ def model_motion(subject: Subject, model: ModelParameters, trajectory: Coordinat
         centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
         for side, item in points.items():
             places[side][i] = _places(plant, context, item)
-    feet = {side: FootMotion(side, motion.time_s, *(places[side][:, k] for k in range(3)),
-                             lowest_m=(places[side][:, 3:, 2] - item.radius[3:]).min(axis=1),
-                             prosthetic=side == prosthetic, undeformed=side == prosthetic)
-            for side, item in points.items()}
+    lowest = {side: (places[side][:, 3:, 2] - item.radius[3:]).min(axis=1) for side, item in points.items()}
+    feet = {side: FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
+                             lowest_m=lowest[side], prosthetic=side == prosthetic, undeformed=side == prosthetic)
+            for side, place in places.items()}
     return ModelMotion(feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source))
 
 
-def _places(plant: MultibodyPlant, context: object, item: _Points) -> np.ndarray:
+def _places(plant: MultibodyPlant, context: Context, item: _Points) -> np.ndarray:
     """(k, 3) the points in W; poses of bodies are asked for once each."""
     poses: dict[int, np.ndarray] = {}
     for body in item.bodies:
         if int(body) not in poses:
             poses[int(body)] = plant.EvalBodyPoseInWorld(context, plant.get_body(body)).GetAsMatrix34()
-    X = np.array([poses[int(body)] for body in item.bodies])
+    X: np.ndarray = np.array([poses[int(body)] for body in item.bodies])
     return np.einsum("kij,kj->ki", X[:, :, :3], item.p_BP) + X[:, :, 3]
 
 
