@@ -67,8 +67,12 @@ def test_foot_that_never_keeps_its_angle_is_judged_in_mid_stance():
     assert instants[-1] <= STANCE.start_s + 0.45 * STANCE.duration_s + 1e-9
 
 
-def test_cut_stance_has_no_foot_flat():
-    assert flat_phase(made_foot(), Stance(0.5, 1.2, start_seen=False)) is None
+def test_cut_stance_is_laid_out_as_long_as_others_are_and_without_these_left_out():
+    cut = Stance(0.6, 1.2, start_seen=False)
+    assert flat_phase(made_foot(), cut) is None
+    assert flat_phase(made_foot(), cut, usual_s=STANCE.duration_s).tolist() == flat(made_foot()).tolist()
+    late = Stance(-0.7, 0.1, start_seen=False)
+    assert flat_phase(made_foot(), late, usual_s=0.8) is None  # its middle is before the record
 
 
 def test_standing_foot_is_good_in_everything():

@@ -17,7 +17,7 @@ COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
 
 @app.command("import")
-def import_(
+def import_trials(
     files: Annotated[list[Path] | None, typer.Argument(
         metavar="STATIC WALK...", help="Standing trial, then walks (.c3d, or .trc with forces). Without a standing "
         "trial name the walk twice.")] = None,

@@ -94,9 +94,11 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
                for side in SIDES}
     checks: list[Check] = list(stated)
+    usual = _usual_duration(stances)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
         cop = _cop_at(feet[side].time_s, trial.plates.get(side))
-        checks += foot_checks(feet[side], stances[side], cop) + clearance(model.feet[side], stances[side])
+        checks += foot_checks(feet[side], stances[side], cop, usual_s=usual)
+        checks += clearance(model.feet[side], stances[side])
         checks += _ground(model.feet[side], [s for s in measured.get(side, []) if _overlaps(s, trial)], trial)
         if cop is not None:
             checks += _present(force_checks.cop_under_foot(feet[side], trial.plates[side], cop))
@@ -167,14 +169,20 @@ def _joined(moving: Sequence[Stance], measured: Sequence[Stance]) -> list[Stance
     return sorted(found, key=lambda s: s.start_s)
 
 
+def _usual_duration(stances: Mapping[str, list[Stance]]) -> float | None:
+    durations = [s.duration_s for of_foot in stances.values() for s in of_foot if s.complete]
+    return float(np.mean(durations)) if durations else None
+
+
 def _ground(foot: FootMotion, stances: Sequence[Stance], trial: Trial) -> list[Check]:
     return [*_present(ground_checks.touch_down(foot, stances)),
             *_present(ground_checks.depth(foot, stances, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m))]
 
 
 def _belt(feet: Mapping[str, FootMotion], stances: Mapping[str, list[Stance]]) -> list[Check]:
+    usual = _usual_duration(stances)
     flats = [(foot, rows) for side, foot in feet.items() for stance in stances[side]
-             if (rows := flat_phase(foot, stance)) is not None]
+             if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
     return _present(angle_checks.belt([float(slip_velocity(foot, floor_point(foot))[rows, 0].mean())
                                        for foot, rows in flats]))
 

@@ -18,6 +18,8 @@ SEARCH = (0.10, 0.70)
 SHORTEST_FLAT_S = 0.10
 """A foot that keeps its angle for less than this (a prosthesis under a turning shank) is judged over `MIDDLE`."""
 FEWEST_FRAMES = 3
+SLACK_S = 0.05
+"""By which mid-stance may reach over an end of the record (a choice: a third of it)."""
 BALL = 0.7
 """Heel to ball as a share of the foot's length, on which the heel turns when it rises (a usual figure)."""
 
@@ -71,13 +73,28 @@ def shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
     return stance.start_s + share[0] * stance.duration_s, stance.start_s + share[1] * stance.duration_s
 
 
-def flat_phase(foot: FootMotion, stance: Stance) -> np.ndarray | None:
-    """Indices of the frames in which the foot stands flat in `stance`; None if fewer than three are known.
+def whole(stance: Stance, usual_s: float | None) -> Stance | None:
+    """The stance with the end that the record cuts placed so that it lasts `usual_s`; None where that is unknown."""
+    if stance.complete:
+        return stance
+    if usual_s is None or not (stance.start_seen or stance.end_seen):
+        return None
+    if stance.start_seen:
+        return Stance(stance.start_s, max(stance.end_s, stance.start_s + usual_s))
+    return Stance(min(stance.start_s, stance.end_s - usual_s), stance.end_s)
+
+
+def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None) -> np.ndarray | None:
+    """Indices of the frames in which the foot stands flat in `stance`; None if mid-stance is not in the record.
 
     The longest run within 1.5 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
     """
+    laid_out = whole(stance, usual_s)
+    if laid_out is None or not foot.time_s[0] <= shares(laid_out, MIDDLE)[0] + SLACK_S:
+        return None
+    stance = laid_out
     middle = np.flatnonzero(foot.rows(*shares(stance, MIDDLE)))
-    if len(middle) < FEWEST_FRAMES or not stance.complete:
+    if len(middle) < FEWEST_FRAMES or foot.time_s[-1] < shares(stance, MIDDLE)[1] - SLACK_S:
         return None
     pitch = foot.pitch_rad
     usual = float(np.median(pitch[middle]))
