@@ -12,7 +12,8 @@ import numpy as np
 from vsf_drake.analysis.intake_files import FileSet, walk_names
 from vsf_drake.analysis.intake_steps import IntakeOptions, make_trial, read, with_mass
 from vsf_drake.analysis.recording.check import Check
-from vsf_drake.analysis.recording.examine import Examined, examine
+from vsf_drake.analysis.recording.evidence import Examined
+from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum

@@ -12,7 +12,7 @@ import yaml
 
 from vsf_drake.analysis.intake import Intake
 from vsf_drake.analysis.json_file import write_json
-from vsf_drake.analysis.recording.examine import Examined
+from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced

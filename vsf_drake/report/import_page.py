@@ -13,7 +13,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vsf_drake.analysis.recording.check import MARKS, Check
-from vsf_drake.analysis.recording.examine import Examined
+from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.files import replaced
 from vsf_drake.report.import_figures import (
     MARK_COLOURS,

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.analysis.recording import angle_checks, force_checks, ground_checks, marker_checks
-from vsf_drake.analysis.recording.check import Check, worst
-from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
+from vsf_drake.analysis.recording.check import Check
+from vsf_drake.analysis.recording.evidence import Examined, MarkerEvidence
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity, turns_in_stance
 from vsf_drake.analysis.recording.foot_checks import clearance, foot_checks
 from vsf_drake.analysis.recording.model_feet import model_motion
-from vsf_drake.motion.contacts import Contact
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
-from vsf_drake.motion.markers.schema import Calibration, FootTrack, TrackedMotion
+from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
 from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
@@ -26,48 +25,6 @@ EDGE_S = 0.1
 """Velocities this close to an end of a filtered recording are not its own (a choice: half a period of 6 Hz)."""
 PARTIAL_S = 0.12
 """A plate that sees less of a stance than its motion tells by more than this has seen a part of it."""
-
-
-@dataclass(frozen=True, eq=False)
-class MarkerEvidence:
-    """What a trial made from markers leaves to check.
-
-    Attributes:
-        tracked: the motion. calibration: the standing person. recording: the walk as read.
-        cutoff_hz: of the filter; None where the recording was taken as filtered already.
-        contacts: which plate is which foot.
-    """
-
-    tracked: TrackedMotion
-    calibration: Calibration
-    recording: Recording
-    cutoff_hz: float | None
-    contacts: tuple[Contact, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Examined:
-    """A trial with all that was found about it.
-
-    Attributes:
-        checks: in the order of the report. notes: the trial's, and the tracking's.
-        feet: the feet that were judged, as markers saw them where there are any. model_feet: the model's.
-        measured, stances: by side, the stances that plates saw, and all of them.
-    """
-
-    trial: Trial
-    markers: MarkerEvidence | None
-    checks: tuple[Check, ...]
-    notes: tuple[str, ...]
-    feet: dict[str, FootMotion]
-    model_feet: dict[str, FootMotion]
-    measured: dict[str, list[Stance]]
-    stances: dict[str, list[Stance]]
-
-    @property
-    def mark(self) -> str:
-        """The worst of all marks."""
-        return worst(check.mark for check in self.checks)
 
 
 def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
@@ -93,6 +50,9 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
     measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
                for side in SIDES}
+    side = trial.subject.prosthetic_side
+    if turns_in_stance(feet[side], stances[side]):
+        feet = {**feet, side: dataclasses.replace(feet[side], undeformed=True)}
     checks: list[Check] = list(stated)
     usual = _usual_duration(stances)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):

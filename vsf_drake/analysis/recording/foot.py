@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ MIDDLE = (0.25, 0.45)
 """Shares of stance in which every foot of a walk is flat: after the forefoot is down, before the heel rises."""
 SEARCH = (0.10, 0.70)
 """Shares of stance in which flat instants are looked for."""
+TURNS_RAD = np.radians(3.0)
+"""A foot that turns by more than this in `MIDDLE`, a fifth of stance, does not stand (a choice: twice `FLAT_RAD`)."""
 SHORTEST_FLAT_S = 0.10
 """A foot that keeps its angle for less than this (a prosthesis under a turning shank) is judged over `MIDDLE`."""
 FEWEST_FRAMES = 3
@@ -34,8 +37,8 @@ class FootMotion:
         heel_W, toe_W, ankle_W: (n, 3) m; heel and toe on the sole, at one height when it is flat.
         lowest_m: (n,) m, height of the foot's lowest point.
         prosthetic: whether this is the prosthesis.
-        undeformed: whether the foot was put under the shank as a rigid body, and so turns with it where a real
-            prosthetic foot bends and stays flat.
+        undeformed: whether the foot was put under the shank as a rigid body, or has its markers on a part that turns
+            with the shank, where the sole of a prosthetic foot bends and stays flat.
     """
 
     side: str
@@ -104,6 +107,13 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
     if len(longest) < FEWEST_FRAMES or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S:
         return middle
     return longest
+
+
+def turns_in_stance(foot: FootMotion, stances: Sequence[Stance]) -> bool:
+    """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do."""
+    ranges = [float(np.ptp(foot.pitch_rad[rows])) for stance in stances if stance.complete
+              and (rows := foot.rows(*shares(stance, MIDDLE))).any()]
+    return bool(ranges) and float(np.median(ranges)) > TURNS_RAD
 
 
 def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:

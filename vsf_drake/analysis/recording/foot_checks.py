@@ -50,6 +50,8 @@ m turn within 0.4 s of stance moves a foot 0.35 m below it by 0.08 m/s, 0.02 m o
 rad/s by 0.03. Walks known not to slip show 0.04 to 0.08. The second is twice as much (a choice)."""
 CLEARANCE_MM = (10.0, 0.0)
 """Height of the lowest point in mid-swing: with 8 mm a prototype's foot dragged (its keel sags); below 0 it cuts."""
+INTACT_CLEARANCE_MM = 5.0
+"""The same for the intact foot, whose ankle is prescribed and does not sag (a choice: noise of its height)."""
 CUT_MM = -15.0
 """A swing foot deeper in the ground than this makes a force that stops it."""
 SWING = (0.25, 0.75)
@@ -172,10 +174,11 @@ def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
     if not found:
         return []
     value, number = min(found)
-    mark = "good" if value >= CLEARANCE_MM[0] else "doubtful" if value >= CUT_MM else "unusable"
+    clear = value >= (CLEARANCE_MM[0] if foot.prosthetic else INTACT_CLEARANCE_MM)
+    mark = "good" if clear else "doubtful" if value >= CUT_MM else "unusable"
     brushes = ("it may brush the ground" + (", as keel and socket sag in swing." if foot.prosthetic else
                                                           "; a toe that bends in life is stiff there."))
-    meaning = ("it swings clear." if value >= CLEARANCE_MM[0] else brushes if value >= CLEARANCE_MM[1] else
+    meaning = ("it swings clear." if clear else brushes if value >= CLEARANCE_MM[1] else
                "it cuts the ground in mid-swing.")
     sentence = f"The model's {foot.side} foot clears the floor by {value:.0f} mm in swing: {meaning}"
     return [Check("swing clearance", _mark(foot, mark), value, "mm", sentence, foot.side, number)]

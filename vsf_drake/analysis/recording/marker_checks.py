@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import Check, grade, worst
+from vsf_drake.analysis.recording.check import Check, at_most, grade, worst
 from vsf_drake.motion.markers.schema import Gap
 
 RESIDUAL_M = (0.010, 0.020)
@@ -79,6 +79,8 @@ def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
             continue
         value, what = left / right - 1.0, key.removesuffix("_right").replace("_", " ")
         mark = grade(value, *SAME_LENGTH)
+        if not key.startswith("thigh"):  # below the knee a prosthesis may be as long as it likes
+            mark = at_most(mark, "doubtful")
         sentence = f"The {what} is {1e3 * right:.0f} mm on the right and {1e3 * left:.0f} mm on the left"
         sentence += "." if mark == "good" else ": more than two legs of a person differ, unless the prosthesis does."
         found.append(Check(f"{what}, left against right", mark, value, "1", sentence))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.recording.check import worst
-from vsf_drake.analysis.recording.examine import Examined
+from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
