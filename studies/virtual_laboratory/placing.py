@@ -25,17 +25,19 @@ PLACING = 8
 """Steps of the fit."""
 STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.04, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
             "pelvis_rotation": 0.03, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
-            "knee_angle_r": 0.035, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
+            "knee_angle_r": 0.03, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
             "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
 ROUGHNESS_PER_S3 = 2.0e3
 """Third derivative of a correction that goes with its `STANDARD`, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
 """Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
-ACCELERATION, ACCELERATION_ALONE, EARLY_S = 0.3, 0.2, 0.02
+INTACT_N = 30.0
+"""Tolerated load on the intact foot's spheres (N)."""
+ACCELERATION, ACCELERATION_ALONE, EARLY_S = 0.2, 0.15, 0.02
 """Tolerated acceleration of the centre of mass (m/s^2), and where the prosthesis stands alone (and a little before and
 after), so that no other force can explain it."""
-LIFT_M, AWAY_S = 0.022, 0.10
+LIFT_M, AWAY_S = 0.024, 0.10
 """Wished height of the sole in swing, this long after lift-off and before strike."""
 
 
@@ -117,6 +119,7 @@ def common_wishes(person: Person, attempt: Attempt, body: Linearised, intact: li
     wishes.smooth(attempt.c, ROUGHNESS_PER_S3 * sigma)
     for support in intact:
         anchor(wishes, body, support, INTACT_SUPPORT_M)
+    _bear(wishes, person, body, person.subject.mass_kg * GRAVITY * intact_force(draw, time)[:, 2])
     level(wishes, body, INTACT_FOOT, intact_force(draw, time)[:, 2], np.radians(draw.toe_out_deg), 3.0 * ROLL_RAD)
     total = prosthetic_force(draw, time) + intact_force(draw, time)
     wanted = GRAVITY * (total - [0.0, 0.0, 1.0])
@@ -132,6 +135,19 @@ def common_wishes(person: Person, attempt: Attempt, body: Linearised, intact: li
     intact_foot = [np.array([(r - person.model.intact_foot.ankle_x_ratio) * length, 0.0, -ankle]) for r in (0.1, 0.8)]
     _clear(wishes, body, INTACT_FOOT, intact_foot, time, lifts=(draw.intact_lift_s,), strikes=(draw.intact_strike_s,))
     return wishes
+
+
+def _bear(wishes: Wishes, person: Person, body: Linearised, load_n: np.ndarray) -> None:
+    """Asks that the intact foot's spheres, as springs, be pressed into the floor by what the foot shall carry."""
+    sites = person.handles.intact_sites
+    force, J = np.zeros(len(load_n)), np.zeros((len(load_n), len(COORDINATES)))
+    for p_BS, radius, stiffness in zip(sites.p_BS, sites.radius, sites.stiffness, strict=True):
+        p_W, J_W = body.point(INTACT_FOOT, p_BS)
+        depth = np.maximum(0.0, radius - p_W[:, 2])
+        force += stiffness * depth
+        J -= stiffness * (depth > 0.0)[:, None] * J_W[:, 2]
+    width = np.where(load_n > 0.0, INTACT_N, np.inf)
+    wishes.pose(J[:, None], (load_n - force)[:, None], width[:, None])
 
 
 def level(wishes: Wishes, body: Linearised, segment: int, load_bw: np.ndarray, turn_rad: float,

@@ -18,7 +18,8 @@ FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3}
 SOCKET_N_PER_M, SOCKET_NM_PER_RAD = 1e5, 1e3
 INTACT_HEEL, INTACT_FOREFOOT = 0.14, 0.78
 """The same of the intact foot, in foot lengths from its heel."""
-INTACT_N_PER_M = 80e3
+INTACT_HEEL_N_PER_M, INTACT_FOREFOOT_N_PER_M = 76e3, 150e3
+"""Of the spheres of the model's intact foot there: three of 25.5 N/mm, and six."""
 LOADED_N, FULL_N = 15.0, 120.0
 """A support is not held below the first load and fully from the second on."""
 
@@ -78,9 +79,10 @@ def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
         part = (time_s - strike_s) / (draw.intact_duty * draw.stride_s)
         on = np.where((part > 0.0) & (part < 1.0), load_n, 0.0)
         heel_n, toe_n = _shares(0.0, part, on)
-        for ratio, load in ((INTACT_HEEL, heel_n), (INTACT_FOREFOOT, toe_n)):
+        for ratio, load, stiffness in ((INTACT_HEEL, heel_n, INTACT_HEEL_N_PER_M),
+                                       (INTACT_FOREFOOT, toe_n, INTACT_FOREFOOT_N_PER_M)):
             p_B = np.column_stack([np.full(len(load), heel_x + ratio * length), np.zeros(len(load)),
-                                   -body.ankle_height + load / INTACT_N_PER_M])
+                                   -body.ankle_height + load / stiffness])
             along, ahead = (ratio - INTACT_HEEL) * length, (ratio - 0.5 * (INTACT_HEEL + INTACT_FOREFOOT)) * length
             p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
                             0.5 * draw.step_width_m + ahead * np.sin(turn), 0.0])
