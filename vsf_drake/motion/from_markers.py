@@ -20,7 +20,8 @@ from vsf_drake.motion.manifest import GeometricOffsets, Window
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.handedness import prepared
-from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, load_marker_map
+from vsf_drake.motion.markers.map_guess import choose_map
+from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.settling import MID_FULCRUM_M
@@ -123,8 +124,8 @@ def walk_from_markers(
     """
     notes: list[str] = []
     if marker_map is None:
-        marker_map = best_map(walk if standing is None else standing)
-        notes.append(f"No marker map was stated; {marker_map.name} fits the labels best and was taken.")
+        marker_map, note = choose_map(walk if standing is None else standing)
+        notes.append(note)
     walk = prepared(walk, marker_map)
     notes += walk.notes
     weighed = True
@@ -151,32 +152,6 @@ def walk_from_markers(
     calibration = dataclasses.replace(calibration, subject=subject)
     notes += [*more, *tracked.notes, *assignment.notes]
     return MarkedWalk(walk, calibration, tracked, assignment, tuple(dict.fromkeys(notes)))
-
-
-def best_map(recording: Recording) -> MarkerMap:
-    """The shipped map that finds a complete set of markers in the recording, and most of them.
-
-    Raises:
-        InputError: none fits; what is missing, where a map knows half of the labels.
-    """
-    fitting: list[tuple[int, MarkerMap]] = []
-    failing: list[tuple[int, InputError]] = []
-    for candidate in map(load_marker_map, SHIPPED):
-        labels = candidate.translate(recording.markers, recording.path).values()
-        try:
-            found = candidate.find(labels, recording.path)
-        except InputError as error:
-            failing.append((len(candidate.spellings() & set(labels)), error))
-        else:
-            fitting.append((sum(map(len, found.segments.values())), candidate))
-    if not fitting:
-        known, error = max(failing, key=lambda pair: pair[0])
-        if 2 * known >= len(recording.markers):
-            raise error
-        raise InputError("no shipped marker map fits its labels: " + ", ".join(recording.markers),
-                         file=recording.path, where="marker_map",
-                         right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
-    return max(fitting, key=lambda pair: pair[0])[1]
 
 
 def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, *, alone: bool, hip: str,

@@ -22,8 +22,9 @@ PIG = tuple(made_person.markers({}, label_set="plug_in_gait"))
 
 @pytest.mark.parametrize("path", SAMPLES)
 def test_shipped_maps_serve_the_public_recordings(shared_data, path):
-    labels = list(read_trial(shared_data / path).markers)
-    chosen, note = choose_map(labels, path)
+    recording = read_trial(shared_data / path)
+    labels = list(recording.markers)
+    chosen, note = choose_map(recording)
     assert chosen.name == SAMPLES[path] and chosen.name in note
     found = chosen.find(labels)
     for side in SIDES:
@@ -49,7 +50,8 @@ def test_walking_trials_share_the_segments_of_their_standing_trial(shared_data):
                                              ("opensim", "rajagopal"), ("ior", "ior")])
 @pytest.mark.parametrize("medial", [True, False])
 def test_the_three_marker_sets_are_recognised(label_set, name, medial):
-    assert choose_map(made_person.markers({}, label_set=label_set, medial=medial))[0].name == name
+    recording = made_person.recording_of(made_person.markers({}, label_set=label_set, medial=medial))
+    assert choose_map(recording)[0].name == name
 
 
 def test_prefix_and_letter_case_do_not_matter():
@@ -142,7 +144,7 @@ def test_a_started_map_guesses_from_words_and_says_so():
 
 def test_labels_that_fit_no_map_are_listed():
     with pytest.raises(InputError, match=r"no shipped marker map fits.*M001, M002"):
-        choose_map(["M001", "M002"])
+        choose_map(made_person.recording_of({label: np.zeros((2, 3)) for label in ("M001", "M002")}))
 
 
 def test_every_shipped_map_has_both_sides_alike():
@@ -162,3 +164,10 @@ def test_a_started_map_knows_the_bones_initials():
     found = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
     assert found.roles["psis_left"] == "L_IPS" and found.roles["ankle_medial_right"] == "R_TAM"
     assert found.segments["shank_left"] == ("L_FAL", "L_TAM", "L_FAX", "L_TTC")
+
+
+def test_the_nearest_map_says_what_it_lacks():
+    markers = made_person.markers({}, label_set="plug_in_gait", medial=False)
+    lacking = made_person.recording_of({label: x for label, x in markers.items() if label != "LHEE"})
+    with pytest.raises(InputError, match=r"no marker for heel left.*LHEE"):
+        choose_map(lacking)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from pathlib import Path
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.maps import (
     MIDDLE_CLUSTERS,
     MIDDLE_ROLES,
@@ -14,6 +14,7 @@ from vsf_drake.motion.markers.maps import (
     SIDED_CLUSTERS,
     SIDED_ROLES,
     SIDES,
+    FoundMarkers,
     MarkerMap,
     load_marker_map,
 )
@@ -45,35 +46,37 @@ SHORT = 3
 """After a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder."""
 
 
-def choose_map(labels: Iterable[str], file: str | Path | None = None) -> tuple[MarkerMap, str]:
-    """The shipped map that gives a meaning to most of the labels of a standing trial, and a sentence on the choice.
+def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
+    """The shipped map that finds a complete set of markers in a standing trial and knows most of its labels; a note.
 
     Raises:
-        InputError: no shipped map finds all that a calibration needs, or two do equally well.
+        InputError: no shipped map finds all that a calibration needs (what is missing, where one knows half of the
+            labels); or two that mean different things know as many labels.
     """
-    labels = list(labels)
-    fitting: list[tuple[int, MarkerMap]] = []
-    failures: list[tuple[int, str]] = []
-    for name in SHIPPED:
-        marker_map = load_marker_map(name)
-        here = list(marker_map.translate(labels, file).values())
-        count = len(marker_map.spellings() & set(here))
+    fitting: list[tuple[int, MarkerMap, FoundMarkers]] = []
+    failing: list[tuple[int, InputError]] = []
+    for marker_map in map(load_marker_map, SHIPPED):
+        labels = marker_map.translate(recording.markers, recording.path).values()
+        known = len(marker_map.spellings() & set(labels))
         try:
-            marker_map.find(here)
-            fitting.append((count, marker_map))
+            fitting.append((known, marker_map, marker_map.find(labels, recording.path)))
         except InputError as error:
-            failures.append((count, f"{name}: {error.what}"))
+            failing.append((known, error))
     if not fitting:
-        reasons = "; ".join(reason for _, reason in sorted(failures, reverse=True))
-        raise InputError(f"no shipped marker map fits ({reasons})", file=file, where="markers",
-                         right=f"Labels in the file: {', '.join(labels) or 'none'}. `vsf-drake import --list-markers` "
-                         "starts a map from them")
-    most = max(count for count, _ in fitting)
-    best = [marker_map for count, marker_map in fitting if count == most]
-    if len(best) > 1:
-        raise InputError(f"the marker maps {' and '.join(m.name for m in best)} fit equally well", file=file,
-                         where="markers", right="Say which one with --marker-map")
-    return best[0], f"Marker map {best[0].name} was chosen: it knows {most} of the {len(labels)} labels."
+        known, error = max(failing, key=lambda pair: pair[0])
+        if 2 * known >= len(recording.markers):
+            raise error
+        raise InputError("no shipped marker map fits its labels: " + (", ".join(recording.markers) or "none"),
+                         file=recording.path, where="marker_map",
+                         right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
+    most = max(known for known, _, _ in fitting)
+    best = [(marker_map, found) for known, marker_map, found in fitting if known == most]
+    if any(found != best[0][1] for _, found in best):
+        raise InputError(f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
+                         file=recording.path, where="marker_map", right="Say which one (--marker-map)")
+    chosen = best[0][0]
+    return chosen, (f"No marker map was stated; {chosen.name}, which knows {most} of the {len(recording.markers)} "
+                    "labels, was taken.")
 
 
 def suggest_map(labels: Iterable[str]) -> str:
