@@ -14,10 +14,13 @@ from vsf_drake.analysis.intake_steps import IntakeOptions
 from vsf_drake.analysis.recording.examine import examine, weighed
 from vsf_drake.errors import InputError
 from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.pelvis_path import model_ankle
+from vsf_drake.motion.plates import os_to_world
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.resources import resource
 
+PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
 
 
@@ -81,6 +84,26 @@ def test_masses_of_several_walks_become_one_person(tmp_path):
     for item in intake.items:
         assert item.checks[0].name == "body mass"
         assert item.checks[0].mark == "doubtful"
+    [mass] = masses
+    stated = take_in(gather(standing, walks), IntakeOptions(person=dataclasses.replace(PERSON, mass_kg=mass)))
+    assert intake.items[0].trial.subject == stated.items[0].trial.subject
+    assert any("median" in note for note in intake.items[0].notes)
+
+
+def test_inverse_kinematics_leaves_the_prosthetic_foot_where_its_markers_show_it(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk("one.trc")])
+    plain, fitted = (take_in(files, IntakeOptions(person=PERSON, inverse_kinematics=ik)).items[0].trial
+                     for ik in (False, True))
+    assert any("global inverse kinematics" in note for note in fitted.notes)
+    ankles = []
+    for trial in (plain, fitted):
+        columns = [trial.tracked.names.index(name) for name in PELVIS]
+        pelvis = trial.trajectory.ordered(PELVIS).values
+        moved = os_to_world(pelvis - trial.tracked.values[:, columns])
+        ankles.append(model_ankle(trial.tracked, trial.calibration, trial.subject) + moved)
+    np.testing.assert_allclose(ankles[1], ankles[0], atol=1e-9)
+    assert fitted.tracked.residual_rms_m == plain.tracked.residual_rms_m
 
 
 def test_progress_names_each_walk(tmp_path):
@@ -91,7 +114,7 @@ def test_progress_names_each_walk(tmp_path):
 
 
 def test_model_feet_are_those_that_the_simulation_walks_on():
-    trial = load_trial(resource("data/synthetic_walk/trial.yaml"))
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
     item = examine(trial)
     gait = make_gait(trial.subject, trial.model)
     context = gait.diagram.CreateDefaultContext()
@@ -109,7 +132,7 @@ def test_model_feet_are_those_that_the_simulation_walks_on():
 
 
 def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
-    trial = load_trial(resource("data/synthetic_walk/trial.yaml"))
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
     raised = dataclasses.replace(trial, offsets=dataclasses.replace(trial.offsets, height_m=0.03))
     here, there = (next(c for c in examine(t).checks if c.name == "height at touch-down" and c.side == "right")
                    for t in (trial, raised))
@@ -120,4 +143,4 @@ def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
 
 def test_only_marker_trials_tell_which_foot_was_where():
     with pytest.raises(ValueError, match="markers"):
-        weighed(load_trial(resource("data/synthetic_walk/trial.yaml")))
+        weighed(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))

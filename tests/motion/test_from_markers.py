@@ -12,7 +12,7 @@ from made_walk import ANGLES, FORCE_TIME, MASS, feet, plates, standing, walk
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.writers import write_forces_mot, write_trc
-from vsf_drake.motion.from_markers import trial_from_recordings
+from vsf_drake.motion.from_markers import PLACEHOLDER_KG, trial_from_recordings
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.pelvis_path import model_ankle
@@ -105,6 +105,15 @@ def test_labels_that_no_shipped_map_knows_are_refused():
     strange = dataclasses.replace(walk(), markers={f"M{i}": x for i, x in enumerate(walk().markers.values())})
     with pytest.raises(InputError, match=r"marker_map: no shipped marker map fits its labels: M0, M1.*--list-markers"):
         make(walked=strange, still=False)
+
+
+def test_a_mass_that_only_the_walk_tells_makes_the_person_that_stating_it_makes():
+    """The weight says how far the prosthesis was pressed together while it was measured."""
+    found = make(person=dataclasses.replace(PERSON, mass_kg=None))
+    stated = make(person=dataclasses.replace(PERSON, mass_kg=found.subject.mass_kg))
+    assert abs(found.subject.mass_kg - PLACEHOLDER_KG) > 1.0
+    assert found.subject == stated.subject
+    assert found.calibration.method == stated.calibration.method
 
 
 def test_force_in_another_unit_is_refused():

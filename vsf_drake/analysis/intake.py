@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.analysis.intake_files import FileSet, walk_names
-from vsf_drake.analysis.intake_steps import IntakeOptions, make_trial, read, with_mass
+from vsf_drake.analysis.intake_steps import IntakeOptions, make_trial, noted, read
 from vsf_drake.analysis.recording.check import Check
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.examine import examine
@@ -65,17 +65,25 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     standing = None if files.standing is None else read(files.standing, files.standing_forces, options)
     made: dict[Path, Trial] = {}
     failures: dict[Path, InputError] = {}
+
+    def make(walk: Path, known: IntakeOptions) -> Trial:
+        own = next((trial.calibration for trial in made.values()), None) if standing is None else None
+        return make_trial(files, files.walks.index(walk), standing, marker_map, known, fulcrum_mm, own)
+
     for number, walk in enumerate(files.walks):
         if progress:
             progress(f"importing {walk.name}", number / len(files.walks))
-        own = next((trial.calibration for trial in made.values()), None) if standing is None else None
         try:
-            made[walk] = make_trial(files, number, standing, marker_map, options, fulcrum_mm, own)
+            made[walk] = make(walk, options)
         except InputError as error:
             failures[walk] = error
     if not made:
         raise _nothing_left(list(failures.values()))
-    trials, model_notes, scaled = _one_model(_one_mass(list(made.values())), options, fulcrum_mm)
+    masses = [trial.subject.mass_kg for trial in made.values()]
+    if len(set(masses)) > 1:
+        one, note = _one_mass(options, masses)
+        made = {walk: noted(make(walk, one), note) for walk in made}
+    trials, model_notes, scaled = _one_model(list(made.values()), options, fulcrum_mm)
     stated = _statements(trials[0], files, options)
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
@@ -93,14 +101,12 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
                   {str(path): sha256(path) for path in files.all() if path.is_file()})
 
 
-def _one_mass(trials: list[Trial]) -> list[Trial]:
-    """One person weighs one mass: the median, where each walk told its own."""
-    masses = [trial.subject.mass_kg for trial in trials]
-    if len(set(masses)) == 1:
-        return trials
+def _one_mass(options: IntakeOptions, masses: Sequence[float]) -> tuple[IntakeOptions, str]:
+    """One person weighs one mass: options with the median, where each walk told its own, and a note."""
     mass = float(np.median(masses))
+    person = dataclasses.replace(options.person, mass_kg=mass)
     note = f"Body mass {mass:.1f} kg is the median of {', '.join(f'{m:.1f}' for m in masses)} kg, one from each walk."
-    return [with_mass(trial, mass, note) for trial in trials]
+    return dataclasses.replace(options, person=person), note
 
 
 def _one_model(trials: list[Trial], options: IntakeOptions, fulcrum_mm: float

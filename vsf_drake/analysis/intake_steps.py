@@ -8,22 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from vsf_drake.analysis.intake_files import FileSet
-from vsf_drake.analysis.inverse_kinematics import solve_inverse_kinematics
 from vsf_drake.analysis.recording.examine import weighed
+from vsf_drake.analysis.refinement import refined
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.from_markers import trial_from_recordings
+from vsf_drake.motion.from_markers import PLACEHOLDER_KG, trial_from_recordings
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration
-from vsf_drake.motion.treadmill import on_the_belt
 from vsf_drake.motion.trial import Trial
-
-STAND_IN_KG = 70.0
-"""Stands for a mass that only the walk tells, until its forces are known; no length depends on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +64,7 @@ def read(path: Path, forces: Path | None, options: IntakeOptions) -> Recording:
 
 
 def make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
-           options: IntakeOptions, fulcrum_mm: float, calibration: Calibration | None) -> Trial:
+               options: IntakeOptions, fulcrum_mm: float, calibration: Calibration | None) -> Trial:
     """The trial of one walk.
 
     Args:
@@ -94,35 +90,22 @@ def make_trial(files: FileSet, number: int, standing: Recording | None, marker_m
             inputs={path.name: sha256(path) for path in used})
 
     try:
-        return _refined(make(options.person), options)
+        trial = make(options.person)
     except InputError as error:
         if options.person.mass_kg is not None or not (error.where or "").startswith("mass_kg"):
             raise
-        trial = make(dataclasses.replace(options.person, mass_kg=STAND_IN_KG))
-        found = weighed(trial, belt_speed_m_per_s=options.belt_speed_m_per_s)
+        found = weighed(make(dataclasses.replace(options.person, mass_kg=PLACEHOLDER_KG)),
+                        belt_speed_m_per_s=options.belt_speed_m_per_s)
         if found.value is None:
             raise error from None
-        note = (f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground was on a "
-                "plate, less what the pelvis's motion took of it; it is good to a few percent: state mass_kg.")
-        return _refined(with_mass(trial, found.value, note), options)
-
-
-def with_mass(trial: Trial, mass_kg: float, note: str) -> Trial:
-    """The trial of the same person with another mass; motion and forces do not depend on it."""
-    subject = dataclasses.replace(trial.subject, mass_kg=mass_kg)
-    calibration = trial.calibration and dataclasses.replace(trial.calibration, subject=subject)
-    return dataclasses.replace(trial, subject=subject, calibration=calibration, notes=(*trial.notes, note))
-
-
-def _refined(trial: Trial, options: IntakeOptions) -> Trial:
-    """The trial with the angles of a global inverse kinematics, where these are asked for."""
-    if not options.inverse_kinematics or trial.recording is None or trial.calibration is None:
+        trial = noted(make(dataclasses.replace(options.person, mass_kg=found.value)),
+                      f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground was "
+                      "on a plate, less what the body's motion took of it; it is good to a few percent: state mass_kg.")
+    if not options.inverse_kinematics:
         return trial
-    motion = solve_inverse_kinematics(trial.recording, trial.calibration, trial.model, cutoff_hz=options.cutoff_hz,
-                                      longest_gap_s=options.longest_gap_s).motion
-    trajectory = motion.trajectory(trial.trajectory.names, source=trial.trajectory.source)
-    trajectory, _, _ = on_the_belt(trajectory, {}, speed_m_per_s=options.belt_speed_m_per_s)
-    feet = motion.feet if trial.tracked is None else trial.tracked.feet  # the model's hang from the leg, these do not
-    notes = ("The angles are those of a global inverse kinematics of the model.", *motion.notes)
-    return dataclasses.replace(trial, trajectory=trajectory, tracked=dataclasses.replace(motion, feet=feet),
-                               notes=(*trial.notes, *notes))
+    return refined(trial, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)
+
+
+def noted(trial: Trial, note: str) -> Trial:
+    """The trial with one more note."""
+    return dataclasses.replace(trial, notes=(*trial.notes, note))

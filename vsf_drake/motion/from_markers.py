@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from vsf_drake.errors import InputError
@@ -36,7 +37,8 @@ from vsf_drake.motion.window import trial_window
 from vsf_drake.parameters import GRAVITY, ModelParameters
 
 PLACEHOLDER_KG = 70.0
-"""Stands for a mass that only the walk tells until the plates are assigned; no length depends on it."""
+"""Stands for a mass that only the walk tells until the plates are assigned; then the person is calibrated again, since
+the weight says how far the prosthesis was pressed together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,7 @@ def trial_from_recordings(
         InputError: see `calibrate`, `track`, `assign_plates` and `load_trial`.
     """
     path = walk.path if path is None else path
+    model = model or default_model()
     marked = walk_from_markers(standing, walk, marker_map, person, stated=stated, calibration=calibration, hip=hip,
                                cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s, plate_sides=plate_sides,
                                model=model, fulcrum_m=fulcrum_m)
@@ -103,7 +106,7 @@ def trial_from_recordings(
     missing = tuple(f"No plate carries the {s} foot alone." for s in ("right", "left") if s not in plates)
     return Trial(path=path, name=name or path.stem, subject=subject, synthetic=synthetic, fulcrum_m=fulcrum_m,
                  start_s=span[0], end_s=span[1], trajectory=trajectory, plates=plates,
-                 notes=marked.notes + reach_notes + missing + belt_notes + window_notes, model=model or default_model(),
+                 notes=marked.notes + reach_notes + missing + belt_notes + window_notes, model=model,
                  inputs=dict(inputs or {}), offsets=offsets, unmeasured=assignment.unmeasured,
                  recording=marked.recording, calibration=marked.calibration, tracked=tracked,
                  contacts=assignment.contacts)
@@ -128,11 +131,11 @@ def walk_from_markers(
         notes.append(note)
     walk = prepared(walk, marker_map)
     notes += walk.notes
+    by = partial(_calibrated, walk if standing is None else standing, marker_map, hip=hip, model=model,
+                 fulcrum_m=fulcrum_m)
     weighed = True
     if calibration is None:
-        calibration, weighed = _calibrated(
-            walk if standing is None else standing, marker_map, person, alone=standing is None, hip=hip, model=model,
-            fulcrum_m=fulcrum_m)
+        calibration, weighed = by(person, alone=standing is None)
         if standing is not None:
             notes += [f"Standing trial: {note}" for note in standing.notes]
     notes += calibration.notes
@@ -142,24 +145,21 @@ def walk_from_markers(
     pelvis = tracked.values[:, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]] * [1, -1, 1]
     assignment = assign_plates(walk, tracked.time_s, tracked.feet, pelvis,
                                stated=dict(plate_sides) if plate_sides else None)
-    subject = calibration.subject
     if not weighed:
         mass, note = mass_from_walk(walk, assignment)
-        subject = dataclasses.replace(subject, mass_kg=mass)
+        calibration, _ = by(dataclasses.replace(person, mass_kg=mass))
         notes.append(note)
-    subject, more = with_stated(subject, stated or {})
+    subject, more = with_stated(calibration.subject, stated or {})
     _check_size(walk, assignment, subject.mass_kg)
     calibration = dataclasses.replace(calibration, subject=subject)
     notes += [*more, *tracked.notes, *assignment.notes]
     return MarkedWalk(walk, calibration, tracked, assignment, tuple(dict.fromkeys(notes)))
 
 
-def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, *, alone: bool, hip: str,
+def _calibrated(source: Recording, marker_map: MarkerMap, person: PersonFacts, *, alone: bool = False, hip: str,
                 model: ModelParameters | None, fulcrum_m: float) -> tuple[Calibration, bool]:
     """The calibration, and whether its mass is known rather than a placeholder."""
-    def by(facts: PersonFacts) -> Calibration:
-        return calibrate(source, marker_map, facts, hip=hip, model=model, fulcrum_m=fulcrum_m)
-
+    by = partial(calibrate, source, marker_map, hip=hip, model=model, fulcrum_m=fulcrum_m)
     if person.mass_kg is not None:
         return by(person), True
     if source.plates and not alone:
