@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import sys
 
 import pytest
@@ -69,7 +70,7 @@ def test_validate_quick_runs_on_the_embedded_data_and_calls_the_walk_synthetic(r
         metrics = read_json(path)
         assert set(METRICS) <= set(metrics)
         assert metrics["synthetic"] is True
-        assert "synthetic" in metrics["trial"]
+        assert "SYNTHETIC" in metrics["trial"]
         assert (path.parent / "walk.png").is_file()
 
 
@@ -159,7 +160,7 @@ def test_divergence_during_the_fit_is_a_failed_simulation(run, tmp_path, trial_f
 
 
 def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path):
-    out = tmp_path / "results" / "synthetic_walk"
+    out = tmp_path / "results" / "medium_1"
     out.mkdir(parents=True)
     (out / "replay.html").write_text("old", encoding="utf-8")
     (out / "mine.txt").write_text("kept", encoding="utf-8")
@@ -177,12 +178,11 @@ def test_bench_does_not_mix_with_a_walk_in_one_folder(run, tmp_path, trial_files
 
 @pytest.mark.parametrize("name", ["subject 3 [/pre]", "$\\frac{$ x"])
 def test_odd_trial_names_are_only_names(run, tmp_path, name):
-    source = resource("data/synthetic_walk")
-    for file in source.iterdir():
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    manifest = yaml.safe_load((tmp_path / "trial.yaml").read_text(encoding="utf-8")) | {"name": name}
-    (tmp_path / "trial.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
-    code, out, _ = run("simulate", tmp_path / "trial.yaml", "--out", tmp_path / "out", "--no-replay")
+    shutil.copytree(resource("data/reference_subject"), tmp_path / "data")
+    path = tmp_path / "data" / "exact" / "medium_1.yaml"
+    manifest = yaml.safe_load(path.read_text(encoding="utf-8")) | {"name": name}
+    path.write_text(yaml.safe_dump(manifest), encoding="utf-8")
+    code, out, _ = run("simulate", path, "--out", tmp_path / "out", "--no-replay")
     assert code == 0
     assert name in out
 

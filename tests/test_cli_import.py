@@ -289,7 +289,7 @@ def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, tr
 
 def test_check_of_a_synthetic_trial_calls_it_synthetic(run, tmp_path):
     out = tmp_path / "checked"
-    code, shown, _ = run("check", resource("data/synthetic_walk/trial.yaml"), "--out", out)
+    code, shown, _ = run("check", resource("data/reference_subject/exact/medium_1.yaml"), "--out", out)
     assert code == 0
     assert "SYNTHETIC" in shown
     page = (out / "check.html").read_text(encoding="utf-8")

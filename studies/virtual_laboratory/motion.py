@@ -29,7 +29,7 @@ COORDINATES = person_coordinates("right")
 SEGMENTS = ("pelvis", "thigh_right", "shank_right", "vsf_frame", "thigh_left", "shank_left", "foot_left")
 SHANK, DEVICE, INTACT_FOOT = SEGMENTS.index("shank_right"), SEGMENTS.index("vsf_frame"), SEGMENTS.index("foot_left")
 PUBLISHED_STRIDE_M = 1.1 * 1.26
-"""Stride (m) that the published angles make on this subject's legs (studies/make_synthetic_walk.py)."""
+"""Stride (m) at the 1.1 m/s of the published angles: on this subject's legs the soles then rest if it lasts 1.26 s."""
 LOADING_PEAK, LOADING_WIDTH = 0.14, 0.055
 """Phase of the published knee's flexion under load and the width of the bump that is taken from it."""
 DEGREE, KNOT_SPACING_S = 5, 0.04

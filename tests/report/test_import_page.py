@@ -20,7 +20,7 @@ VOID = {"meta", "img", "br"}
 
 @pytest.fixture(scope="module")
 def item():
-    return examine(load_trial(resource("data/synthetic_walk/trial.yaml")))
+    return examine(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
 
 
 @pytest.fixture(scope="module")

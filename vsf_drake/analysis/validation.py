@@ -12,7 +12,7 @@ from vsf_drake.resources import resource
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 
-EMBEDDED_TRIALS = ("data/synthetic_walk/trial.yaml",)
+EMBEDDED_FOLDER, SETTINGS, REPEATS = "data/reference_subject/exact", ("low", "medium", "high"), 3
 QUICK_STEP_S = 2e-3
 
 
@@ -25,9 +25,13 @@ class ValidatedWalk:
     fit: OffsetFit | None
 
 
-def embedded_trials() -> tuple[Path, ...]:
-    """Manifests of the trials that ship with the package. All are synthetic, and say so."""
-    return tuple(resource(relative) for relative in EMBEDDED_TRIALS)
+def embedded_trials(*, quick: bool = False) -> tuple[Path, ...]:
+    """Manifests of the trials that ship with the package, three a setting; one a setting if `quick`.
+
+    All are synthetic, and say so.
+    """
+    return tuple(resource(f"{EMBEDDED_FOLDER}/{setting}_{number}.yaml")
+                 for setting in SETTINGS for number in range(1, 2 if quick else REPEATS + 1))
 
 
 def validate_walk(

@@ -31,7 +31,8 @@ def check(
             show(f"checking {path.name}", number / len(trials))
             try:
                 trial, manifest = load_trial(path.expanduser()), load_manifest(path.expanduser())
-                items.append(examine(trial, cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz))
+                items.append(examine(trial, cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
+                                     belt_speed_m_per_s=manifest.belt_speed_m_per_s))
             except InputError as error:
                 if len(trials) == 1:
                     raise

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from vsf_drake.cli.app import Out, app, console, progress, target
 from vsf_drake.cli.bench import print_bench
-from vsf_drake.cli.simulate import print_walk
 
 
 @app.command()
 def validate(
     out: Out = Path("results"),
-    quick: Annotated[bool, typer.Option("--quick", help="Coarser step, no replay.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="One walk a setting, coarser step, no replay.")] = False,
 ) -> None:
-    """Bench and walk on the embedded data: published bench end points, and a synthetic walk."""
+    """Bench and walks on the embedded data: published bench end points, and the synthetic reference subject."""
     from vsf_drake.analysis.validation import QUICK_STEP_S, embedded_trials, validate_walk
     from vsf_drake.model_file import load_model
     from vsf_drake.report.outputs import write_bench, write_walk
@@ -26,13 +26,29 @@ def validate(
     from vsf_drake.simulation.walk import DEFAULT_STEP_S
 
     out = target(out, "bench")
-    console.print("Walking data are SYNTHETIC (built from published group means); bench end points are published.")
+    console.print("Walking data are SYNTHETIC (a virtual laboratory's); bench end points are published.")
     with progress() as show:
         result = run_bench(load_model(resource("models/nominal.yaml")), progress=lambda f: show("pressing", f))
     print_bench(write_bench(result, out))
-    for manifest in embedded_trials():
+    walks: dict[str, dict[str, Any]] = {}
+    for manifest in embedded_trials(quick=quick):
         with progress() as show:
-            walk = validate_walk(manifest, step_s=QUICK_STEP_S if quick else DEFAULT_STEP_S, progress=show)
-        folder = out / manifest.parent.name
-        print_walk(write_walk(walk.result, walk.trial, folder, fit=walk.fit, replay=not quick))
+            walk = validate_walk(manifest, step_s=QUICK_STEP_S if quick else DEFAULT_STEP_S,
+                                 progress=lambda what, f, name=manifest.stem: show(f"{name}: {what}", f))
+        walks[manifest.stem] = write_walk(walk.result, walk.trial, out / manifest.stem, fit=walk.fit, replay=not quick)
+    print_walks(walks)
     console.print(f"written to {out}", highlight=False)
+
+
+def print_walks(walks: dict[str, dict[str, Any]]) -> None:
+    """One row a walk, by name, then what is doubtful about any."""
+    grid = Table("walk", "GRF RMSE (BW)", "R²", "impulse", "CoP (FL)", "stance (s)", "model (s)",
+                 title="Walks (SYNTHETIC), offsets fitted to each plate; FL: foot lengths")
+    for name, walk in walks.items():
+        cells = (("{:.3f}", "grf_rmse_bw"), ("{:.3f}", "grf_r2"), ("{:+.1%}", "vertical_impulse_error"),
+                 ("{:.3f}", "cop_rmse_fl"), ("{:.3f}", "stance_measured_s"), ("{:.3f}", "stance_model_s"))
+        grid.add_row(name, *("not known" if walk[key] is None else form.format(walk[key]) for form, key in cells))
+    console.print(grid)
+    for name, walk in walks.items():
+        for doubt in walk["doubts"]:
+            console.print(f"! {name}: {doubt}", style="bold yellow", highlight=False, markup=False)
