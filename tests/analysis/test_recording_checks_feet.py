@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.recording import ground_checks
-from vsf_drake.analysis.recording.foot import FLAT_RAD, FootMotion, flat_phase, floor_point, slip_velocity
+from vsf_drake.analysis.recording.foot import (
+    FLAT_RAD,
+    FootMotion,
+    flat_phase,
+    floor_point,
+    slip_velocity,
+    turns_in_stance,
+)
 from vsf_drake.analysis.recording.foot_checks import (
     clearance,
     drift,
@@ -185,3 +192,15 @@ def test_depth_is_held_against_what_the_foot_gives():
         assert ground_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
     foot.lowest_m[:] = -0.08
     assert ground_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
+
+
+def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stance():
+    """The record begins 0.03 s after touch-down: mid-stance is there, and so is how the foot turned."""
+    still, turning = made_foot(), made_foot()
+    tilt = np.radians(-30.0) * (TIME - STANCE.start_s) / STANCE.duration_s
+    length = np.linalg.norm(turning.toe_W - turning.heel_W, axis=1)
+    turning.toe_W[:] = turning.heel_W + length[:, None] * np.column_stack([np.cos(tilt), 0 * tilt, np.sin(tilt)])
+    cut = Stance(STANCE.start_s + 0.03, STANCE.end_s, start_seen=False, end_seen=True)
+    assert turns_in_stance(turning, [cut], usual_s=STANCE.duration_s)
+    assert not turns_in_stance(still, [cut], usual_s=STANCE.duration_s)
+    assert not turns_in_stance(turning, [cut]), "how long it lasts is not known"

@@ -83,6 +83,17 @@ def test_foot_that_lands_on_the_plate_of_the_other_makes_it_unusable():
     assert all(c.side is None for c in result.contacts if c.plate == "1")
 
 
+def test_load_ahead_of_a_short_toe_is_not_shared_with_a_foot_beside_the_plate():
+    """A toe marker on the metatarsals ends the foot's line 7 cm early; the plates' corners tell who stands on them."""
+    tracks, pelvis = feet()
+    short = {side: dataclasses.replace(t, toe_W=t.heel_W + 0.7 * (t.toe_W - t.heel_W)) for side, t in tracks.items()}
+    under = {name: dataclasses.replace(p, corners_m=rectangle((x - 0.1, x + 0.35), (y - 0.15, y + 0.15)))
+             for p, name, x, y in ((p, p.name, np.nanmean(p.cop_m[:, 0]) - 0.5 * 0.25, np.nanmean(p.cop_m[:, 1]))
+                                   for p in everywhere())}
+    result = assign_plates(recording(*under.values()), TIME, short, pelvis)
+    assert sides(result) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]
+
+
 def test_one_foot_on_two_plates_is_their_sum():
     """Heel on one plate and toes on the next: same resultant, same centre of pressure, same moment."""
     force, cop = step_load("right", 0)

@@ -221,10 +221,22 @@ def _judge_sharing(item: Found, found: Sequence[Found], floor: FeetOnFloor) -> F
     if load.plate.corners_m is not None:
         heel, toe = floor.at(times, other)
         on = inside(heel, load.plate.corners_m) | inside(toe, load.plate.corners_m)
+        pulled &= _touches(heel, toe, load.plate.corners_m)
         pulled |= both & on & ~_carried_elsewhere(times, other, load, found)
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
     return replace(item, side=None, shared=True, doubt=SHARED) if shared else item
+
+
+def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
+    """(k,) whether a foot may be on the plate: some point of its line lies within half a shoe of it.
+
+    A foot beside the plate cannot load it, however far the centre of pressure is from the other foot: that one's
+    line ends too early where its toe marker is on the metatarsals.
+    """
+    sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
+    wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    return np.any([inside(heel + part * (toe - heel), wider) for part in np.linspace(0.0, 1.0, 5)], axis=0)
 
 
 def _carried_elsewhere(times: np.ndarray, side: str, load: Load, found: Sequence[Found]) -> np.ndarray:

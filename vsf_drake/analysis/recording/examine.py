@@ -15,6 +15,7 @@ from vsf_drake.analysis.recording.foot_checks import clearance, foot_checks
 from vsf_drake.analysis.recording.model_feet import model_motion
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
+from vsf_drake.motion.markers.handedness import NOTE
 from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
 from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -50,11 +51,10 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
     measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
                for side in SIDES}
-    side = trial.subject.prosthetic_side
-    if turns_in_stance(feet[side], stances[side]):
+    side, usual = trial.subject.prosthetic_side, _usual_duration(stances)
+    if turns_in_stance(feet[side], stances[side], usual_s=usual):
         feet = {**feet, side: dataclasses.replace(feet[side], undeformed=True)}
     checks: list[Check] = list(stated)
-    usual = _usual_duration(stances)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
         cop = _cop_at(feet[side].time_s, trial.plates.get(side))
         checks += foot_checks(feet[side], stances[side], cop, usual_s=usual)
@@ -187,6 +187,8 @@ def _markers(markers: MarkerEvidence) -> list[Check]:
     checks = [check for check in found if check is not None]
     checks += [Check("plate and foot", "doubtful", c.start_s, "s", f"Plate {c.plate} from {c.start_s:.3f} to "
                      f"{c.end_s:.3f} s: {c.doubt}.", c.side) for c in markers.contacts if c.doubt]
+    if NOTE in recording.notes:
+        checks.append(Check("left and right", "doubtful", None, "", NOTE))
     return checks + marker_checks.leg_lengths(markers.calibration.lengths_m)
 
 

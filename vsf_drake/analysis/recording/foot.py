@@ -109,10 +109,15 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
     return longest
 
 
-def turns_in_stance(foot: FootMotion, stances: Sequence[Stance]) -> bool:
-    """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do."""
-    ranges = [float(np.ptp(foot.pitch_rad[rows])) for stance in stances if stance.complete
-              and (rows := foot.rows(*shares(stance, MIDDLE))).any()]
+def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None) -> bool:
+    """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do.
+
+    A stance that the record cuts counts if its mid-stance is there, laid out to last `usual_s`.
+    """
+    laid_out = [stance for stance in (whole(stance, usual_s) for stance in stances) if stance is not None
+                and foot.time_s[0] <= shares(stance, MIDDLE)[0] and shares(stance, MIDDLE)[1] <= foot.time_s[-1]]
+    ranges = [float(np.ptp(foot.pitch_rad[rows])) for stance in laid_out
+              if (rows := foot.rows(*shares(stance, MIDDLE))).any()]
     return bool(ranges) and float(np.median(ranges)) > TURNS_RAD
 
 

@@ -14,7 +14,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.feet import foot_points, prosthesis_of
 from vsf_drake.motion.markers.frames import Anatomy, find_anatomy
-from vsf_drake.motion.markers.handedness import NOTE, prepared
+from vsf_drake.motion.markers.handedness import NOTE, right_handed
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.joint_centres import HIP_METHODS
 from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
@@ -54,7 +54,7 @@ def calibrate(
     check_facts(person)
     if hip not in HIP_METHODS:
         raise InputError(f"{hip!r} is not known", where="hip", right=f"Known are: {', '.join(HIP_METHODS)}")
-    standing = prepared(standing, marker_map)
+    standing = right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     found = marker_map.find(seen, standing.path)
     posture = find_posture(standing, found)
