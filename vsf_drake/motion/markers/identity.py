@@ -86,11 +86,14 @@ def check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[str
             right="Correct its label, or leave it out of the marker map")
 
 
+def joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPoses]) -> np.ndarray:
+    """(n,) m, distance of a segment's origin from where its parent has it."""
+    return np.linalg.norm(poses[name].p_WB - poses[str(PARENTS[name])].points(segment.p_PB), axis=1)
+
+
 def joint_gap(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPoses]) -> float:
-    """RMS distance (m) of a segment's origin from where its parent has it."""
-    parent = PARENTS[name]
-    gap = poses[name].p_WB - poses[str(parent)].points(segment.p_PB)
-    return float(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+    """RMS (m) of `joint_gaps`."""
+    return float(np.sqrt(np.mean(joint_gaps(name, segment, poses) ** 2)))
 
 
 def residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses) -> dict[str, float]:

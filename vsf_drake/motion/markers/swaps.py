@@ -9,9 +9,11 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.clusters import pose_data
+from vsf_drake.motion.markers.clusters import pose_data, segment_poses
 from vsf_drake.motion.markers.gaps import FilledMarkers
+from vsf_drake.motion.markers.identity import LOST_JOINT_M, joint_gaps
 from vsf_drake.motion.markers.poses import FEWEST_MARKERS, RigidPoses, rigid_poses
+from vsf_drake.motion.markers.schema import PARENTS
 
 FASTEST_M_S = 10.0
 """Twice what a foot in swing reaches in the fastest walk."""
@@ -23,6 +25,8 @@ SWAP_GAIN = 0.5
 """Two markers are exchanged if exchanging them back halves the residual."""
 SWAPPED_THROUGHOUT = 0.8
 """Share of the frames beyond which the labels differ from the standing trial's."""
+MOST_TRIED = 25
+"""Frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)."""
 RELABEL = "Correct the labels in the capture software"
 
 
@@ -53,11 +57,20 @@ def check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) 
 
 def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
                 times: np.ndarray) -> None:
-    """Refuses two markers of one segment whose exchange explains the residual of some frames.
+    """Refuses two markers whose exchange explains why some frames do not fit.
+
+    Two of one segment are known by what they leave of the distances to its pose; those of two segments, and two of
+    three on one segment, whose mirror image fits by turning over, by segments that come apart at the joints.
 
     Raises:
         InputError: names both and the time.
     """
+    _check_residuals(recording, filled, poses, times)
+    _check_joints(recording, filled, poses, times)
+
+
+def _check_residuals(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
+                     times: np.ndarray) -> None:
     for name, segment in filled.segments.items():
         p_BM, p_WM = pose_data(name, segment, filled.markers, poses)
         suspect = np.flatnonzero(poses[name].residual_m.max(axis=1) > SWAP_M)
@@ -73,12 +86,45 @@ def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str,
         frames = suspect[gain < SWAP_GAIN]
         if not frames.size:
             continue
-        pair = f"markers {segment.labels[a]} and {segment.labels[b]} of the {name.replace('_', ' ')}"
-        if frames.size > SWAPPED_THROUGHOUT * len(times):
-            raise InputError(f"{pair} are exchanged with respect to the standing trial", file=recording.path,
-                             right="Correct the labels in one of the two files")
-        raise InputError(f"{pair} exchange places at {times[frames[0]]:.3f} s (for {frames.size} frames in all)",
-                         file=recording.path, right=RELABEL)
+        raise _exchanged(f"{segment.labels[a]} and {segment.labels[b]} of the {name.replace('_', ' ')}", frames,
+                         recording, times)
+
+
+def _check_joints(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
+                  times: np.ndarray) -> None:
+    gaps = _gaps(filled, poses)
+    suspect = np.flatnonzero(np.max(list(gaps.values()), axis=0) > LOST_JOINT_M)
+    if not suspect.size:
+        return
+    tried = suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)]
+    apart = {name for name, gap in gaps.items() if gap[tried].max() > LOST_JOINT_M}
+    involved = apart | {str(PARENTS[name]) for name in apart}
+    labels = [label for name, segment in filled.segments.items() if name in involved for label in segment.labels]
+    seen = {label: path[tried] for label, path in filled.markers.items()}
+    worst = {(a, b): _worst_gap(filled, seen | {a: seen[b], b: seen[a]}) for a, b in combinations(labels, 2)}
+    if not worst:
+        return
+    (a, b), left = min(worst.items(), key=lambda item: item[1])
+    if left < SWAP_GAIN * LOST_JOINT_M:
+        raise _exchanged(f"{a} and {b}", suspect, recording, times)
+
+
+def _gaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> dict[str, np.ndarray]:
+    return {name: joint_gaps(name, segment, poses) for name, segment in filled.segments.items() if PARENTS[name]}
+
+
+def _worst_gap(filled: FilledMarkers, markers: Mapping[str, np.ndarray]) -> float:
+    """Largest distance (m) at any joint in the median frame; infinite where a pose is lost."""
+    gaps = np.max(list(_gaps(filled, segment_poses(filled.segments, markers)).values()), axis=0)
+    return float(np.median(np.nan_to_num(gaps, nan=np.inf)))
+
+
+def _exchanged(pair: str, frames: np.ndarray, recording: Recording, times: np.ndarray) -> InputError:
+    if frames.size > SWAPPED_THROUGHOUT * len(times):
+        return InputError(f"markers {pair} are exchanged with respect to the standing trial", file=recording.path,
+                          right="Correct the labels in one of the two files")
+    return InputError(f"markers {pair} exchange places at {times[frames[0]]:.3f} s (for {frames.size} frames in all)",
+                      file=recording.path, right=RELABEL)
 
 
 def _rms(residual: np.ndarray) -> np.ndarray:
