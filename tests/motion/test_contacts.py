@@ -84,9 +84,9 @@ def test_foot_that_lands_on_the_plate_of_the_other_makes_it_unusable():
 
 
 def test_load_ahead_of_a_short_toe_is_not_shared_with_a_foot_beside_the_plate():
-    """A toe marker on the metatarsals ends the foot's line 7 cm early; the plates' corners tell who stands on them."""
+    """A toe marker on the metatarsals ends the foot's line early; the plates' corners tell who stands on them."""
     tracks, pelvis = feet()
-    short = {side: dataclasses.replace(t, toe_W=t.heel_W + 0.7 * (t.toe_W - t.heel_W)) for side, t in tracks.items()}
+    short = {side: dataclasses.replace(t, toe_W=t.heel_W + 0.6 * (t.toe_W - t.heel_W)) for side, t in tracks.items()}
     under = {name: dataclasses.replace(p, corners_m=rectangle((x - 0.1, x + 0.35), (y - 0.15, y + 0.15)))
              for p, name, x, y in ((p, p.name, np.nanmean(p.cop_m[:, 0]) - 0.5 * 0.25, np.nanmean(p.cop_m[:, 1]))
                                    for p in everywhere())}
