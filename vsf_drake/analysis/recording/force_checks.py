@@ -139,13 +139,14 @@ def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Seq
         return None
     value = float(np.median(pairs))
     return _lag_check("lag of the forces at touch-down", value, grade(value, *EVENT_LAG_S),
-                      f"by {len(pairs)} touch-down{'s' if len(pairs) > 1 else ''}, each known to 35 ms or so")
+                      f"by {len(pairs)} touch-down{'s' if len(pairs) > 1 else ''}, each known to 35 ms or so",
+                      fine="no coarse fault of the clocks, and a finer one cannot be told")
 
 
-def _lag_check(name: str, value: float, mark: str, how: str) -> Check:
+def _lag_check(name: str, value: float, mark: str, how: str, *, fine: str = "one clock") -> Check:
     way = "after" if value > 0 else "before"
     sentence = f"The forces come {1e3 * abs(value):.0f} ms {way} the motion, {how}"
-    sentence += (": one clock." if mark == "good" else
+    sentence += (f": {fine}." if mark == "good" else
                  ": 10 ms are about 1° of hip angle, or 7 % of body weight. Do both files count from one instant?")
     return Check(name, mark, value, "s", sentence)
 
