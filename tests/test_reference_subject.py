@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.storage import read_storage
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.plants.person import add_person
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "data" / "reference_subject"
@@ -185,6 +187,42 @@ def test_intact_foot_carries_the_rest(trials, name):
     assert left[:, 2].min() > -0.03
     part = parts(trial)
     assert (left[(part > 0.25) & (part < 0.7), 2] < 0.02).all()
+
+
+@pytest.fixture(scope="module")
+def plant(trials):
+    built = MultibodyPlant(0.0)
+    person = add_person(built, trials["low_1"].subject, trials["low_1"].model)
+    built.Finalize()
+    return built, person.intact_sites
+
+
+def lowest(plant, trial, times):
+    """(n,) m, height of the lowest sphere of the intact foot, by Drake."""
+    built, sites = plant
+    context, found = built.CreateDefaultContext(), []
+    starts = [built.GetJointByName(n).position_start() for n in trial.trajectory.names]
+    for row in trial.trajectory.sample(times)[0]:
+        q = np.zeros(built.num_positions())
+        q[starts] = row
+        built.SetPositions(context, q)
+        X_WB = built.get_body(sites.body_indices[0]).EvalPoseInWorld(context)
+        found.append(min((X_WB @ p)[2] - r for p, r in zip(sites.p_BS, sites.radius, strict=True)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_intact_foot_swings_clear_and_stands_on_the_floor(trials, plant, name):
+    """Over 15 mm from 0.1 s after its toe-off to 0.15 s before its strike; no deeper than 15 mm when it stands."""
+    trial = trials[name]
+    plate = trial.plates["left"]
+    before, after = find_stances(plate.time_s, plate.force_W[:, 2])
+    swing = np.linspace(before.end_s + 0.1, after.start_s - 0.15, 20)
+    assert lowest(plant, trial, swing).min() > 0.015
+    stands = np.concatenate([np.linspace(0.0, before.end_s - 0.03, 20),
+                             np.linspace(after.start_s + 0.03, trial.end_s, 20)])
+    heights = lowest(plant, trial, stands)
+    assert heights.min() > -0.015 and heights.max() < 0.003
 
 
 @pytest.mark.parametrize("setting", SETTINGS)

@@ -1,8 +1,9 @@
 """Ideal markers on the synthetic person, by the names of the OpenSim gait models (Rajagopal 2016).
 
 They sit on the segments as the written coordinates move them, so on the prosthetic side too they tell the coordinates:
-shank markers follow the residual limb (no socket moves under them) and foot markers the undeformed prosthesis. Pelvis
-dimensions are chosen such that Harrington's regression (2007) finds the model's hip centres within 4 mm.
+shank markers follow the residual limb (no socket moves under them) and foot markers the undeformed prosthesis, on a
+shell as long as the intact foot. Pelvis dimensions are chosen such that Harrington's regression (2007) finds the
+model's hip centres within 4 mm. Standing, half of the weight shortens the virtual prosthesis; that hip is lower by it.
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 from virtual_laboratory.motion import COORDINATES, SEGMENTS, Person
 from virtual_laboratory.placing import RATE_HZ
+from virtual_laboratory.prosthesis import Prosthesis
 from vsf_drake.files import replaced
 from vsf_drake.motion.formats.writers import write_trc
+from vsf_drake.parameters import GRAVITY
 
 MARKER_HZ, STANDING_S = 100, 1.0
 ASIS_WIDTH_M, PELVIS_DEPTH_M, PSIS_WIDTH_M = 0.260, 0.150, 0.100
@@ -28,7 +32,7 @@ Places = dict[str, tuple[str, tuple[float, float, float]]]
 
 def marker_places(person: Person) -> Places:
     """All markers, right and left; x forward, y left, z up in the segment's frame."""
-    body, device = person.handles.body, person.model.foot
+    body = person.handles.body
     places: Places = {
         "RASI": ("pelvis", (0.0, -0.5 * ASIS_WIDTH_M, 0.0)), "LASI": ("pelvis", (0.0, 0.5 * ASIS_WIDTH_M, 0.0)),
         "RPSI": ("pelvis", (-PELVIS_DEPTH_M, -0.5 * PSIS_WIDTH_M, 0.0)),
@@ -48,8 +52,8 @@ def marker_places(person: Person) -> Places:
             f"{s}MMAL": (shank, (0.0, -out * ANKLE_HALF_WIDTH_M, -ankle))}
     length, heel = body.foot_length, -person.model.intact_foot.ankle_x_ratio * body.foot_length
     for s, segment, rear, floor, size, out in (
-            ("R", "vsf_frame", -0.5 * (device.length_m - sum(device.keel.element_lengths_m)), person.sole_height,
-             device.length_m, -1.0), ("L", "foot_left", heel, -body.ankle_height, length, 1.0)):
+            ("R", "vsf_frame", 0.0, person.sole_height, length, -1.0),
+            ("L", "foot_left", heel, -body.ankle_height, length, 1.0)):
         places |= {f"{s}CAL": (segment, (rear - 0.009, 0.0, floor + 0.03)),
                    f"{s}TOE": (segment, (rear + 0.72 * size, 0.0, floor + 0.05)),
                    f"{s}MT5": (segment, (rear + 0.65 * size, out * 0.04, floor + 0.03))}
@@ -66,18 +70,31 @@ def follow(person: Person, q: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def standing(person: Person) -> np.ndarray:
-    """(N, 21) upright on both feet, every joint at zero, for STANDING_S."""
-    q = np.zeros((round(STANDING_S * MARKER_HZ) + 1, len(COORDINATES)))
+def shortening(prosthesis: Prosthesis, load_n: float) -> float:
+    """How much (m) the upright prosthesis gives under a vertical load."""
+    def beyond(depth: float) -> float:
+        prosthesis.reset(np.eye(3), np.array([0.0, 0.0, prosthesis.sole_below_knee - depth]))
+        return float(prosthesis.force[2]) - load_n
+
+    return float(brentq(beyond, 0.0, 0.05, xtol=1e-5))
+
+
+def standing(person: Person, shorter_m: float) -> np.ndarray:
+    """(N, 21) upright on both feet for STANDING_S, knees straight, the right leg `shorter_m` under load."""
     body = person.handles.body
-    q[:, COORDINATES.index("pelvis_ty")] = body.thigh_length + body.shank_length + body.ankle_height - body.hip_up
-    return q
+    slope = float(np.arcsin(0.5 * shorter_m / body.hip_lateral))
+    place = {"pelvis_list": slope, "hip_adduction_r": -slope, "hip_adduction_l": slope,
+             "pelvis_ty": body.thigh_length + body.shank_length + body.ankle_height - body.hip_up * np.cos(slope)
+             - body.hip_lateral * np.sin(slope)}
+    upright = np.array([place.get(name, 0.0) for name in COORDINATES])
+    return np.tile(upright, (round(STANDING_S * MARKER_HZ) + 1, 1))
 
 
 def write_standing(folder: Path, person: Person) -> None:
-    """`static.trc` in `folder`."""
+    """`static.trc` in `folder`: half of the weight on the prosthesis, its fulcrum in mid-range."""
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "static.trc", follow(person, standing(person)))
+    shorter_m = shortening(Prosthesis(person.subject, 0.108), 0.5 * GRAVITY * person.subject.mass_kg)
+    _write(folder / "static.trc", follow(person, standing(person, shorter_m)))
 
 
 def write_walk(folder: Path, person: Person, name: str, q: np.ndarray) -> None:

@@ -37,8 +37,8 @@ INTACT_N = 30.0
 ACCELERATION, ACCELERATION_ALONE, EARLY_S = 0.2, 0.15, 0.02
 """Tolerated acceleration of the centre of mass (m/s^2), and where the prosthesis stands alone (and a little before and
 after), so that no other force can explain it."""
-LIFT_M, AWAY_S = 0.024, 0.10
-"""Wished height of the sole in swing, this long after lift-off and before strike."""
+LIFT_M, HELD_M, AWAY_S = 0.024, 0.012, 0.10
+"""Wished height of the sole in swing and how far above it counts as near, so long after lift-off and before strike."""
 
 
 @dataclass
@@ -161,12 +161,15 @@ def level(wishes: Wishes, body: Linearised, segment: int, load_bw: np.ndarray, t
 
 def _clear(wishes: Wishes, body: Linearised, segment: int, sole: list[np.ndarray], time_s: np.ndarray, *,
            lifts: tuple[float, ...], strikes: tuple[float, ...]) -> None:
-    """Asks for LIFT_M under the points `sole` of a foot between its lift-offs and its next strikes."""
+    """Asks for LIFT_M under the points `sole` of a foot between its lift-offs and its next strikes.
+
+    Points a little higher are asked to stay where they are, or they would sink again in the next step.
+    """
     swing = np.zeros(len(time_s), dtype=bool)
     for lift, strike in zip(lifts, strikes, strict=True):
         swing |= (time_s > lift + AWAY_S) & (time_s < strike - AWAY_S)
     for p_B in sole:
         p_W, J = body.point(segment, p_B)
         low = LIFT_M - p_W[:, 2]
-        width = np.where(swing & (low > 0.0), CLEARANCE_M, np.inf)
-        wishes.pose(J[:, 2:], low[:, None], width[:, None])
+        width = np.where(swing & (low > -HELD_M), CLEARANCE_M, np.inf)
+        wishes.pose(J[:, 2:], np.maximum(low, 0.0)[:, None], width[:, None])
