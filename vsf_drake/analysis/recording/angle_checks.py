@@ -65,7 +65,7 @@ def zeroed(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], standing_ra
             return Check(name, mark, value, "deg", "At standing every sagittal angle is within "
                          f"{value:.2f}° of zero, which no person's are: they were subtracted. {meaning}")
         if standing_rad:
-            return Check(name, "good", value, "deg", "The standing trial has angles of its own (up to "
+            return Check(name, "good", value, "deg", "The posture that was calibrated has angles of its own (up to "
                          f"{value:.1f}°): nothing was zeroed at standing.")
     tilt = float(np.degrees(np.mean(known["pelvis_tilt"])))
     hips = [float(np.degrees(np.mean(known[key]))) for key in ("hip_flexion_r", "hip_flexion_l") if key in known]

@@ -76,7 +76,7 @@ def total_vertical(time_s: np.ndarray, plates: Mapping[str, PlateRecording]) -> 
 
 def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, known: np.ndarray, *,
          mass_kg: float, feet: int) -> Check:
-    """The mass that the plates felt, against the stated one: impulse = m (g T + change of vertical velocity).
+    """The mass that the plates felt, against the subject's: impulse = m (g T + change of vertical velocity).
 
     Args:
         time_s: (n,) s. vertical_n: (n,) N on all feet.
@@ -86,7 +86,7 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     name, rows = "mass from the forces", longest_run(known)
     if len(rows) < 3 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S:
         return Check(name, "doubtful", None, "kg", "The mass cannot be told from the forces: there is no time in which "
-                     f"every foot on the ground is on a plate. The stated {mass_kg:.1f} kg is taken on trust.")
+                     f"every foot on the ground is on a plate. The subject's {mass_kg:.1f} kg are taken on trust.")
     start, end = rows[0], rows[-1]
     impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
     duration = float(time_s[end] - time_s[start])
@@ -94,7 +94,7 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     error = found / mass_kg - 1.0
     mark = grade(error, *(MASS if feet > 1 else MASS_ONE_FOOT))
     what = "agree with" if mark == "good" else "contradict"
-    sentence = f"The forces over {duration:.2f} s belong to {found:.1f} kg; they {what} the stated {mass_kg:.1f} kg"
+    sentence = f"The forces over {duration:.2f} s belong to {found:.1f} kg; they {what} the subject's {mass_kg:.1f} kg"
     if mark != "good":
         sentence += f" ({100 * error:+.0f} %), and so every force in body weights is off by as much"
     sentence += "." if feet > 1 else ". Only one foot is measured: closer than some 5 % it cannot be told."
