@@ -19,13 +19,14 @@ from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import check_facts
+from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.trial import Trial
 from vsf_drake.motion.trial_record import default_model
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.scaling import scale_foot
 
-MID_FULCRUM_MM = 108.0
-"""Middle of the carriage's reach, 66 to 151 mm, where none is stated (a choice)."""
+MID_FULCRUM_MM = 1e3 * MID_FULCRUM_M
+"""Where the fulcrum is taken to be if nobody says."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,12 +27,11 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from vsf_drake.analysis.marker_model import MarkerModel, make_marker_model
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.clusters import segment_poses
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.poses import RigidPoses
 from vsf_drake.motion.markers.schema import Calibration, SegmentMarkers, TrackedMotion
-from vsf_drake.motion.markers.tracking import CUTOFF_HZ, checked_markers, describe, filtered
+from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
 from vsf_drake.parameters import ModelParameters
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT, OTHER_WEIGHT = 2.0, 0.1, 1.0
@@ -100,11 +99,8 @@ def solve_inverse_kinematics(
     Raises:
         InputError: as for `tracking.track`; a weight is of no marker, or not positive.
     """
-    filled, times, poses = checked_markers(recording, calibration, longest_gap_s=longest_gap_s)
-    markers = filled.markers
-    if cutoff_hz is not None:
-        markers = filtered(markers, rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
-        poses = segment_poses(filled.segments, markers)
+    filled, markers, times, poses = smooth_poses(
+        recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     start = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     body = make_marker_model(calibration, filled.segments, model or ModelParameters())
     w = marker_weights(filled.segments, calibration.subject.prosthetic_side, weights)

@@ -20,7 +20,7 @@ WALKING_SHARE = 0.85
 """Vertical force in mid-stance over the weight: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015) at
 1.1 m/s; for a walk that stands in for the standing trial."""
 MID_FULCRUM_M = 0.108
-"""Where the fulcrum is taken to have stood while the person was measured, if nobody says: mid-range."""
+"""Where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)."""
 _DEEPEST_M = 0.1
 _ITERATIONS = 50
 

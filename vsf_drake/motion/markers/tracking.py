@@ -44,11 +44,8 @@ def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | 
         InputError: see `gaps.fill_gaps`; the markers are not those of the calibration (another person, another unit,
             exchanged or moved markers); the cut-off is impossible at this frame rate.
     """
-    filled, times, poses = checked_markers(recording, calibration, longest_gap_s=longest_gap_s)
-    markers = filled.markers
-    if cutoff_hz is not None:
-        markers = filtered(markers, rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
-        poses = segment_poses(filled.segments, markers)
+    filled, markers, times, poses = smooth_poses(
+        recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     return describe(calibration, filled, markers, times, poses, values, notes=_helped(filled))
 
@@ -59,6 +56,20 @@ def _helped(filled: FilledMarkers) -> tuple[str, ...]:
         f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the {segment_joint(name)[0]} "
         "centre of the segment above"
         for name, segment in filled.segments.items() if PARENTS[name] is not None and needs_joint_centre(segment.p_BM))
+
+
+def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
+                 ) -> tuple[FilledMarkers, dict[str, np.ndarray], np.ndarray, dict[str, RigidPoses]]:
+    """`checked_markers`, the markers filtered once (not at all where the cut-off is None), their times and poses.
+
+    Raises:
+        InputError: as for `track`.
+    """
+    filled, times, poses = checked_markers(recording, calibration, longest_gap_s=longest_gap_s)
+    if cutoff_hz is None:
+        return filled, filled.markers, times, poses
+    markers = filtered(filled.markers, rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
+    return filled, markers, times, segment_poses(filled.segments, markers)
 
 
 def checked_markers(recording: Recording, calibration: Calibration, *, longest_gap_s: float = LONGEST_GAP_S
