@@ -1,7 +1,8 @@
-"""Exchanged markers that leave no residual, or that sit on two segments, are named by joints that come apart."""
+"""Exchanged markers are named: by the distances they leave, or by joints that come apart."""
 
 import dataclasses
 
+import numpy as np
 import pytest
 from made_calibration import true_calibration
 from made_person import markers, recording_of, walking_angles
@@ -21,6 +22,10 @@ def exchanged(recording, a, b, start, stop):
     return dataclasses.replace(recording, markers=paths)
 
 
+def made(label_set="rajagopal"):
+    return recording_of(markers(walking_angles(np.arange(FRAMES) / 100.0), label_set=label_set, medial=False))
+
+
 @pytest.fixture(scope="module")
 def session(shared_data):
     """A walk whose shanks have three markers each, and its calibration."""
@@ -28,6 +33,30 @@ def session(shared_data):
     person = PersonFacts(mass_kg=72.6, stature_m=1.803, sex="male", prosthetic_side="right")
     standing = read_trial(folder / "subject01_static.trc")
     return read_trial(folder / "subject01_walk1.trc"), calibrate(standing, load_marker_map("rajagopal"), person)
+
+
+@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH2"), ("LTB1", "LTB3")])
+@pytest.mark.parametrize(("start", "stop"), [(80, 95), (0, 30)])
+def test_markers_that_change_places_for_a_while_are_named(a, b, start, stop):
+    time = f"{start / 100:.3f} s" if start else r"0\.\d+ s"
+    with pytest.raises(InputError, match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}"):
+        track(exchanged(made(), a, b, start, stop), true_calibration())
+
+
+def test_left_and_right_exchanged_for_a_while_are_named():
+    with pytest.raises(InputError, match=r"markers (RCAL and LCAL|LCAL and RCAL) exchange places at 1\.\d\d0 s"):
+        track(exchanged(made(), "RCAL", "LCAL", 100, 120), true_calibration())
+
+
+def test_a_swap_is_seen_where_the_joint_above_helps():
+    with pytest.raises(InputError, match="exchange places"):
+        track(exchanged(made("plug_in_gait"), "RTIB", "RANK", 100, 120), true_calibration(label_set="plug_in_gait"))
+
+
+@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH3"), ("RCAL", "RMT2"), ("RASI", "LASI")])
+def test_markers_labelled_otherwise_than_at_standing_are_named(a, b):
+    with pytest.raises(InputError, match=rf"markers {a} and {b} .*exchanged with respect to the standing trial"):
+        track(exchanged(made(), a, b, 0, FRAMES), true_calibration())
 
 
 @pytest.mark.parametrize("a, b", [("R.Shank.Upper", "R.Shank.Front"), ("L.Thigh.Rear", "L.Thigh.Front")])
@@ -49,10 +78,8 @@ def test_markers_exchanged_throughout_are_named(session, a, b):
 
 
 def test_a_person_of_other_proportions_is_still_another_person():
-    angles = walking_angles([0.01 * i for i in range(FRAMES)])
-    walk = recording_of(markers(angles, label_set="rajagopal"))
-    other = true_calibration(label_set="rajagopal")
+    other = true_calibration()
     segments = dict(other.segments)
     segments["shank_left"] = dataclasses.replace(segments["shank_left"], p_PB=segments["shank_left"].p_PB * 1.3)
     with pytest.raises(InputError, match="another person"):
-        track(walk, dataclasses.replace(other, segments=segments))
+        track(made(), dataclasses.replace(other, segments=segments))

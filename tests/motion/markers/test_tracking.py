@@ -30,12 +30,6 @@ def path(label, label_set="rajagopal"):
     return made(label_set).markers[label].copy()
 
 
-def swapped(a, b, start, stop, label_set="rajagopal"):
-    first, second = path(a, label_set), path(b, label_set)
-    first[start:stop], second[start:stop] = second[start:stop].copy(), first[start:stop].copy()
-    return made(label_set, **{a: first, b: second})
-
-
 @LABEL_SETS
 @pytest.mark.parametrize("medial", [True, False])
 def test_the_angles_that_the_markers_were_made_from_come_back(label_set, medial):
@@ -119,30 +113,6 @@ def test_trimmed_recordings_keep_their_clock():
     motion = track(recording, true_calibration())
     assert motion.start_frame == 40 and motion.time_s[0] == pytest.approx(2.9) and len(motion.values) == 160
     assert isinstance(motion.trajectory(("knee_angle_r", "pelvis_ty")), CoordinateTrajectory)
-
-
-@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH2"), ("LTB1", "LTB3")])
-@pytest.mark.parametrize(("start", "stop"), [(80, 95), (0, 30)])
-def test_markers_that_change_places_for_a_while_are_named(a, b, start, stop):
-    time = f"{start / 100:.3f} s" if start else r"0\.\d+ s"
-    with pytest.raises(InputError, match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}"):
-        track(swapped(a, b, start, stop), true_calibration())
-
-
-def test_left_and_right_exchanged_for_a_while_are_named():
-    with pytest.raises(InputError, match=r"markers (RCAL and LCAL|LCAL and RCAL) exchange places at 1\.\d\d0 s"):
-        track(swapped("RCAL", "LCAL", 100, 120), true_calibration())
-
-
-def test_a_swap_is_seen_where_the_joint_above_helps():
-    with pytest.raises(InputError, match="exchange places"):
-        track(swapped("RTIB", "RANK", 100, 120, "plug_in_gait"), true_calibration(label_set="plug_in_gait"))
-
-
-@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH3"), ("RCAL", "RMT2"), ("RASI", "LASI")])
-def test_markers_labelled_otherwise_than_at_standing_are_named(a, b):
-    with pytest.raises(InputError, match=rf"markers {a} and {b} .*exchanged with respect to the standing trial"):
-        track(swapped(a, b, 0, 200), true_calibration())
 
 
 def test_a_marker_that_jumps_is_named_with_time_and_distance():
