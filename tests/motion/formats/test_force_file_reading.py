@@ -1,5 +1,7 @@
 """Force files of OpenSim, spreadsheets and Cortex: one load comes back from each way to write it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -103,10 +105,39 @@ def test_csv_states_its_units_in_a_row_of_their_own_or_behind_the_labels(tmp_pat
     check(read_trial(csv(tmp_path / "b.csv", labels, blocks, lead="exported by hand\n\n")))
 
 
-def test_decimal_commas_are_refused(tmp_path):
-    for separator in ",;":
-        path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], separator, comma=True)
-        assert "decimal point, not a comma" in message(lambda p=path: read_trial(p))
+def test_decimal_commas_are_read_between_semicolons_and_refused_between_commas(tmp_path):
+    blocks = [FORCE, COP, TWIST[:, None] * UP]
+    check(read_trial(csv(tmp_path / "grf.csv", opensim_names(), blocks, ";", comma=True)))
+    path = csv(tmp_path / "grf.csv", opensim_names(), blocks, ",", comma=True)
+    assert "decimal point, not a comma" in message(lambda: read_trial(path))
+
+
+def test_commas_at_thousands_are_refused(tmp_path):
+    """1,234 beside 12.5 is not 1.234, whichever of the two comes first."""
+    path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], ";")
+    lines = path.read_text().splitlines()
+    for row in (1, len(lines) - 1):
+        cells = lines[row].split(";")
+        thousands = ";".join(["0" if row == 1 else cells[0].replace(".", ","), "1,234", *["0"] * (len(cells) - 2)])
+        path.write_text("\n".join([*lines[:row], thousands, *lines[row + 1:]]))
+        assert "commas and points" in message(lambda: read_trial(path))
+
+
+@pytest.mark.parametrize("style", [
+    ["FP1_Fx", "FP1_Fy", "FP1_Fz", "FP1_COPx", "FP1_COPy", "FP1_COPz", "FP1_Mx", "FP1_My", "FP1_Mz"],
+    ["Plate 1.Force_X", "Plate 1.Force_Y", "Plate 1.Force_Z", "Plate 1.COP_X", "Plate 1.COP_Y", "Plate 1.COP_Z",
+     "Plate 1.Moment_X", "Plate 1.Moment_Y", "Plate 1.Moment_Z"],
+    ["Fx_R", "Fy_R", "Fz_R", "COPx_R", "COPy_R", "COPz_R", "Mx_R", "My_R", "Mz_R"],
+    ["Force_X_1", "Force_Y_1", "Force_Z_1", "COP_X_1", "COP_Y_1", "COP_Z_1", "Moment_X_1", "Moment_Y_1", "Moment_Z_1"]])
+def test_csv_with_plates_by_name(tmp_path, style):
+    other = [name.replace("FP1", "FP2").replace(" 1", " 2").replace("_1", "_2").replace("_R", "_L") for name in style]
+    blocks = [FORCE, COP, TWIST[:, None] * UP]
+    path = csv(tmp_path / "grf.csv", [*style, *other, "EMG"], [*blocks, *(0 * b for b in blocks), TIME])
+    recording = read_trial(path, up="y")
+    assert len(recording.plates) == 2
+    check(dataclasses.replace(recording, plates=recording.plates[:1]))
+    assert not recording.plates[1].force_n.any()
+    assert any("EMG" in note and "left out" in note for note in recording.notes), "nothing is dropped without a word"
 
 
 def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):

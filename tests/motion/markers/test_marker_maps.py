@@ -171,3 +171,18 @@ def test_the_nearest_map_says_what_it_lacks():
     lacking = made_person.recording_of({label: x for label, x in markers.items() if label != "LHEE"})
     with pytest.raises(InputError, match=r"no marker for heel left.*LHEE"):
         choose_map(lacking)
+
+
+def test_a_started_map_knows_epicondyles_and_metatarsal_heads_by_other_names():
+    """RLEK and RLTHI of treadmill laboratories' real-time models, LATCON and 2MTH of others."""
+    for names, roles in ((("ASIS", "PSIS", "LEK", "MEK", "LM", "MM", "HEE", "MT5", "TOE", "LTHI", "LSHA"),
+                          {"knee_lateral": "LEK", "knee_medial": "MEK", "met5": "MT5"}),
+                         (("ASIS", "PSIS", "LATCON", "MEDCON", "LATMAL", "MEDMAL", "CALC", "1MTH", "2MTH", "5MTH",
+                           "SK1"),
+                          {"knee_lateral": "LATCON", "knee_medial": "MEDCON", "met1": "1MTH", "toe": "2MTH",
+                           "met5": "5MTH"})):
+        labels = [side + name for side in "RL" for name in names]
+        found = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+        for role, name in roles.items():
+            assert (found.roles[f"{role}_right"], found.roles[f"{role}_left"]) == (f"R{name}", f"L{name}")
+        assert f"L{names[-1]}" in found.segments["shank_left"]

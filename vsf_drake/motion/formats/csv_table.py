@@ -1,4 +1,6 @@
-"""Force tables as comma-, semicolon- or tab-separated text, with a row of labels and perhaps one of units."""
+"""Force tables as comma-, semicolon- or tab-separated text, with a row of labels and perhaps one of units.
+
+Between semicolons numbers may have decimal commas, as spreadsheets of many countries write them."""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ def read_csv(path: Path) -> tuple[Table, np.ndarray]:
             units = [cell or unit for cell, unit in zip(cells + [""] * len(labels), units, strict=False)]
         else:
             lines = itertools.chain([first], lines)
-    table, places = fitted_rows(lines, labels, path, separator)
+    table, places = fitted_rows(_with_points(lines, path) if separator == ";" else lines, labels, path, separator)
     if not len(table):
         raise InputError("there are no rows of numbers", file=path)
     columns = {}
@@ -57,6 +59,21 @@ def read_csv(path: Path) -> tuple[Table, np.ndarray]:
             lengths.add(length)
     time = columns.pop(labels[0])
     return Table(path, columns, places, 1.0 if lengths else None), time
+
+
+def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
+    """The lines with decimal points for decimal commas.
+
+    Raises:
+        InputError: the file has commas and points, so that it is not told which of them is decimal.
+    """
+    commas = points = False
+    for number, line in lines:
+        commas, points = commas or "," in line, points or "." in line
+        if commas and points:
+            raise InputError("numbers have commas and points", file=path, where=f"line {number}",
+                             right="Numbers need a decimal point, not a comma, and no mark at thousands")
+        yield number, line.replace(",", ".")
 
 
 def _find_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:

@@ -49,6 +49,9 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
         raise InputError(f"has no force columns; its columns are {', '.join(table.columns)[:300]}", file=path,
                          right="Name them as OpenSim does: ground_force_r_vx, ..., ground_force_r_px, ..., "
                                "ground_torque_r_x, ...")
+    unused = [name for name in table.columns if not any(name in plate.names for plate in found)]
+    if unused:
+        notes.append(f"Columns of {path.name} that belong to no plate were left out: {', '.join(unused)[:200]}.")
     plates = _in_metres(table, found, length_unit, notes)
     convention = None if any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in found) else "+y"
     if suffix == ".csv" and not all(plate.force[0].endswith("_vx") for plate in found):

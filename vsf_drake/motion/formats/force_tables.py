@@ -5,6 +5,7 @@ Columns of a plate, in any of these spellings (p a prefix, n a number or nothing
     OpenSim            p_vx p_vy p_vz  p_px p_py p_pz  and a torque named after p (ground_torque_r_x for ground_force_r)
     OpenSim from C3D   fn_1 fn_2 fn_3  pn_1 pn_2 pn_3  mn_1 mn_2 mn_3
     Cortex, others     FXn FYn FZn, Xn Yn Zn or COPXn COPYn COPZn or PXn PYn PZn, MXn MYn MZn or TZn
+    plate by name      FX_name, COPX_name, MX_name, or name_FX, name_COPX, name_MX
 
 The torque is that about the stated point. Where only MZ (or TZ) stands, it is the free moment about the vertical.
 """
@@ -36,6 +37,11 @@ class PlateColumns:
     point: tuple[str | None, str | None, str | None]
     torque: tuple[str | None, str | None, str | None]
     twist: str | None = None
+
+    @property
+    def names(self) -> set[str]:
+        """The columns that are used."""
+        return {name for name in (*self.force, *self.point, *self.torque, self.twist) if name is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,24 +76,38 @@ class Table:
 
 def find_plates(names: list[str]) -> list[PlateColumns]:
     """The plates whose three force columns stand among the names, in the order of their first column."""
-    lower = {name.lower(): name for name in names}
-    plates = []
-    for name in names:
+    lower = _spellings(names)
+    plates: dict[str, PlateColumns | None] = {}
+    for spelling, name in lower.items():
+        if name in plates:
+            continue
         if name.endswith("_vx") and {name[:-1] + "y", name[:-1] + "z"} <= set(names):
-            plates.append(_opensim(name[:-3], names))
-        elif found := re.fullmatch(r"f(\d*)_1", name.lower()):
-            plates.append(_numbered(found.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123"))
-        elif found := re.fullmatch(r"(?:f|grf_?|force_?)x_?(\d*)|f(\d+)_?x", name.lower()):
-            n = found.group(1) or found.group(2) or ""
-            pattern = re.sub(r"x(?=_?\d*$)", "{a}", name.lower())
-            pattern = pattern[: len(pattern) - len(n)] + "{n}" if n and pattern.endswith(n) else pattern
-            plates.append(_numbered(n, lower, pattern, _POINTS, _TORQUES, "xyz"))
-    return [plate for plate in plates if plate is not None]
+            plates[name] = _opensim(name[:-3], names)
+        elif found := re.fullmatch(r"f(\d*)_1", spelling):
+            plates[name] = _numbered(found.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123")
+        elif found := re.fullmatch(r"(f|grf_?|force_?)x(_?)(\d*|(?<=_)\w+)", spelling):
+            pattern = found[1] + "{a}" + found[2] + "{n}"
+            plates[name] = _numbered(found[3], lower, pattern, _POINTS, _TORQUES, "xyz")
+        elif found := re.fullmatch(r"f(\d+)(_?)x", spelling):
+            plates[name] = _numbered(found[1], lower, "f{n}" + found[2] + "{a}", _POINTS, _TORQUES, "xyz")
+    return [plate for name in names if (plate := plates.get(name)) is not None]
 
 
-_POINTS = ("cop{a}{n}", "cop_{a}{n}", "cop{a}_{n}", "cop{n}_{a}", "cop{n}{a}", "p{a}{n}", "p{a}_{n}", "{a}{n}")
-_TORQUES = ("m{a}{n}", "m{a}_{n}", "t{a}{n}", "t{a}_{n}", "m{n}{a}", "m{n}_{a}", "t{n}{a}", "t{n}_{a}")
-_TWISTS = ("t{a}{n}", "mfree{n}", "m{a}{n}", "m{a}_{n}", "m{n}_{a}", "m{n}{a}")
+def _spellings(names: list[str]) -> dict[str, str]:
+    """The names by their lower-case spelling, and those that begin with a plate's name by one that ends with it."""
+    found = {name.lower(): name for name in names}
+    for name in names:
+        prefixed = re.fullmatch(r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower())
+        if prefixed:
+            plate = re.sub(r"\W", "_", prefixed.group(1))
+            found.setdefault(f"{prefixed.group(2)}_{plate}", name)
+    return found
+
+
+_POINTS = ("cop{a}{n}", "cop_{a}{n}", "cop{a}_{n}", "cop_{a}_{n}", "cop{n}_{a}", "cop{n}{a}", "p{a}{n}", "p{a}_{n}",
+           "{a}{n}")
+_TORQUES = ("m{a}{n}", "m{a}_{n}", "moment_{a}_{n}", "t{a}{n}", "t{a}_{n}", "torque_{a}_{n}", "m{n}{a}", "m{n}_{a}",
+            "t{n}{a}", "t{n}_{a}")
 
 
 def _opensim(prefix: str, names: list[str]) -> PlateColumns:

@@ -27,18 +27,20 @@ WORDS = {
     "asis": ("asis", "asi", "ias", "iliacanterior"), "psis": ("psis", "psi", "ips", "iliacposterior"),
     "trochanter": ("trochanter", "troc", "gtr", "ftc"),
     "knee_medial": (
-        "kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed", "fme"),
+        "kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed", "medcon", "fme",
+        "mek"),
     "knee_lateral": (
-        "kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "knee", "fle"),
+        "kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "latcon", "knee",
+        "fle", "lek"),
     "ankle_medial": ("anklemed", "anklem", "ankleint", "medankle", "mankle", "malmed", "medmal", "mmal", "tam"),
     "ankle_lateral": (
         "anklelat", "anklel", "ankleext", "latankle", "lankle", "mallat", "latmal", "lmal", "ankle", "fal"),
     "heel": ("heel", "calc", "cal", "fcc"), "toe_tip": ("toetip", "hallux", "toe"),
-    "toe": ("mt2", "met2", "mth2", "2mt", "2met", "fm2", "fmt2"),
-    "met1": ("mt1", "met1", "mth1", "1mt", "1met", "fm1", "fmt1"),
-    "met5": ("mt5", "met5", "mth5", "5mt", "5met", "fm5", "fmt5"),
-    "thigh": ("thigh", "th", "femur", "fem"),
-    "shank": ("shank", "sh", "tibia", "tib", "calf", "leg", "fax", "ttc"), "foot": ("foot", "midfoot"),
+    "toe": ("mt2", "met2", "mth2", "2mt", "2met", "2mth", "fm2", "fmt2"),
+    "met1": ("mt1", "met1", "mth1", "1mt", "1met", "1mth", "fm1", "fmt1"),
+    "met5": ("mt5", "met5", "mth5", "5mt", "5met", "5mth", "fm5", "fmt5"),
+    "thigh": ("thigh", "th", "femur", "fem", "lthi"),
+    "shank": ("shank", "sh", "sk", "lsha", "tibia", "tib", "calf", "leg", "fax", "ttc"), "foot": ("foot", "midfoot"),
     "sacrum": ("sacrum", "sacral", "sacr", "sac"), "head_top": ("tophead", "headtop", "vertex"),
     "pelvis": ("iliaccrest", "crest", "pelvis")}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
