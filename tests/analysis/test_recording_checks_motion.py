@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.recording.angle_checks import smoothness, walking, zeroed
+from vsf_drake.analysis.recording.angle_checks import knee_axis, smoothness, walking, zeroed
 from vsf_drake.analysis.recording.check import Check, grade, worst
 from vsf_drake.analysis.recording.marker_checks import (
     cluster_motion,
@@ -17,6 +18,7 @@ from vsf_drake.analysis.recording.marker_checks import (
     leg_lengths,
     residuals,
 )
+from vsf_drake.motion.markers.joint_angles import joint_angles
 from vsf_drake.motion.markers.schema import Gap
 
 TIME = np.arange(0.0, 1.8, 0.01)
@@ -46,6 +48,27 @@ def test_angles_from_which_standing_was_subtracted_are_found():
     check = zeroed(TIME, angles, None, FAST)
     assert check.mark != "good"
     assert "zeroed" in check.sentence
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("turned_deg", [-25.0, 3.0, 25.0])
+def test_axis_of_a_knee_measured_about_another_one_is_found(turned_deg, side):
+    """A pure hinge seen from a thigh frame that is turned about the thigh's length."""
+    angles = walking_angles()
+    bend = angles[f"knee_angle_{side[0]}"]
+    thigh = Rotation.from_euler("z", (1 if side == "right" else -1) * turned_deg, degrees=True)
+    hinge = thigh.inv() * Rotation.from_rotvec(np.outer(bend, [0.0, 1.0, 0.0])) * thigh
+    flexion, adduction, _ = joint_angles(hinge.as_matrix(), "knee", side).T
+    check = knee_axis({f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side)
+    assert abs(check.value) == pytest.approx(abs(turned_deg), abs=2.0)
+    assert check.mark == ("good" if abs(turned_deg) < 10 else "doubtful") and check.side == side
+
+
+def test_knee_that_hardly_bends_or_has_one_axis_says_nothing_bad():
+    straight = {"knee_angle_r": 0.1 * np.sin(TIME), "knee_adduction_r": 0.1 * np.sin(TIME)}
+    assert knee_axis(straight, "right") is None and knee_axis({}, "left") is None
+    hinge = {"knee_angle_r": walking_angles()["knee_angle_r"], "knee_adduction_r": 0 * TIME}
+    assert knee_axis(hinge, "right").mark == "good"
 
 
 def test_angles_that_begin_at_exactly_zero_are_found():

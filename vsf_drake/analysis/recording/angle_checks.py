@@ -20,6 +20,10 @@ ZEROED_TILT_DEG, ZEROED_HIP_DEG = 2.0, 8.0
 """Pelvic tilt is about 11-12 degrees forward in walking and in standing, and mean hip flexion about 18 (Schwartz 2008,
 means); zeroed at standing they become about 0 and 3-6."""
 ANKLE_DEG = 20.0
+AXIS_DEG = 10.0
+"""Turn of a knee's axis that its own coupling of motions, some 5 degrees, and skin do not explain (a choice)."""
+LEAST_FLEXION_DEG = 30.0
+"""A knee that bends less does not show its axis (a choice)."""
 SPEED_M_PER_S = (0.3, 2.2)
 """Walking speed: prosthesis users 0.85 to 1.0 on average (Hermodsson 1994), able-bodied up to 2 before they run."""
 HEADING_DEG = (20.0, 45.0)
@@ -89,6 +93,28 @@ def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Chec
                      intact_side)
     return Check(name, "doubtful", value, "deg", f"{found}; the model measures from a right angle between shank and "
                  "sole, from which walking ankles keep within some 20°.", intact_side)
+
+
+def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
+    """Whether the knee bends about the axis from which its angles are measured.
+
+    A hinge that bends by theta about an axis turned by phi (about the thigh's length) from the measured one shows
+    sin(adduction) = sin(phi) sin(theta), by geometry: cross-talk. phi is the slope of the one sine against the other.
+    None where the knee bends too little or the angles are not known.
+    """
+    names = f"knee_angle_{side[0]}", f"knee_adduction_{side[0]}"
+    if any(name not in angles_rad for name in names):
+        return None
+    flexion, adduction = (np.asarray(angles_rad[name]) for name in names)
+    if np.degrees(np.ptp(flexion)) < LEAST_FLEXION_DEG:
+        return None
+    slope = float(np.polyfit(np.sin(flexion), np.sin(adduction), 1)[0])
+    value = float(np.degrees(np.arcsin(np.clip(slope, -1.0, 1.0))))
+    found = f"Adduction of the {side} knee goes with its flexion as if its axis were turned by {abs(value):.0f}°"
+    if abs(value) < AXIS_DEG:
+        return Check("knee's axis", "good", value, "deg", f"{found}: as knees and skin move.", side)
+    return Check("knee's axis", "doubtful", value, "deg", f"{found} about the thigh's length: are the medial, lateral "
+                 "or thigh markers of the standing trial in their places? Hip rotation is off by as much.", side)
 
 
 def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Check | None:

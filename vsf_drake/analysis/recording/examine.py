@@ -173,6 +173,8 @@ def _angles(trial: Trial, markers: MarkerEvidence | None, pelvis: np.ndarray) ->
     standing = None if markers is None else markers.calibration.angles_rad
     found = [angle_checks.zeroed(motion.time_s, angles, standing, speed)]
     found += _present(angle_checks.ankle_offset(angles, next(s for s in SIDES if s != trial.subject.prosthetic_side)))
+    for side in SIDES:
+        found += _present(angle_checks.knee_axis(angles, side))
     found += _present(angle_checks.smoothness(motion.time_s, angles))
     return found + angle_checks.walking(motion.time_s, pelvis)
 
