@@ -7,6 +7,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
+from vsf_drake.motion.formats.writers import write_trc
 from vsf_drake.motion.storage import write_storage
 
 COUNT = 50
@@ -144,6 +145,17 @@ def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
     path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
     assert "plate ground_force_r: a centre of pressure" in message(lambda: read_trial(path))
     check(read_trial(path, length_unit="mm"))
+
+
+def test_length_unit_of_the_forces_leaves_markers_as_their_file_states(tmp_path):
+    """Markers in metres, forces in millimetres: one statement serves both, and the markers say what was done."""
+    path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
+    places = {label: np.full((COUNT, 3), place) for label, place in (("A", 0.1), ("B", 0.5), ("C", 0.9))}
+    write_trc(tmp_path / "walk.trc", places, rate_hz=100.0)
+    read = read_trial(tmp_path / "walk.trc", forces=path, length_unit="mm")
+    np.testing.assert_allclose(read.markers["C"], 0.9, atol=1e-12)
+    np.testing.assert_allclose(read.plates[0].cop_m, in_world(COP), atol=1e-9)
+    assert any("in the unit that it states" in note for note in read.notes)
 
 
 def test_force_along_another_axis_than_up_is_refused(tmp_path):

@@ -34,8 +34,8 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
         up: the laboratory's vertical axis, "x", "y" or "z", with "-" where it points down; None as the file says.
         forward: the laboratory's axis of walking; None for that along which the markers travel by more than 0.5 m,
             or the laboratory's own where they do not.
-        length_unit: of positions ("mm", "m", "cm", "in"), instead of what the marker file states; for a force file
-            where it makes sense there.
+        length_unit: of positions ("mm", "m", "cm", "in"), instead of what the file states; of a marker file beside a
+            force file where it makes sense in either.
 
     Raises:
         InputError: a file is missing, damaged or contradicts itself; the message says what to do.
@@ -48,14 +48,12 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
             raise InputError("is a force file itself", file=path, right="Give the marker file (.c3d or .trc) first")
         trial, force_path = read_forces(path, length_unit=length_unit), path
     elif suffix in MARKER_FILES:
-        trial = (read_c3d if suffix == ".c3d" else read_trc)(path, length_unit=length_unit)
+        trial = _read_markers(path, length_unit)
         if force_path is not None:
             _join(trial, path, force_path, length_unit)
     else:
         raise InputError(f"files that end in {suffix or 'nothing'} are not read", file=path,
                          right=f"Use {', '.join(MARKER_FILES + FORCE_FILES)}")
-    if trial.markers is not None:
-        _check_size(trial.markers, path)
     return _in_world(trial, path, force_path, up=up, forward=forward)
 
 
@@ -70,6 +68,31 @@ def list_labels(path: str | Path) -> list[str]:
     if suffix not in MARKER_FILES:
         raise InputError("is no marker file", file=path, right=f"Use {' or '.join(MARKER_FILES)}")
     return c3d_labels(path) if suffix == ".c3d" else trc_labels(path)
+
+
+def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
+    """A marker file in the caller's unit; in its own where only that makes a person of it (a force file's was meant).
+
+    Raises:
+        InputError: see `read_c3d` and `read_trc`; or the markers reach as far as no person does.
+    """
+    read = read_c3d if path.suffix.lower() == ".c3d" else read_trc
+    trial = read(path, length_unit=length_unit)
+    if trial.markers is None:
+        return trial
+    try:
+        _check_size(trial.markers, path)
+    except InputError as wrong:
+        if length_unit is None:
+            raise
+        try:
+            trial = read(path)
+            assert trial.markers is not None
+            _check_size(trial.markers, path)
+        except InputError:
+            raise wrong from None
+        trial.notes.append(f"{path.name} was read in the unit that it states: in {length_unit} it would show nobody.")
+    return trial
 
 
 def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
