@@ -186,3 +186,8 @@ def test_a_started_map_knows_epicondyles_and_metatarsal_heads_by_other_names():
         for role, name in roles.items():
             assert (found.roles[f"{role}_right"], found.roles[f"{role}_left"]) == (f"R{name}", f"L{name}")
         assert f"L{names[-1]}" in found.segments["shank_left"]
+
+
+def test_a_started_map_asks_where_on_the_foot_a_toe_marker_is():
+    """On the metatarsal head, taken for the tip, it would make the foot a quarter too short."""
+    assert "toe_tip: R_TOE  # guess; toe instead, if it is on the second metatarsal head" in suggest_map(["R_TOE"])

@@ -117,6 +117,8 @@ def _line(role: str, sure: list[str], maybe: list[str], *, several: bool) -> str
     remarks = []
     if any(label in maybe for label in chosen):
         remarks.append("guess" if not several else f"guesses: {', '.join(maybe)}")
+    if role == "toe_tip":
+        remarks.append("toe instead, if it is on the second metatarsal head")
     if not several and len(chosen) > 1:
         remarks.append(f"or {', '.join(chosen[1:])}")
     value = ", ".join(_quoted(label) for label in (chosen if several else chosen[:1]))
