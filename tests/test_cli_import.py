@@ -13,8 +13,10 @@ from made_laboratory import STATED, Laboratory
 from made_person import Person
 
 from vsf_drake.cli import main
+from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.motion.markers.maps import parse_marker_map
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.parameters import ModelParameters
 from vsf_drake.resources import resource
 
 MADE = {"import.html", "import.json", "subject.yaml", "walk.yaml", "walk_ik.mot", "walk_grf.mot"}
@@ -275,6 +277,11 @@ def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, labora
     # rajagopal has no toe marker at the tip: the foot's length is that of the markers' own estimate
     assert trial.model.foot.length_m == pytest.approx(0.26, rel=0.1)
     assert trial.fulcrum_m == pytest.approx(0.108 * trial.model.foot.length_m / 0.245)
+    stiffness = [combined_stiffness(
+        bending_stiffness=foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
+        support=support, load_point=foot.load_point_m, fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
+        for foot, support in ((trial.model.foot, trial.fulcrum_m), (ModelParameters().foot, 0.108))]
+    assert stiffness[0] == pytest.approx(stiffness[1]), "as stiff as a foot of the model's own size"
 
 
 def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, trial_files):

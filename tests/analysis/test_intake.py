@@ -144,3 +144,13 @@ def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
 def test_only_marker_trials_tell_which_foot_was_where():
     with pytest.raises(ValueError, match="markers"):
         weighed(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
+
+
+def test_each_walk_may_have_its_own_fulcrum_and_the_person_stays_one(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk("one.trc"), laboratory.walk("two.trc")])
+    items = take_in(files, IntakeOptions(person=PERSON, fulcrum_mm=(66.0, 151.0))).items
+    assert [item.trial.fulcrum_m for item in items] == pytest.approx([0.066, 0.151])
+    assert items[0].trial.subject == items[1].trial.subject
+    with pytest.raises(InputError, match="3 positions are given for 2 walks"):
+        take_in(files, IntakeOptions(person=PERSON, fulcrum_mm=(66.0, 108.0, 151.0)))

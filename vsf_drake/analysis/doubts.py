@@ -65,8 +65,9 @@ def _agreement(metrics: dict[str, Any]) -> list[str]:
     r2 = metrics["grf_r2"]
     if r2 is None or r2 >= 0.0:
         return []
-    return [f"The predicted force is further from the plate than a constant would be (R² = {r2:.2f}): sides, signs or "
-            "clock of kinematics and forces do not belong together."]
+    return [f"The predicted force is further from the plate than a constant would be (R² = {r2:.2f}): the height or "
+            "angle of the prosthesis is off (fit the offsets), or sides, signs or clock of kinematics and forces do "
+            "not belong together."]
 
 
 def _scuffs(result: WalkResult, metrics: dict[str, Any]) -> list[str]:

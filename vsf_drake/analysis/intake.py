@@ -60,8 +60,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
             walk can (of several walks, one that cannot be used is only listed).
     """
     check_facts(options.person)
-    fulcrum_mm = MID_FULCRUM_MM if options.fulcrum_mm is None else options.fulcrum_mm
-    check_fulcrum(1e-3 * fulcrum_mm, default_model().foot, where="--fulcrum-mm")
+    fulcrums_m = _fulcrums(options, len(files.walks))
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
     standing = None if files.standing is None else read(files.standing, files.standing_forces, options)
     made: dict[Path, Trial] = {}
@@ -69,7 +68,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
 
     def make(walk: Path, known: IntakeOptions) -> Trial:
         own = next((trial.calibration for trial in made.values()), None) if standing is None else None
-        return make_trial(files, files.walks.index(walk), standing, marker_map, known, fulcrum_mm, own)
+        return make_trial(files, files.walks.index(walk), standing, marker_map, known, fulcrums_m, own)
 
     for number, walk in enumerate(files.walks):
         if progress:
@@ -84,7 +83,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     if len(set(masses)) > 1:
         one, note = _one_mass(options, masses)
         made = {walk: noted(make(walk, one), note) for walk in made}
-    trials, model_notes, scaled = _one_model(list(made.values()), options, fulcrum_mm)
+    trials, model_notes, scaled = _one_model(list(made.values()), options)
     stated = _statements(trials[0], files, options)
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
@@ -110,10 +109,28 @@ def _one_mass(options: IntakeOptions, masses: Sequence[float]) -> tuple[IntakeOp
     return dataclasses.replace(options, person=person), note
 
 
-def _one_model(trials: list[Trial], options: IntakeOptions, fulcrum_mm: float
-               ) -> tuple[list[Trial], tuple[str, ...], bool]:
-    """The trials with the model's foot as long as the person's, where that is asked for, and notes."""
-    notes = [] if options.fulcrum_mm is not None else [
+def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
+    """Where the fulcrum stood (m) in each walk.
+
+    Raises:
+        InputError: there are neither one nor as many as walks, or one is out of the carriage's reach.
+    """
+    stated = options.fulcrum_mm or (MID_FULCRUM_MM,)
+    if len(stated) not in (1, walks):
+        raise InputError(f"{len(stated)} positions are given for {walks} walks", where="--fulcrum-mm",
+                         right="Give one for all walks, or one for each in their order")
+    foot = default_model().foot
+    return tuple(check_fulcrum(1e-3 * position, foot, where="--fulcrum-mm")
+                 for position in (stated if len(stated) == walks else stated * walks))
+
+
+def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial], tuple[str, ...], bool]:
+    """The trials with the model's foot as long as the person's, where that is asked for, and notes.
+
+    Keel and thickness grow alike, so that the scaled foot is as stiff as the model's with its fulcrum at the same part
+    of its length (a choice); stated positions of the fulcrum are taken as they are.
+    """
+    notes = [] if options.fulcrum_mm else [
         f"The fulcrum's position is not stated: {MID_FULCRUM_MM:g} mm, mid-range, is assumed (--fulcrum-mm)."]
     calibration = trials[0].calibration
     if not options.scale_prosthesis or calibration is None:
@@ -121,11 +138,12 @@ def _one_model(trials: list[Trial], options: IntakeOptions, fulcrum_mm: float
     model: ModelParameters = trials[0].model
     length = calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
     ratio = length / model.foot.length_m
-    model = dataclasses.replace(model, foot=scale_foot(model.foot, length=ratio))
-    fulcrum_m = 1e-3 * fulcrum_mm * (ratio if options.fulcrum_mm is None else 1.0)
-    check_fulcrum(fulcrum_m, model.foot, where="--fulcrum-mm")
+    model = dataclasses.replace(model, foot=scale_foot(model.foot, length=ratio, thickness=ratio))
+    moved = [dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
+        trial.fulcrum_m * (1.0 if options.fulcrum_mm else ratio), model.foot, where="--fulcrum-mm"))
+        for trial in trials]
     notes.append(f"The model's prosthetic foot is made {1e3 * length:.0f} mm long, {ratio:.3f} times its own length.")
-    return [dataclasses.replace(t, model=model, fulcrum_m=fulcrum_m) for t in trials], tuple(notes), True
+    return moved, tuple(notes), True
 
 
 def _statements(trial: Trial, files: FileSet, options: IntakeOptions) -> list[Check]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration
+from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.trial import Trial
 
 
@@ -29,7 +30,7 @@ class IntakeOptions:
     Attributes:
         person, stated: as for `trial_from_recordings`.
         marker_map: a shipped map's name or a file; None: the one that fits the labels best.
-        fulcrum_mm: None: mid-range.
+        fulcrum_mm: one for all walks, or one for each in their order; none: mid-range.
         up, forward, length_unit: as for `read_trial`. plate_sides: plate names by side.
         hip, cutoff_hz, longest_gap_s, window, belt_speed_m_per_s: as for `trial_from_recordings`; a cut-off of
             None for recordings that are filtered already.
@@ -40,7 +41,7 @@ class IntakeOptions:
     person: PersonFacts
     stated: Mapping[str, float] = field(default_factory=dict)
     marker_map: str | None = None
-    fulcrum_mm: float | None = None
+    fulcrum_mm: tuple[float, ...] = ()
     up: str | None = None
     forward: str | None = None
     length_unit: str | None = None
@@ -64,11 +65,12 @@ def read(path: Path, forces: Path | None, options: IntakeOptions) -> Recording:
 
 
 def make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
-               options: IntakeOptions, fulcrum_mm: float, calibration: Calibration | None) -> Trial:
+               options: IntakeOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
     """The trial of one walk.
 
     Args:
         number: of the walk. standing: None where a walk stands for it.
+        fulcrums_m: of every walk. Where they differ, that of the standing trial is taken to be mid-range.
         calibration: of another walk, where no standing trial is there to make one.
 
     Raises:
@@ -83,7 +85,8 @@ def make_trial(files: FileSet, number: int, standing: Recording | None, marker_m
 
     def make(person: PersonFacts) -> Trial:
         return trial_from_recordings(
-            standing, recording, marker_map, person, fulcrum_m=1e-3 * fulcrum_mm, stated=options.stated,
+            standing, recording, marker_map, person, fulcrum_m=fulcrums_m[number],
+            standing_fulcrum_m=None if len(set(fulcrums_m)) == 1 else MID_FULCRUM_M, stated=options.stated,
             calibration=calibration, hip=options.hip, cutoff_hz=options.cutoff_hz,
             longest_gap_s=options.longest_gap_s, plate_sides=options.plate_sides, window=options.window,
             belt_speed_m_per_s=options.belt_speed_m_per_s, name=walk.stem,

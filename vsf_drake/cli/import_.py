@@ -30,8 +30,9 @@ def import_trials(
     stature_m: Annotated[float | None, typer.Option(help="Else from the leg's length.")] = None,
     name: Annotated[str | None, typer.Option(help="What reports call the person.")] = None,
     subject: Annotated[Path | None, typer.Option(help="YAML with what is known of the person, instead.")] = None,
-    fulcrum_mm: Annotated[float | None, typer.Option(
-        help="Fulcrum position from the keel's posterior end. Default: 108, mid-range.")] = None,
+    fulcrum_mm: Annotated[list[float] | None, typer.Option(
+        help="Fulcrum position from the keel's posterior end; once, or once a walk in their order. Default: 108, "
+        "mid-range.")] = None,
     marker_map: Annotated[str | None, typer.Option(
         "--map", "--marker-map", help="plug_in_gait, rajagopal, ior or a file. Default: what fits best.")] = None,
     forces: Annotated[list[Path] | None, typer.Option(
@@ -72,7 +73,7 @@ def import_trials(
                                        "stature_m": stature_m, "name": name})
     check_folder(out, IMPORT)
     options = IntakeOptions(
-        person=person, stated=stated, marker_map=marker_map, fulcrum_mm=fulcrum_mm, up=up, forward=forward,
+        person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()), up=up, forward=forward,
         length_unit=length_unit, hip=hip, cutoff_hz=None if already_filtered else cutoff_hz,
         longest_gap_s=longest_gap_s, belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis,
         inverse_kinematics=ik,

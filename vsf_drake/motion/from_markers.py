@@ -61,7 +61,8 @@ class MarkedWalk:
 
 def trial_from_recordings(
     standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts, *,
-    fulcrum_m: float, stated: Mapping[str, float] | None = None, calibration: Calibration | None = None,
+    fulcrum_m: float, standing_fulcrum_m: float | None = None, stated: Mapping[str, float] | None = None,
+    calibration: Calibration | None = None,
     hip: str = "harrington", cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
     plate_sides: Mapping[str, str | None] | None = None, window: Window | None = None,
     belt_speed_m_per_s: float = 0.0, model: ModelParameters | None = None,
@@ -78,6 +79,7 @@ def trial_from_recordings(
         person: what is stated of the person; without a mass it is taken from the forces of the standing trial or of
             the walk.
         fulcrum_m: where the fulcrum stood.
+        standing_fulcrum_m: where it stood in the standing trial, if elsewhere.
         stated: fields of `Subject` that are known better than the markers tell, by name; they win.
         calibration: of the same person and map, from before; then `standing` is not looked at.
         hip, cutoff_hz, longest_gap_s: see `calibrate` and `track`; a cut-off of None leaves the markers as they are.
@@ -93,7 +95,8 @@ def trial_from_recordings(
     model = model or default_model()
     marked = walk_from_markers(standing, walk, marker_map, person, stated=stated, calibration=calibration, hip=hip,
                                cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s, plate_sides=plate_sides,
-                               model=model, fulcrum_m=fulcrum_m)
+                               model=model,
+                               fulcrum_m=fulcrum_m if standing_fulcrum_m is None else standing_fulcrum_m)
     subject, tracked, assignment = marked.calibration.subject, marked.tracked, marked.assignment
     side = subject.prosthetic_side
     if side not in assignment.plates:

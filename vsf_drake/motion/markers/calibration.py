@@ -66,7 +66,10 @@ def calibrate(
     lengths = _lengths(segments, feet, anatomy)
     check_proportions(lengths, found, standing.path)
     subject, notes = _subject(standing, posture, found, anatomy, person, segments, feet, lengths)
-    subject, unloaded = _unloaded(subject, model or ModelParameters(), fulcrum_m, still=posture.still)
+    ankles = {side: np.nanmean(anatomy.p_W[f"foot_{side}"], axis=0) for side in SIDES}
+    load, source = measured_under(standing, ankles, subject.prosthetic_side, subject.mass_kg, start_s=posture.start_s,
+                                  end_s=posture.end_s, still=posture.still)
+    subject, unloaded = _unloaded(subject, load, source, model or ModelParameters(), fulcrum_m)
     mirrored = (NOTE,) if NOTE in standing.notes else ()
     used = {label for segment in segments.values() for label in segment.labels}
     hidden = [label for labels in found.segments.values() for label in labels if label not in used]
@@ -135,13 +138,14 @@ def _subject(
     return check(subject, file=standing.path), notes
 
 
-def _unloaded(subject: Subject, model: ModelParameters, fulcrum_m: float, *, still: bool) -> tuple[Subject, str]:
-    """The subject with the prosthesis as long as without load, and a sentence on it."""
-    load = measured_under(subject.mass_kg, still=still)
+def _unloaded(
+    subject: Subject, load: float, source: str, model: ModelParameters, fulcrum_m: float
+) -> tuple[Subject, str]:
+    """The subject with the prosthesis as long as without the `load` (N) it was measured under, and a sentence on it."""
     more = settling(load, model, fulcrum_m=fulcrum_m)
     assert subject.prosthesis_length_m is not None
     longer = dataclasses.replace(subject, prosthesis_length_m=subject.prosthesis_length_m + more)
-    return longer, (f"The prosthesis was measured under load, taken as {load:.0f} N (not measured): without load it is "
+    return longer, (f"The prosthesis was measured under {load:.0f} N ({source}): without load it is "
                     f"{1e3 * more:.1f} mm longer, by the statics of this model.")
 
 

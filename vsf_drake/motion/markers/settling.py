@@ -8,10 +8,13 @@ limb.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.optimize import brentq
 
 from vsf_drake.laws.beam import section_inertia
+from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 
 STANDING_SHARE = 0.5
@@ -21,6 +24,9 @@ WALKING_SHARE = 0.85
 1.1 m/s; for a walk that stands in for the standing trial."""
 MID_FULCRUM_M = 0.108
 """Where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)."""
+LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
+"""A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and twice as far from the
+other; the feet carry the person if their loads make up the weight to this part (choices)."""
 _DEEPEST_M = 0.1
 _ITERATIONS = 50
 
@@ -62,6 +68,33 @@ def flat_sole_force(depth: float, foot: FootParameters, *, fulcrum_m: float) -> 
     return float(force.sum())
 
 
-def measured_under(mass_kg: float, *, still: bool) -> float:
-    """N on the prosthesis while its length was measured: half of the weight in standing, 0.85 of it in a walk."""
-    return (STANDING_SHARE if still else WALKING_SHARE) * mass_kg * GRAVITY
+def measured_under(
+    standing: Recording, ankles_W: Mapping[str, np.ndarray], prosthetic_side: str, mass_kg: float, *, start_s: float,
+    end_s: float, still: bool
+) -> tuple[float, str]:
+    """N on the prosthesis while its length was measured, and where that is from.
+
+    Standing with each foot on plates of its own, the plates tell the share of the weight; else it is taken as half of
+    the weight, or 0.85 of it in a walk.
+
+    Args:
+        ankles_W: (3,) m by side, where the feet stand. start_s, end_s: the stretch that was averaged.
+    """
+    weight = mass_kg * GRAVITY
+    if not still:
+        return WALKING_SHARE * weight, f"taken as {WALKING_SHARE:g} of the weight, as in mid-stance"
+    loads = dict.fromkeys(ankles_W, 0.0)
+    time = standing.force_time_s
+    during = (time >= start_s) & (time <= end_s)
+    for plate in standing.plates:
+        vertical, cop = plate.force_n[during, 2], plate.cop_m[during, :2]
+        if not len(vertical) or not np.isfinite(cop).all() or np.mean(vertical) < LEAST_LOAD_N:
+            continue
+        away = {side: float(np.linalg.norm(cop.mean(axis=0) - ankle[:2])) for side, ankle in ankles_W.items()}
+        near, far = sorted(away, key=lambda side: away[side])
+        if away[near] < NEAR_M and away[near] < 0.5 * away[far]:
+            loads[near] += float(np.mean(vertical))
+    if min(loads.values()) > 0.0 and abs(sum(loads.values()) / weight - 1.0) < SAME_WEIGHT:
+        share = loads[prosthetic_side] / sum(loads.values())
+        return share * weight, f"{share:.2f} of the weight by the plates"
+    return STANDING_SHARE * weight, "taken as half of the weight, not measured"
