@@ -13,6 +13,7 @@ from vsf_drake.analysis.recording.force_checks import (
     lag,
     longest_run,
     mass,
+    shear,
     total_vertical,
 )
 from vsf_drake.motion.events import Stance, find_stances
@@ -130,3 +131,24 @@ def test_centre_of_pressure_beside_the_foot_is_found(beside, mark):
     check = cop_under_foot(foot, PlateRecording(TIME, force, cop, np.zeros(n), True), cop)
     assert check.value == pytest.approx(beside, abs=1e-9)
     assert check.mark == mark
+
+
+@pytest.mark.parametrize("signs, mark, words", [
+    ([1, 1], "good", "points to the body"), ([-1, 1], "unusable", "fore-aft force"), ([1, -1], "unusable", "sideways"),
+    ([-1, -1], "unusable", "fore-aft and sideways")])
+def test_force_that_points_away_from_the_body_has_a_wrong_sign(signs, mark, words):
+    """An inverted pendulum over the right foot: force along the line from the centre of pressure to the mass."""
+    time = np.arange(0.0, 0.7, 0.001)
+    body = np.column_stack([1.2 * (time - 0.35), 0 * time, np.full_like(time, 1.0)])
+    cop = np.column_stack([0.2 * (time / 0.7) - 0.1, np.full_like(time, -0.08), 0 * time])
+    vertical = MASS * GRAVITY
+    force = np.column_stack([vertical * 0.5 * (body - cop)[:, :2] * signs, np.full_like(time, vertical)])
+    check = shear(PlateRecording(time, force, cop, 0 * time, True), body, "right")
+    assert check.mark == mark and words in check.sentence and check.side == "right"
+
+
+def test_force_under_the_body_says_nothing_of_its_direction():
+    time = np.arange(0.0, 0.7, 0.001)
+    still = np.column_stack([0 * time, 0 * time, np.full_like(time, 1.0)])
+    force = np.column_stack([20 * np.sin(9 * time), 0 * time, np.full_like(time, 700.0)])
+    assert shear(PlateRecording(time, force, 0 * still, 0 * time, True), still, "left") is None

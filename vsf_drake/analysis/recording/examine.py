@@ -19,6 +19,7 @@ from vsf_drake.motion.markers.handedness import NOTE
 from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
 from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.treadmill import on_the_belt
 from vsf_drake.motion.trial import Trial
 
 GRID_S = 1e-3
@@ -46,7 +47,7 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
         markers = MarkerEvidence(trial.tracked, trial.calibration, trial.recording, cutoff_hz, trial.contacts)
     model = model_motion(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
     feet = model.feet if markers is None else _tracked_feet(trial, markers.tracked, belt_speed_m_per_s)
-    body = model.centre_of_mass if markers is None else _body_path(trial, markers.tracked)
+    body = model.centre_of_mass if markers is None else _body_path(trial, markers.tracked, belt_speed_m_per_s)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
     measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: [s for s in _joined(moving[side], measured.get(side, [])) if _overlaps(s, trial)]
@@ -80,7 +81,7 @@ def weighed(trial: Trial, *, belt_speed_m_per_s: float = 0.0) -> Check:
         raise ValueError("only a trial from markers knows which foot was where")
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
     moving = _moving(_tracked_feet(trial, trial.tracked, belt_speed_m_per_s), pelvis, trial)
-    return _forces(trial, _body_path(trial, trial.tracked), _measured(trial), moving)[0]
+    return _forces(trial, _body_path(trial, trial.tracked, belt_speed_m_per_s), _measured(trial), moving)[0]
 
 
 def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
@@ -93,9 +94,10 @@ def _measured(trial: Trial) -> dict[str, list[Stance]]:
     return {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
 
 
-def _body_path(trial: Trial, tracked: TrackedMotion) -> CoordinateTrajectory:
-    """The body's centre of mass with the pelvis where its own markers show it."""
+def _body_path(trial: Trial, tracked: TrackedMotion, belt_m_per_s: float) -> CoordinateTrajectory:
+    """The body's centre of mass with the pelvis where its own markers show it, seen from the belt as the trial is."""
     motion = tracked.trajectory(trial.trajectory.names, source=trial.trajectory.source)
+    motion, _, _ = on_the_belt(motion, {}, speed_m_per_s=belt_m_per_s)
     return model_motion(trial.subject, trial.model, motion).centre_of_mass
 
 
@@ -162,6 +164,11 @@ def _forces(trial: Trial, motion: CoordinateTrajectory, measured: Mapping[str, l
     _, velocity, acceleration = motion.sample(time)
     found = [force_checks.mass(time, vertical, velocity[:, 2], known, mass_kg=trial.subject.mass_kg,
                                feet=len(trial.plates))]
+    for side, plate in trial.plates.items():
+        if plate.has_cop:
+            path = np.column_stack([np.interp(plate.time_s, motion.time_s, column, left=np.nan, right=np.nan)
+                                    for column in motion.values.T])
+            found += _present(force_checks.shear(plate, path, side))
     lag = force_checks.lag(time, vertical, acceleration[:, 2], known) or force_checks.event_lag(measured, moving)
     return found + _present(lag)
 

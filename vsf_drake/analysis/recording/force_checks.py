@@ -35,6 +35,12 @@ OUTSIDE_M = (0.07, 0.14)
 """Centre of pressure beside the line from heel to toe: half a foot's width and as much again as it curves; twice that.
 Choices."""
 LOADED_N = 50.0
+LEVER = (0.15, 0.03)
+"""Spread of the load's place ahead of and behind the body, and its distance beside it, over the body's height, below
+which the direction of a force says nothing: a stance spans about 0.4, feet stand about 0.08 beside (choices)."""
+LEAST_SHEAR = 0.01
+"""Sideways force over the vertical one below which its sign says nothing (a choice): usual are 0.03 to 0.06."""
+STRONG_N = 200.0
 
 
 def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: Mapping[str, Sequence[Stance]],
@@ -170,6 +176,40 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
     sentence += (": plate and foot belong together." if mark == "good" else
                  ": is this the right plate, do plates and markers share one origin?")
     return Check("centre of pressure under the foot", mark, value, "m", sentence, foot.side)
+
+
+def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
+    """Whether the horizontal force of one foot points to the body: a wrong sign of an axis turns it away.
+
+    The ground reaction of a walking person passes near the centre of mass (an inverted pendulum), so its slope over
+    the vertical follows that of the line from the centre of pressure to there: braking ahead of the body, driving
+    behind it, inward beside it. None where the load is too little displaced to tell.
+
+    Args:
+        body_W: (n, 3) m, the centre of mass at the plate's times, NaN where unknown.
+    """
+    known = np.isfinite(plate.cop_W[:, :2]).all(axis=1) & np.isfinite(body_W).all(axis=1)
+    rows = known & (plate.force_W[:, 2] > STRONG_N)
+    if np.count_nonzero(rows) < 10:
+        return None
+    lever = (body_W[rows, :2] - plate.cop_W[rows, :2]) / body_W[rows, 2:]
+    slope = plate.force_W[rows, :2] / plate.force_W[rows, 2:]
+    away = []
+    if np.ptp(lever[:, 0]) > LEVER[0]:
+        away += [("fore-aft", float(np.polyfit(lever[:, 0], slope[:, 0], 1)[0]))]
+    beside, aside = float(np.median(lever[:, 1])), float(np.median(slope[:, 1]))
+    if abs(beside) > LEVER[1] and abs(aside) > LEAST_SHEAR:
+        away += [("sideways", aside / beside)]
+    if not away:
+        return None
+    names = [name for name, value in away if value < 0.0]
+    value = min(value for _, value in away)
+    if not names:
+        return Check("direction of the force", "good", value, "1", f"The horizontal force on the {side} foot points to "
+                     "the body, as in walking.", side)
+    return Check("direction of the force", "unusable", value, "1", f"The {' and '.join(names)} force on the {side} "
+                 "foot points away from the body, which would throw a person over: the sign of an axis of the plate or "
+                 "of the force file is wrong.", side)
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
