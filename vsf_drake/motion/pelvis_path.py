@@ -8,8 +8,8 @@ markers show it. Angles stay as measured.
 
 Known weakness: markers of a prosthesis lie below its socket and move with what the socket gives under load, which the
 model's own socket gives once more. What the load changes in stance is therefore flattened, by about the share that
-the socket has in the compliance of the whole. A nearly rigid socket instead was tried on two walks of able-bodied people:
-the resultant's error changed by -0.04 to +0.02 body weights, that of the fore-aft force tripled.
+the socket has in the compliance of the whole. A nearly rigid socket instead was tried on two walks of able-bodied
+people: the resultant's error changed by -0.04 to +0.02 body weights, that of the fore-aft force tripled.
 """
 
 from __future__ import annotations
