@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shutil
-import sys
 
 import pytest
 import yaml
+from command_line import read_json
 
-from vsf_drake.cli import main
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.resources import resource
 from vsf_drake.schema import dump_yaml
@@ -20,27 +17,6 @@ METRICS = (
     "cop_r2", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "angle_rmse_deg", "null_model_grf_rmse_bw",
     "simulated_s", "wall_s", "unconverged_steps", "converged",
 )
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Runs the command line with words; returns exit code, standard output and error."""
-
-    def _run(*words) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["vsf-drake", *map(str, words)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        captured = capsys.readouterr()
-        return stopped.value.code or 0, captured.out, captured.err
-
-    return _run
-
-
-def read_json(path):
-    def refuse(word):
-        raise AssertionError(f"{word} in {path}")
-
-    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
 
 
 def test_bench_writes_the_published_end_points(run, tmp_path):
@@ -90,7 +66,7 @@ def test_unusable_manifest_ends_with_one_message_and_code_2(run, tmp_path, trial
     manifest.write_text(yaml.safe_dump(content), encoding="utf-8")
     code, _, err = run("simulate", manifest, "--out", tmp_path / "out")
     assert code == 2
-    assert words in re.sub(r"\s+", " ", err)
+    assert words in err
     assert "Traceback" not in err
     assert not (tmp_path / "out").exists()
 
@@ -98,7 +74,7 @@ def test_unusable_manifest_ends_with_one_message_and_code_2(run, tmp_path, trial
 def test_missing_manifest_ends_with_code_2(run, tmp_path):
     code, _, err = run("simulate", tmp_path / "none.yaml", "--out", tmp_path / "out")
     assert code == 2
-    assert "none.yaml" in err.replace("\n", "")
+    assert "none.yaml" in err
 
 
 def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
@@ -147,8 +123,8 @@ def test_model_that_is_no_foot_is_refused_by_name(run, tmp_path, path, value, sa
     (tmp_path / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
     code, _, err = run("bench", "--out", tmp_path / "out", "--model", tmp_path / "model.yaml")
     assert code == 2
-    assert said in re.sub(r"\s+", " ", err)
-    assert "model.yaml" in err.replace("\n", "")
+    assert said in err
+    assert "model.yaml" in err
     assert not (tmp_path / "out").exists()
 
 
@@ -173,7 +149,7 @@ def test_bench_does_not_mix_with_a_walk_in_one_folder(run, tmp_path, trial_files
     assert run("bench", "--out", tmp_path / "out", "--no-heel", "--fulcrum-mm", "151")[0] == 0
     code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
     assert code == 2
-    assert "holds the result of a bench" in re.sub(r"\s+", " ", err)
+    assert "holds the result of a bench" in err
 
 
 @pytest.mark.parametrize("name", ["subject 3 [/pre]", "$\\frac{$ x"])

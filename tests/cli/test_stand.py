@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 
 import pytest
 import yaml
+from command_line import read_json
 
-from vsf_drake.cli import main
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.schema import dump_yaml
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right", "name": "A [bold] subject"}
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Runs the command line with words; returns exit code, standard output and error."""
-
-    def _run(*words) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["vsf-drake", *map(str, words)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        captured = capsys.readouterr()
-        return stopped.value.code or 0, captured.out, captured.err
-
-    return _run
 
 
 @pytest.fixture
@@ -42,7 +26,7 @@ def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
     assert code == 0
     assert sorted(p.name for p in (tmp_path / "stand").iterdir()) == [
         "standing.json", "standing.png", "standing.svg"]
-    table = json.loads((tmp_path / "stand" / "standing.json").read_text(encoding="utf-8"))
+    table = read_json(tmp_path / "stand" / "standing.json")
     assert table["duration_s"] == pytest.approx(10.0)
     assert table["weight_n"] == pytest.approx(78.0 * 9.81)
     assert table["mean_vertical_n"] == pytest.approx(table["weight_n"], rel=0.01)

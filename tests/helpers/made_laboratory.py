@@ -18,6 +18,8 @@ DURATION_S = 3.0
 NOISE_M = 2e-4
 """Of a good camera system; without any, the markers would look filtered already."""
 STATED = ("--prosthetic-side", "right", "--sex", "male", "--mass-kg", str(MASS), "--stature-m", "1.81")
+MADE = {"import.html", "import.json", "subject.yaml", "walk.yaml", "walk_ik.mot", "walk_grf.mot"}
+"""What an import of one walk writes."""
 
 
 class Laboratory:
@@ -73,3 +75,8 @@ class Laboratory:
                     cop[on, axis] = np.interp(force_time[on], time, under[:, axis])
             plates.append(Plate(side, force, cop, np.zeros(len(force_time))))
         return plates
+
+
+def leftovers(folder: Path) -> list[str]:
+    """Names of half-written files anywhere below `folder`."""
+    return [path.name for path in folder.rglob("*") if path.name.endswith(".part")]

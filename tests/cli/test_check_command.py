@@ -1,0 +1,34 @@
+"""`vsf-drake check`: what it says of walks without simulating them."""
+
+from __future__ import annotations
+
+from command_line import read_json
+
+from vsf_drake.resources import resource
+
+
+def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, trial_files):
+    out = tmp_path / "checked"
+    code, shown, _ = run("check", trial_files.write(), "--out", out)
+    assert code == 0
+    assert {path.name for path in out.iterdir()} == {"check.json", "check.html"}
+    table = read_json(out / "check.json")
+    assert table["trials"][0]["feet_from"] == "model"
+    assert "trial" in shown
+
+
+def test_check_of_a_synthetic_trial_calls_it_synthetic(run, tmp_path):
+    out = tmp_path / "checked"
+    code, shown, _ = run("check", resource("data/reference_subject/exact/medium_1.yaml"), "--out", out)
+    assert code == 0
+    assert "SYNTHETIC" in shown
+    page = (out / "check.html").read_text(encoding="utf-8")
+    assert "(SYNTHETIC)</title>" in page
+    assert "SYNTHETIC, not recorded" in page
+
+
+def test_check_goes_on_past_a_bad_manifest(run, tmp_path, trial_files):
+    code, _, err = run("check", tmp_path / "none.yaml", trial_files.write(), "--out", tmp_path / "checked")
+    assert code == 2
+    assert "none.yaml" in err
+    assert len(read_json(tmp_path / "checked" / "check.json")["trials"]) == 1
