@@ -11,7 +11,6 @@ from vsf_drake.analysis.recording.force_checks import (
     covered,
     event_lag,
     lag,
-    longest_run,
     mass,
     shear,
     total_vertical,
@@ -114,11 +113,6 @@ def test_lag_is_also_read_from_touch_downs():
     assert check.value == pytest.approx(0.05, abs=1e-9)
     assert check.mark == "doubtful"
     assert event_lag(late, {"right": [], "left": []}) is None
-
-
-def test_longest_run_of_nothing_is_empty():
-    assert len(longest_run(np.zeros(5, bool))) == 0
-    assert longest_run(np.array([1, 1, 0, 1, 1, 1], bool)).tolist() == [3, 4, 5]
 
 
 @pytest.mark.parametrize(("beside", "mark"), [(0.02, "good"), (0.09, "doubtful"), (0.4, "unusable")])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, runs, uniform_grid
+from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, uniform_grid
 
 
 def test_rmse_of_a_constant_offset_is_the_offset():
@@ -41,9 +41,3 @@ def test_grid_keeps_span_and_spacing():
     np.testing.assert_allclose(uniform_grid(time), time, atol=1e-12)
     uneven = np.concatenate((time[:500], time[500::2]))
     np.testing.assert_allclose(np.diff(uniform_grid(uneven)), 1e-3)
-
-
-def test_runs_are_the_true_stretches():
-    assert runs([True, False, True, True, False]) == [slice(0, 1), slice(2, 4)]
-    assert runs([False, False]) == []
-    assert runs([True]) == [slice(0, 1)]

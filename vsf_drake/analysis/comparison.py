@@ -11,9 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from vsf_drake.analysis.series import runs, uniform_grid
+from vsf_drake.analysis.series import uniform_grid
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.runs import runs
 from vsf_drake.simulation.results import WalkResult
 
 FORCE_CUTOFF_HZ = 40.0
@@ -181,8 +182,8 @@ def _cop(time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.n
     curve = np.full((len(instants), 2), np.nan)
     smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(force_cutoff_hz, 0.45 * rate))
     valid = (vertical > threshold_n) & np.isfinite(cop).all(axis=1)
-    for run in runs(smooth > threshold_n):
-        own = valid & (time >= grid[run.start]) & (time <= grid[run.stop - 1])
+    for start, stop in runs(smooth > threshold_n):
+        own = valid & (time >= grid[start]) & (time <= grid[stop - 1])
         if np.count_nonzero(own) < 2:
             continue
         first, last = time[own][[0, -1]]

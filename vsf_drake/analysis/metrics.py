@@ -24,9 +24,10 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import PERCENT, THRESHOLD_N, Comparison, Plate, StanceComparison, compare
 from vsf_drake.analysis.json_file import plain
-from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, runs
+from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.runs import runs
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
@@ -61,7 +62,7 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
         "null_model_grf_rmse_bw": None if null_curve is None else _null_rmse(c, resultants[1], null_curve),
         "stances": [_stance(c, item, model, measured) for item in c.stances],
         "extra_model_stances": c.extra_model_stances,
-        "scored_window_s": [[c.time_s[r.start], c.time_s[r.stop - 1]] for r in runs(s)],
+        "scored_window_s": [[c.time_s[start], c.time_s[stop - 1]] for start, stop in runs(s)],
         "coverage": _coverage(c),
         "heading_deg": np.degrees(np.arctan2(c.heading[1], c.heading[0])),
         "body_weight_n": weight,

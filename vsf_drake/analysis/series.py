@@ -41,9 +41,3 @@ def uniform_grid(time_s: np.ndarray) -> np.ndarray:
     step = float(np.median(np.diff(time_s)))
     steps: np.ndarray = np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1)
     return np.asarray(time_s[0] + step * steps)
-
-
-def runs(flags: np.ndarray) -> list[slice]:
-    """The stretches of consecutive true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.asarray(flags, dtype=bool), [False]))))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

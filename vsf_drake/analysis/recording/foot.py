@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.motion.events import Stance
+from vsf_drake.motion.runs import longest_run
 
 FLAT_RAD = np.radians(1.5)
 """A foot is flat while its sole is within this of its usual angle in mid-stance: a few times what filtered markers
@@ -101,9 +102,7 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
         return None
     pitch = foot.pitch_rad
     usual = float(np.median(pitch[middle]))
-    near = np.flatnonzero(foot.rows(*shares(stance, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
-    runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
-    longest = max(runs, key=len)
+    longest = longest_run(foot.rows(*shares(stance, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
     if len(longest) < FEWEST_FRAMES or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S:
         return middle
     return longest

@@ -11,6 +11,7 @@ from vsf_drake.analysis.recording.foot import FootMotion
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.runs import longest_run
 from vsf_drake.parameters import GRAVITY
 
 MASS = (0.03, 0.10)
@@ -64,12 +65,6 @@ def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: 
     for plate in plates.values():
         known &= (time_s >= plate.time_s[0]) & (time_s <= plate.time_s[-1])
     return known
-
-
-def longest_run(known: np.ndarray) -> np.ndarray:
-    """Indices of the longest unbroken stretch of `known`."""
-    rows = np.flatnonzero(known)
-    return max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
 
 
 def total_vertical(time_s: np.ndarray, plates: Mapping[str, PlateRecording]) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from vsf_drake.analysis.recording.check import Check, at_most, grade, worst
 from vsf_drake.motion.markers.schema import Gap
+from vsf_drake.motion.runs import longest_run
 
 RESIDUAL_M = (0.010, 0.020)
 """Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
@@ -118,8 +119,7 @@ def high_content(values: np.ndarray, rate_hz: float, above_hz: float) -> float |
 
     A quadratic is taken out and a Hann window laid over it, so that its ends do not leak into the band. None if short.
     """
-    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
-    run = max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
+    run = longest_run(np.isfinite(values).all(axis=1))
     if len(run) < max(24, rate_hz / 2):
         return None
     x = np.arange(len(run)) / len(run)

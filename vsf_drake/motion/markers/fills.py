@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -12,12 +10,6 @@ from vsf_drake.motion.markers.poses import rigid_poses
 
 SPLINE_FRAMES = 4
 """Frames on either side of a gap that shape the spline across it."""
-
-
-def runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
-    """The stretches [start, stop) in which `flags` (n,) is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int,

@@ -26,8 +26,9 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.clusters import determines, segment_poses, subset, with_joint_centre
-from vsf_drake.motion.markers.fills import placed_by_cluster, runs, splined
+from vsf_drake.motion.markers.fills import placed_by_cluster, splined
 from vsf_drake.motion.markers.schema import PARENTS, Gap, SegmentMarkers
+from vsf_drake.motion.runs import runs
 
 LONGEST_GAP_S = 0.1
 SHORTEST_STRETCH_S = 0.5
@@ -159,7 +160,7 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
         p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
     for own, label in enumerate(markers.labels):
         path = work.markers[label]
-        for gap in list(runs(np.isnan(path[:, 0]))):
+        for gap in runs(np.isnan(path[:, 0])):
             start, stop, placed = placed_by_cluster(p_BM, p_WM, own, gap)
             if start < stop:
                 path[start:stop] = placed
@@ -169,7 +170,7 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
 def _fill_by_spline(work: _Work, label: str) -> None:
     """Rule 3."""
     path = work.markers[label]
-    for start, stop in list(runs(np.isnan(path[:, 0]))):
+    for start, stop in runs(np.isnan(path[:, 0])):
         if stop - start <= work.longest and splined(path, start, stop):
             work.gaps.append((label, start, stop, "spline"))
 
@@ -178,7 +179,7 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
     """Rules 4 and 5: the frames [start, stop) that have every marker."""
     recording, frames = work.recording, work.recording.frames
     missing = {label: np.isnan(path[:, 0]) for label, path in work.markers.items()}
-    complete = list(runs(~np.any(list(missing.values()), axis=0)))
+    complete = runs(~np.any(list(missing.values()), axis=0))
     if not complete:
         worst = sorted((label for label, flags in missing.items() if flags.any()),
                        key=lambda label: -missing[label].sum())[:4]
