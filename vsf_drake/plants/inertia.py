@@ -39,12 +39,6 @@ def frustum_volume(proximal: float, distal: float, length: float) -> float:
     return math.pi * length * (proximal**2 + proximal * distal + distal**2) / 3.0
 
 
-def frustum_center(proximal: float, distal: float) -> float:
-    """Distance of a homogeneous frustum's centre of mass from its proximal end, as a fraction of length."""
-    num = proximal**2 + 2 * proximal * distal + 3 * distal**2
-    return num / (4 * (proximal**2 + proximal * distal + distal**2))
-
-
 def frustum_taper(center_fraction: float) -> float:
     """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the length.
 
