@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.poses import cluster_width, rigid_poses
+from vsf_drake.motion.markers.poses import cluster_width, mean_shape, rigid_poses
 
 CLUSTER = np.array([[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]])
 
@@ -91,6 +91,24 @@ def test_points_of_the_segment_follow_it():
     poses = rigid_poses(CLUSTER, seen)
     np.testing.assert_allclose(poses.points(CLUSTER), seen, atol=1e-12)
     np.testing.assert_allclose(poses.points(CLUSTER[2]), seen[:, 2], atol=1e-12)
+
+
+def test_mean_shape_is_that_of_the_markers_in_motion():
+    """Two positions of a marker, in turn, about the place where the mean is to be, and gaps."""
+    cluster = CLUSTER - CLUSTER.mean(axis=0)
+    R, _, seen = moved(cluster)
+    np.testing.assert_allclose(rigid_poses(mean_shape(cluster * 1.05, seen), seen).residual_m, 0.0, atol=1e-12)
+    spread = np.where(np.arange(40) % 2, 2e-4, -2e-4)[:, None] * np.array([0.0, 0.0, 1.0])
+    seen[:, 0] += np.einsum("nij,nj->ni", R, spread)
+    seen[3:7, 1] = np.nan
+    shape = mean_shape(cluster, seen)
+    between = [np.linalg.norm(s[:, None] - s[None], axis=2) for s in (shape, cluster)]
+    np.testing.assert_allclose(*between, atol=2e-5)
+
+
+def test_mean_shape_of_markers_without_a_pose_is_the_one_given():
+    line = np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1])
+    assert mean_shape(line, moved(line)[2]) is line
 
 
 def test_width_is_the_distance_from_the_line():

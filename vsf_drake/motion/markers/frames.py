@@ -31,7 +31,7 @@ from vsf_drake.motion.markers.joint_centres import (
 )
 from vsf_drake.motion.markers.maps import SIDES, FoundMarkers
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
-from vsf_drake.motion.markers.poses import FEWEST_MARKERS, rigid_poses
+from vsf_drake.motion.markers.poses import FEWEST_MARKERS, mean_shape, rigid_poses
 from vsf_drake.motion.markers.posture import Posture, forefoot_labels
 
 LEAST_HINGE_RAD = np.radians(30.0)
@@ -174,14 +174,8 @@ class _Builder:
         whole = np.isfinite(x).all(axis=(1, 2))
         if not whole.any():
             return None
-        shape = x[whole][0] - x[whole][0].mean(axis=0)
-        for _ in range(2):
-            poses = rigid_poses(shape, x)
-            if not poses.found.any():
-                return None
-            back = (x - poses.p_WB[:, None]) @ poses.R_WB
-            shape = np.nanmean(back, axis=0)
-        return rigid_poses(shape, x).R_WB
+        poses = rigid_poses(mean_shape(x[whole][0] - x[whole][0].mean(axis=0), x), x)
+        return poses.R_WB if poses.found.any() else None
 
     def ankle(self, side: str, knee_axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre and the direction that the shank's y is to take, to the left."""

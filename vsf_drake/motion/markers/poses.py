@@ -79,6 +79,21 @@ def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray, weights: np.ndarray | None =
     return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), found=found)
 
 
+def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
+    """(k, 3) m: the markers' mean places in the segment as it moves, in the frame that `shape` (k, 3) m lies in.
+
+    The rigid body that fits the frames (n, k, 3) best, by turns its pose and its shape (generalised Procrustes
+    analysis, Gower 1975, doi 10.1007/BF02291478); two turns leave far less than noise. `shape` itself where no frame
+    shows a pose.
+    """
+    for _ in range(2):
+        poses = rigid_poses(shape, p_WM)
+        if not poses.found.any():
+            break
+        shape = np.nanmean((p_WM - poses.p_WB[:, None, :]) @ poses.R_WB, axis=0)
+    return shape
+
+
 def cluster_width(p_BM: np.ndarray) -> float:
     """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for two or fewer.
 

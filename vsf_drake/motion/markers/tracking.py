@@ -17,7 +17,7 @@ from vsf_drake.motion.markers.clusters import NARROWEST_M, needs_joint_centre, s
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S, FilledMarkers, fill_gaps
 from vsf_drake.motion.markers.identity import check_places, check_scale, joint_gap, residual_rms
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, gimbal_notes, segment_joint
-from vsf_drake.motion.markers.poses import RigidPoses, cluster_width, rigid_poses
+from vsf_drake.motion.markers.poses import RigidPoses, cluster_width, mean_shape, rigid_poses
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootTrack, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.swaps import check_jumps, check_swaps
 from vsf_drake.motion.plates import SIDES
@@ -131,8 +131,4 @@ def cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -
     if cluster_width(segment.p_BM) < NARROWEST_M:
         distance = np.linalg.norm(p_WM - p_WM.mean(axis=1, keepdims=True), axis=2)
         return float(np.sqrt(np.mean((distance - distance.mean(axis=0)) ** 2)))
-    shape = segment.p_BM
-    for _ in range(2):
-        poses = rigid_poses(shape, p_WM)
-        shape = np.einsum("nji,nkj->ki", poses.R_WB, p_WM - poses.p_WB[:, None, :]) / len(p_WM)
-    return float(np.sqrt(np.mean(rigid_poses(shape, p_WM).residual_m ** 2)))
+    return float(np.sqrt(np.mean(rigid_poses(mean_shape(segment.p_BM, p_WM), p_WM).residual_m ** 2)))
