@@ -147,6 +147,16 @@ def test_labels_that_fit_no_map_are_listed():
         choose_map(made_person.recording_of({label: np.zeros((2, 3)) for label in ("M001", "M002")}))
 
 
+def test_of_hundreds_of_labels_a_few_are_listed():
+    recording = made_person.recording_of({f"M{i:03}": np.zeros((2, 3)) for i in range(300)})
+    with pytest.raises(InputError, match=r"M000, M001, .*M019 and 280 more") as refused:
+        choose_map(recording)
+    assert "M020" not in str(refused.value)
+    with pytest.raises(InputError, match=r"M019 and 280 more\. Sought") as refused:
+        load_marker_map("plug_in_gait").find(recording.markers)
+    assert "M020" not in str(refused.value)
+
+
 def test_every_shipped_map_has_both_sides_alike():
     for name in SHIPPED:
         marker_map = load_marker_map(name)

@@ -1,10 +1,21 @@
-"""Labels of markers: a subject's prefix taken away, no label twice."""
+"""Labels of markers: a subject's prefix taken away, no label twice; lists short enough to read."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from vsf_drake.errors import InputError
+
+MOST_LISTED = 20
+"""A message that names more labels is not read."""
+
+
+def listed(labels: Sequence[str], *, most: int = MOST_LISTED) -> str:
+    """The labels, or the first of them and how many there are more; "none" without any."""
+    if len(labels) <= most:
+        return ", ".join(labels) or "none"
+    return f"{', '.join(labels[:most])} and {len(labels) - most} more"
 
 
 def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:

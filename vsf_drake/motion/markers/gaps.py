@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.labels import listed
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.clusters import determines, segment_poses, subset, with_joint_centre
 from vsf_drake.motion.markers.fills import placed_by_cluster, splined
@@ -201,15 +202,10 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
             right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps")
     lacking = [label for label, flags in missing.items() if flags.any()]
     if stop - start < FEWEST_FRAMES:
-        raise InputError(f"only {stop - start} frames show every needed marker; {_listed(lacking)} "
+        raise InputError(f"only {stop - start} frames show every needed marker; {listed(lacking, most=MOST_LISTED)} "
                          f"{'is' if len(lacking) == 1 else 'are'} missing elsewhere", file=recording.path,
                          right=f"At least {FEWEST_FRAMES} are needed")
     if (start, stop) != (0, frames):
         notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
-                     f"{_listed(lacking)} {'is' if len(lacking) == 1 else 'are'} not always seen")
+                     f"{listed(lacking, most=MOST_LISTED)} {'is' if len(lacking) == 1 else 'are'} not always seen")
     return start, stop
-
-
-def _listed(labels: list[str]) -> str:
-    """The labels, or how many where they are too many to read."""
-    return ", ".join(labels) if len(labels) <= MOST_LISTED else f"{', '.join(labels[:MOST_LISTED])} and others"

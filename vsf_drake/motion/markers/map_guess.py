@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.labels import listed
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.maps import (
     MIDDLE_CLUSTERS,
@@ -68,7 +69,7 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
         known, error = max(failing, key=lambda pair: pair[0])
         if 2 * known >= len(recording.markers):
             raise error
-        raise InputError("no shipped marker map fits its labels: " + (", ".join(recording.markers) or "none"),
+        raise InputError("no shipped marker map fits its labels: " + listed(list(recording.markers)),
                          file=recording.path, where="marker_map",
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
     most = max(known for known, _, _ in fitting)

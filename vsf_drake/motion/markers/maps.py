@@ -17,6 +17,7 @@ from pathlib import Path
 import yaml
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.labels import listed
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.resources import resource
 
@@ -237,6 +238,6 @@ def _require(roles: dict[str, str], marker_map: MarkerMap, labels: list[str], fi
     near = {s: difflib.get_close_matches(s, labels, n=2, cutoff=0.6) for s in spellings}
     hints = [f"{s} (like {', '.join(found)})" for s, found in near.items() if found]
     sought = ", ".join(hints or spellings) or "no label, for the map names none"
-    right = f"Labels in the file: {', '.join(labels) or 'none'}. Sought: {sought}. "
+    right = f"Labels in the file: {listed(list(labels))}. Sought: {sought}. "
     raise InputError(f"no marker for {'; '.join(names)}", file=file, where=f"marker map {marker_map.path}",
                      right=right + "`vsf-drake import --list-markers` starts a map from the file's own labels")
