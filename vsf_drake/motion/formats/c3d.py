@@ -39,14 +39,9 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     labels, kept = _labels(c3d, layout, notes)
     markers = None
     if labels:
-        positions = read_points(c3d, layout)
-        if len(kept) < layout.points:
-            positions = positions[:, kept]
-        positions *= factor
-        labels, kept = _merge_doubled(labels, positions, notes)
+        positions = read_points(c3d, layout, kept, length_m=factor)
+        labels, positions = _merge_doubled(labels, positions, notes)
         refuse_doubled(labels, path, "POINT:LABELS")
-        if len(kept) < positions.shape[1]:
-            positions = positions[:, kept]
         markers = RawMarkers(labels, positions, rate, start)
     forces = read_plates(c3d, layout, length_m=factor, rate_hz=rate, start_s=start, notes=notes)
     if markers is None and forces is None:
@@ -81,8 +76,8 @@ def _labels(c3d: C3dDescription, layout: Layout, notes: list[str]) -> tuple[list
     return short, kept
 
 
-def _merge_doubled(labels: list[str], positions: np.ndarray, notes: list[str]) -> tuple[list[str], list[int]]:
-    """Leaves out a point that repeats another of the same label or was never seen."""
+def _merge_doubled(labels: list[str], positions: np.ndarray, notes: list[str]) -> tuple[list[str], np.ndarray]:
+    """Leaves out a point that repeats another of the same label or was never seen; the others move up in place."""
     kept: list[int] = []
     for i, label in enumerate(labels):
         first = next((k for k in kept if labels[k] == label), None)
@@ -95,7 +90,10 @@ def _merge_doubled(labels: list[str], positions: np.ndarray, notes: list[str]) -
             notes.append(f"The label {label} stands twice; the point that is empty or the same was left out.")
             continue
         kept.append(i)
-    return [labels[i] for i in kept], kept
+    for to, i in enumerate(kept):
+        if to != i:
+            positions[:, to] = positions[:, i]
+    return [labels[i] for i in kept], positions[:, :len(kept)]
 
 
 def _axis(texts: list[str]) -> str | None:

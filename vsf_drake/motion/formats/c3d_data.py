@@ -14,7 +14,7 @@ LARGEST = 1e9
 """No position is as large, in any unit."""
 MOST_16_BITS = 65535
 """What the header says as last frame where there are more."""
-_CHUNK = 8 << 20
+_CHUNK = 1 << 20
 """Bytes of the file that are converted at a time."""
 
 
@@ -116,17 +116,26 @@ def _trial_frames(c3d: C3dDescription) -> tuple[int, int] | None:
     return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
 
 
-def read_points(c3d: C3dDescription, layout: Layout) -> np.ndarray:
-    """(frames, points, 3) in the file's unit; NaN where the residual is negative, or all three numbers are zero."""
+def read_points(c3d: C3dDescription, layout: Layout, points: list[int], *, length_m: float) -> np.ndarray:
+    """(frames, len(points), 3) m of the points asked for (from 0); each point's path lies in one piece.
+
+    NaN where the residual is negative, or all three numbers are zero.
+
+    Args:
+        length_m: metres in the file's unit.
+    """
     scale = 1.0 if layout.floats else abs(c3d.header.scale or c3d.number("POINT:SCALE") or 1.0)
-    out = np.empty((layout.points, layout.frames, 3)).transpose(1, 0, 2)
+    wanted = slice(None) if points == list(range(layout.points)) else points
+    out = np.empty((len(points), layout.frames, 3)).transpose(1, 0, 2)
     for rows, block in _chunks(c3d, layout):
-        points = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)
+        words = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)[:, wanted]
         with np.errstate(invalid="ignore"):
-            place = points[..., :3].astype(float)
-        unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(points[..., 3] >= 0.0)
+            place = words[..., :3].astype(float)
+        unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)
         place[unseen] = np.nan
-        out[rows] = place * scale
+        place *= scale
+        place *= length_m
+        out[rows] = place
     return out
 
 

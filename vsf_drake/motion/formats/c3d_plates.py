@@ -12,6 +12,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.c3d_data import Layout, read_analog
 from vsf_drake.motion.formats.c3d_parameters import C3dDescription
+from vsf_drake.motion.formats.pieces import pieces
 from vsf_drake.motion.formats.raw import RawForces, RawPlate
 from vsf_drake.motion.formats.units import length_factor, moment_factor
 
@@ -70,23 +71,31 @@ def _read_plate(c3d: C3dDescription, layout: Layout, i: int, length_m: float, no
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
     if kind == 4:
-        with np.errstate(invalid="ignore", over="ignore"):
-            raw = raw @ _calibration(c3d, i, notes).T
-    if not (np.abs(raw) < LARGEST).all():
+        calibration = _calibration(c3d, i, notes)
+        for piece in pieces(len(raw), raw.shape[1]):
+            with np.errstate(invalid="ignore", over="ignore"):
+                raw[piece] = raw[piece] @ calibration.T
+    if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     unit = _moment_unit(c3d, i, kind, length_m)
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit)]
+    half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
     for choice in choices if kind != 3 else choices[:1]:
-        force, point, torque = _LOADS[kind](raw, origin, choice)
-        if _on_plate(force, point, torque, corners, axes, centre):
+        if _on_plate(kind, raw, origin, choice, half):
             break
     else:
-        force, point, torque = _LOADS[kind](raw, origin, unit)
         choice = unit
     if choice != unit:
         notes.append(f"The moments of force plate {i + 1} were read as multiples of {choice:g} N m: as {unit:g} N m, "
                      "which the file states, the centre of pressure would lie far off the plate.")
-    return RawPlate(str(i + 1), force @ axes.T, point @ axes.T + centre, torque @ axes.T, corners=corners)
+    force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
+    point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
+    for piece in pieces(len(raw), raw.shape[1]):
+        f, p, t = _LOADS[kind](raw[piece], origin, choice)
+        force[piece], torque[piece] = f @ axes.T, t @ axes.T
+        if kind == 1:
+            point[piece] = p @ axes.T + centre
+    return RawPlate(str(i + 1), force, point, torque, corners=corners)
 
 
 def _load_1(raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -115,16 +124,16 @@ def _load_3(raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarra
 _LOADS = {1: _load_1, 2: _load_2, 3: _load_3, 4: _load_2}
 
 
-def _on_plate(force: np.ndarray, point: np.ndarray, torque: np.ndarray, corners: np.ndarray, axes: np.ndarray,
-              centre: np.ndarray) -> bool:
-    """Whether the loaded samples press near the plate, not all at one spot of it; True where it is not loaded."""
-    loaded = np.abs(force[:, 2]) > LOADED_N
-    if not loaded.any():
-        return True
-    f, t = force[loaded], torque[loaded]
-    cop = point[loaded, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3]
-    half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
-    return bool((np.median(np.abs(cop), axis=0) < half + FAR_M).all())
+def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
+    """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
+    off = []
+    for piece in pieces(len(raw), raw.shape[1]):
+        force, point, torque = _LOADS[kind](raw[piece], origin, unit)
+        on = np.abs(force[:, 2]) > LOADED_N
+        f, t = force[on], torque[on]
+        off.append(np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3]))
+    distance = np.concatenate(off) if off else np.empty((0, 2))
+    return not len(distance) or bool((np.median(distance, axis=0, overwrite_input=True) < half + FAR_M).all())
 
 
 def _moment_unit(c3d: C3dDescription, i: int, kind: int, length_m: float) -> float:

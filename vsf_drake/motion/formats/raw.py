@@ -14,7 +14,7 @@ class RawPlate:
     Attributes:
         name: how the file calls it, or its number.
         force: (n, 3) N; on the person or on the plate, which its direction tells later.
-        point: (n, 3) m, or None where the file has none.
+        point: (n, 3) m, or (3,) where it is the same throughout, or None where the file has none.
         torque: (n, 3) N m about `point`, free moment included.
         twist: (n,) N m, added to the torque about the vertical, for files that give only this.
         corners: (4, 3) m, or None.

@@ -10,6 +10,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.axes import extents, rotation_to_world
 from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.force_files import read_forces
+from vsf_drake.motion.formats.pieces import turn
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.formats.to_world import floor_height, note_overlaps, on_the_floor, rotated
@@ -152,7 +153,7 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
     for plate in raw:
         for points in (plate.point, plate.corners):
             if points is not None:
-                points[:, 2] -= floor
+                points[..., 2] -= floor
     plates = []
     while raw:
         plates.append(on_the_floor(raw.pop(0), notes))
@@ -161,7 +162,7 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
     if trial.markers is not None:
         for k, label in enumerate(trial.markers.labels):
             markers[label] = trial.markers.positions[:, k]
-            markers[label][:] = markers[label] @ rotation.T
+            turn(markers[label], rotation)
             markers[label][:, 2] -= floor
     marked, felt = trial.markers, trial.forces
     return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),

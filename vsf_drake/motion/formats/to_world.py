@@ -10,6 +10,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.floor_load import floor_load
 from vsf_drake.motion.formats.axes import AXES, LEVEL, STRONG_N
+from vsf_drake.motion.formats.pieces import pieces, turn
 from vsf_drake.motion.formats.raw import RawPlate
 from vsf_drake.motion.formats.recording import Plate
 
@@ -22,13 +23,15 @@ VERTICAL_SHARE = 0.8
 
 
 def rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
-    """The plate in W, its force that on the person.
+    """The plate in W, its force that on the person; the arrays given are those changed.
 
     Raises:
         InputError: the force is not mainly vertical, or a loaded plate is not level.
     """
-    force = plate.force @ rotation_W.T
-    torque = plate.torque @ rotation_W.T
+    force, torque, point = plate.force, plate.torque, plate.point
+    for vectors in (force, torque, point):
+        if vectors is not None:
+            turn(np.atleast_2d(vectors), rotation_W)
     if plate.twist is not None:
         torque[:, 2] += plate.twist
     corners = None if plate.corners is None else plate.corners @ rotation_W.T
@@ -45,10 +48,10 @@ def rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str
             raise InputError(f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is modelled",
                              file=path, right="Use a recording on level plates")
         if mean[2] < 0.0:
-            force, torque = -force, -torque
+            np.negative(force, out=force)
+            np.negative(torque, out=torque)
             notes.append(f"The force of plate {plate.name} points down: it was taken as the person's on the plate and "
                          "turned.")
-    point = None if plate.point is None else plate.point @ rotation_W.T
     return RawPlate(plate.name, force, point, torque, corners=corners)
 
 
@@ -63,8 +66,10 @@ def floor_height(plates: list[RawPlate], path: Path) -> float:
         loaded = plate.force[:, 2] > max(THRESHOLD_N, STRONG_N)
         if not loaded.any() or (plate.corners is None and plate.point is None):
             continue
-        z = plate.corners[:, 2] if plate.corners is not None else plate.point[loaded, 2]
-        heights[plate.name] = float(np.median(z))
+        surface = plate.corners
+        if surface is None:
+            surface = np.broadcast_to(plate.point, plate.force.shape)[loaded]
+        heights[plate.name] = float(np.median(surface[:, 2]))
     if not heights:
         return 0.0
     low, high = min(heights, key=heights.get), max(heights, key=heights.get)
@@ -81,8 +86,12 @@ def on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
     loaded = plate.force[:, 2] > THRESHOLD_N
     cop, moment = np.full((count, 3), np.nan), np.zeros(count)
     if plate.point is not None:
-        cop[loaded], moment[loaded] = floor_load(plate.point[loaded], plate.force[loaded], plate.torque[loaded])
-        height = float(np.median(plate.point[loaded, 2])) if loaded.any() else 0.0
+        point = np.broadcast_to(plate.point, plate.force.shape)
+        for piece in pieces(count):
+            on = loaded[piece]
+            cop[piece][on], moment[piece][on] = floor_load(
+                point[piece][on], plate.force[piece][on], plate.torque[piece][on])
+        height = float(np.median(point[loaded, 2])) if loaded.any() else 0.0
         if abs(height) > 1e-3:
             notes.append(f"Plate {plate.name} lies at {1e3 * height:.1f} mm: its centre of pressure was taken to the "
                          "floor at 0.")

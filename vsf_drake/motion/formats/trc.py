@@ -9,6 +9,7 @@ from pathlib import Path
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
+from vsf_drake.motion.formats.pieces import pieces
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
 from vsf_drake.motion.formats.text import Rows, as_label, numbers, text_lines
 from vsf_drake.motion.formats.timing import even_rate
@@ -54,8 +55,10 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         notes.append(f"The header of {path.name} says {stated:g} frames a second; the times say {rate:.6g}, which was "
                      "used.")
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
-    positions[~(abs(positions) < LARGEST).all(axis=2)] = math.nan
-    positions *= factor
+    for piece in pieces(len(positions), 3 * len(labels)):
+        some = positions[piece]
+        some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
+        some *= factor
     return RawTrial(RawMarkers(labels, positions, rate, float(table[0, 1])), up_convention="+y", notes=notes)
 
 
