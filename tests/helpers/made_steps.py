@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from vsf_drake.motion.contacts import Assignment, assign_plates
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.markers.schema import FootTrack
 
@@ -82,3 +84,27 @@ def rectangle(x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
 
 def recording(*plates: Plate) -> Recording:
     return Recording(Path("made.c3d"), {}, RATE_HZ, plates, FORCE_HZ)
+
+
+def assign(*plates: Plate, stated: dict[str, str | None] | None = None) -> Assignment:
+    """Which of `feet` loads which plate."""
+    tracks, pelvis = feet()
+    return assign_plates(recording(*plates), TIME, tracks, pelvis, stated=stated)
+
+
+def sides(result: Assignment) -> list[tuple[str, str | None]]:
+    """Plate and foot of each contact."""
+    return [(c.plate, c.side) for c in result.contacts]
+
+
+def everywhere(**changed: Plate | None) -> list[Plate]:
+    """A plate for each step, one of them changed or, if None, taken away."""
+    steps_ = {"R0": ("right", 0), "L0": ("left", 0), "R1": ("right", 1), "L1": ("left", 1)}
+    made = {name: plate(name, step_load(*step)) for name, step in steps_.items()} | changed
+    return [p for p in made.values() if p is not None]
+
+
+def moved(p: Plate, rotate: float = 0.0, shift: Sequence[float] = (0.0, 0.0)) -> Plate:
+    """The plate turned about the vertical axis of W (rad), then shifted (m)."""
+    turn = np.array([[np.cos(rotate), -np.sin(rotate), 0], [np.sin(rotate), np.cos(rotate), 0], [0, 0, 1]])
+    return dataclasses.replace(p, force_n=p.force_n @ turn.T, cop_m=p.cop_m @ turn.T + [*shift, 0.0])

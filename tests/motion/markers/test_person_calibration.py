@@ -2,70 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import made_person
 import numpy as np
 import pytest
 from made_person import Person
+from made_standing import BACKWARD, EVEN, FLEXED, MAPS, UNEQUAL, assert_truth, calibrated, standing
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.handedness import NOTE, prepared
 from vsf_drake.motion.markers.maps import SIDES, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
 from vsf_drake.motion.markers.settling import settling
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.placement import foot_placement
-
-MAPS = {"plug_in_gait": "plug_in_gait", "rajagopal": "rajagopal", "opensim": "rajagopal", "ior": "ior"}
-UNEQUAL = Person(thigh=(0.43, 0.41), shank=(0.40, 0.42), ankle_height=(0.07, 0.07), foot=(0.26, 0.25))
-"""Both soles are on the floor when the legs are straight."""
-EVEN = Person(ankle_height=(0.075, 0.075), foot=(0.26, 0.25))
-"""Both soles are on the floor in any symmetrical posture."""
-FLEXED = {"pelvis_tx": 1.3, "pelvis_tz": -0.2, "pelvis_tilt": -0.1}
-for s in "rl":
-    FLEXED |= {f"hip_flexion_{s}": 0.2, f"knee_angle_{s}": 0.3, f"ankle_angle_{s}": 0.2}
-BACKWARD = {"hip_flexion_r": -0.06, "hip_flexion_l": -0.06, "ankle_angle_r": 0.06, "ankle_angle_l": 0.06}
-"""Legs slanting backwards on flat soles."""
-
-
-def facts(person: Person = UNEQUAL, **more) -> PersonFacts:
-    stated = {"mass_kg": 80.0, "stature_m": 1.75, "sex": "male", "prosthetic_side": "right",
-              "leg_length_mm": 1e3 * person.leg_length, "knee_width_mm": 1e3 * person.knee_width,
-              "ankle_width_mm": 1e3 * person.ankle_width}
-    return PersonFacts(**(stated | more))
-
-
-def standing(angles=None, person: Person = UNEQUAL, *, label_set="plug_in_gait", medial=True, frames=120, **more):
-    return made_person.recording_of(
-        made_person.markers(angles or {}, person, label_set=label_set, medial=medial, frames=frames), **more)
-
-
-def calibrated(recording, person: Person = UNEQUAL, *, label_set="plug_in_gait", hip="harrington", **more):
-    return calibrate(recording, load_marker_map(MAPS[label_set]), facts(person, **more), hip=hip)
-
-
-def assert_truth(calibration, person: Person, label_set: str, tolerance: float = 1e-9) -> None:
-    """Every marker and every joint centre is where the person was made with it."""
-    for i, side in enumerate(SIDES):
-        truth = {made_person.label_of(role, side, label_set): (segment, p)
-                 for role, (segment, p) in person.points(side).items()
-                 if role in made_person._label_sets()[label_set]}
-        for segment, markers in calibration.segments.items():
-            for label, p_BM in zip(markers.labels, markers.p_BM, strict=True):
-                if label in truth:
-                    assert truth[label][0] == segment
-                    assert p_BM == pytest.approx(truth[label][1], abs=tolerance), label
-        for name, length in (("thigh", person.thigh), ("shank", person.shank), ("ankle_height", person.ankle_height)):
-            assert calibration.lengths_m[f"{name}_{side}"] == pytest.approx(length[i], abs=tolerance)
-        forward, lateral, up = person.hip_centre
-        out = -1 if side == "right" else 1
-        assert calibration.segments[f"thigh_{side}"].p_PB == pytest.approx([forward, out * lateral, up], abs=tolerance)
-
 
 POSTURES = pytest.mark.parametrize("angles, person", [({}, UNEQUAL), (FLEXED, EVEN)], ids=["straight", "flexed"])
 
@@ -220,56 +172,6 @@ def test_unequal_legs_are_reported():
     found = calibrated(standing(person=person), person)
     assert any("thigh differ: 450 and 410 mm" in note for note in found.notes)
     assert "thigh +40 mm" in found.method[-1]
-
-
-def test_axes_of_a_left_hand_are_mirrored_with_a_note():
-    recording = standing(FLEXED, EVEN)
-    flipped = made_person.recording_of({label: x * [1, -1, 1] for label, x in recording.markers.items()})
-    found = calibrated(flipped, EVEN)
-    assert_truth(found, EVEN, "plug_in_gait")
-    assert NOTE in found.notes
-    pig = load_marker_map("plug_in_gait")
-    assert prepared(recording, pig) is recording
-    again = prepared(prepared(flipped, pig), pig)
-    assert again.markers["LASI"] == pytest.approx(recording.markers["LASI"])
-    assert np.linalg.det(again.rotation_W) == pytest.approx(-1)
-
-
-@pytest.mark.parametrize("quarters, axis", [(1, "+y"), (2, "-x"), (3, "-y")])
-def test_person_who_walks_in_place_goes_where_the_pelvis_faces(quarters, axis):
-    """On a treadmill the markers do not travel: the laboratory's x may be behind or beside the person."""
-    pig = load_marker_map("plug_in_gait")
-    turn = made_person.poses({"pelvis_rotation": 0.5 * np.pi * quarters})["pelvis"][0][0]
-    straight = standing(FLEXED, EVEN)
-    force, cop = np.array([[-80.0, 20.0, 700.0]]), np.array([[0.1, -0.1, 0.0]])
-    plate = Plate("1", force, cop, np.array([3.0]))
-    seen = dataclasses.replace(
-        straight, markers={label: x @ turn.T for label, x in straight.markers.items()}, force_rate_hz=1000.0,
-        plates=(dataclasses.replace(plate, force_n=force @ turn.T, cop_m=cop @ turn.T),))
-    found = prepared(seen, pig)
-    for label, x in straight.markers.items():
-        assert found.markers[label] == pytest.approx(x, abs=1e-12)
-    assert found.plates[0].force_n == pytest.approx(force) and found.plates[0].cop_m == pytest.approx(cop)
-    assert found.plates[0].free_moment_nm == pytest.approx([3.0])
-    assert found.rotation_W @ turn == pytest.approx(np.eye(3), abs=1e-12)
-    assert f"faces the laboratory's {axis}" in found.notes[-1]
-
-
-def test_exchanged_sides_are_told_from_mirrored_axes_by_the_plates():
-    """Corners that go round as in a right-handed frame show that the axes are right: the labels are not."""
-    pig = load_marker_map("plug_in_gait")
-    corners = np.array([[0.3, 0.2, 0.0], [0.3, -0.2, 0.0], [-0.3, -0.2, 0.0], [-0.3, 0.2, 0.0]])
-    plate = Plate("1", np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), corners)
-    right = standing(FLEXED, EVEN)
-    other = {"R": "L", "L": "R"}
-    exchanged = dataclasses.replace(right, plates=(plate,),
-                                    markers={other[label[0]] + label[1:]: x for label, x in right.markers.items()})
-    with pytest.raises(InputError, match="left and right labels are exchanged"):
-        prepared(exchanged, pig)
-    flip = np.array([1.0, -1.0, 1.0])
-    flipped = dataclasses.replace(right, plates=(dataclasses.replace(plate, corners_m=plate.corners_m * flip),),
-                                  markers={label: x * flip for label, x in right.markers.items()})
-    assert NOTE in prepared(flipped, pig).notes
 
 
 def independent_centres(markers, side):
