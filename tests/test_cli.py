@@ -135,12 +135,12 @@ def test_divergence_during_the_fit_is_a_failed_simulation(run, tmp_path, trial_f
     assert "t = " in err
 
 
-def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path):
-    out = tmp_path / "results" / "medium_1"
-    out.mkdir(parents=True)
+def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path, trial_files):
+    out = tmp_path / "results"
+    out.mkdir()
     (out / "replay.html").write_text("old", encoding="utf-8")
     (out / "mine.txt").write_text("kept", encoding="utf-8")
-    assert run("validate", "--quick", "--out", tmp_path / "results")[0] == 0
+    assert run("simulate", trial_files.write(), "--out", out, "--no-replay")[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
 

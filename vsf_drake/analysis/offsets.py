@@ -31,6 +31,8 @@ FORCE_NOISE_BW = 0.05
 """Error of the force components that the model is expected to have (a choice: the paper's 5.3 % body weight)."""
 COP_NOISE_FL = 0.05
 """The same for the centre of pressure, in foot lengths (the paper's 5.7 to 9.5 %)."""
+ENOUGH = 1e-4
+"""The fit ends when a step betters the cost by less than this part: what is left is below half a standard error."""
 FIT_STEP_S = 2e-3
 SCAN_STEP_S = 4e-3
 DIFFERENCE = np.array([5e-4, 1e-3, np.radians(0.25)])
@@ -106,7 +108,7 @@ def fit_offsets(
         cost_before = None
     solution = least_squares(
         residuals, start, jac=lambda x: _jacobian(residuals, x), bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR,
-        xtol=1e-4, ftol=1e-5, max_nfev=30)
+        xtol=1e-4, ftol=ENOUGH, max_nfev=30)
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     values = dict(zip(NAMES, map(float, solution.x), strict=True))
     errors = dict(zip(NAMES, map(float, np.sqrt(np.diag(covariance))), strict=True))
