@@ -40,7 +40,7 @@ def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration,
     mean, spread = 1e3 * moved.mean(axis=0), 1e3 * moved.std(axis=0)
     note = (f"The pelvis was moved so that the model's {subject.prosthetic_side} (prosthetic) ankle is where its "
             "markers show it: forward, left, up by "
-            + ", ".join(f"{m:+.0f} ± {s:.0f}" for m, s in zip(mean, spread, strict=True)) + " mm.")
+            + ", ".join(f"{m:+z.0f} ± {s:.0f}" for m, s in zip(mean, spread, strict=True)) + " mm.")
     if np.sqrt(np.mean(np.sum(moved**2, axis=1))) > LARGE_M:
         note += " That is much: the lengths of the leg or the joint centres are doubtful."
     return values, (note,)

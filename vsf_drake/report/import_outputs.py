@@ -137,23 +137,23 @@ def _written_before(path: Path) -> set[str]:
 def _person(item: Examined) -> dict[str, Any]:
     """What the page says of the person."""
     subject = item.trial.subject
-    shown = {"name": subject.name, "mass, prosthesis included": f"{subject.mass_kg:.1f} kg",
+    shown = {"name": subject.name, "mass, prosthesis included": f"{subject.mass_kg:z.1f} kg",
              "stature": f"{subject.stature_m:.3f} m", "sex": subject.sex, "prosthesis": subject.prosthetic_side}
     budget = mass_budget(item.trial)
     masses = ", ".join(f"{name} {mass:.2f}" for name, mass in budget.items())
     rows = [*shown.items(), ("mass budget", f"{masses}: {sum(budget.values()):.2f} kg in all")]
     for name, value in to_plain(subject).items():
         if name.endswith("_rad"):
-            rows.append((name.removesuffix("_rad").replace("_", " "), f"{np.degrees(value):.1f}°"))
+            rows.append((name.removesuffix("_rad").replace("_", " "), f"{np.degrees(value):z.1f}°"))
         elif name.endswith("_m") and name != "stature_m":
-            rows.append((name.removesuffix("_m").replace("_", " "), f"{1e3 * value:.1f} mm"))
+            rows.append((name.removesuffix("_m").replace("_", " "), f"{1e3 * value:z.1f} mm"))
     lists: list[tuple[str, Sequence[str]]] = []
     if item.markers is not None:
         calibration = item.markers.calibration
         lengths = calibration.lengths_m
         for key in [name for name in lengths if name.endswith("_right")]:
             left = lengths.get(f"{key.removesuffix('_right')}_left")
-            pair = f"{1e3 * lengths[key]:.1f} mm" + (f" / {1e3 * left:.1f} mm" if left is not None else "")
+            pair = f"{1e3 * lengths[key]:z.1f} mm" + (f" / {1e3 * left:z.1f} mm" if left is not None else "")
             rows.append((f"{key.removesuffix('_right').replace('_', ' ')}, right / left (standing trial)", pair))
         lists = [("How joint centres and axes were found", calibration.method),
                  ("What was assumed or looks doubtful", calibration.notes),
@@ -167,7 +167,7 @@ def _standing(angles_rad: Mapping[str, float]) -> list[str]:
     for name in ("pelvis", "right", "left"):
         own = {key: value for key, value in angles_rad.items() if key not in PELVIS_TRANSLATIONS
                and (key.startswith("pelvis_") if name == "pelvis" else key.endswith(f"_{name[0]}"))}
-        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} {np.degrees(value):.1f}°"
+        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} {np.degrees(value):z.1f}°"
                  for key, value in own.items())
         lines.append(f"{name}: {', '.join(words)}")
     return lines

@@ -165,7 +165,7 @@ def _pairs(lengths: dict[str, float]) -> list[tuple[str, float, float]]:
 
 
 def _left_right(lengths: dict[str, float]) -> str:
-    parts = [f"{name.replace('_', ' ')} {1e3 * (right - left):+.0f} mm" for name, right, left in _pairs(lengths)]
+    parts = [f"{name.replace('_', ' ')} {1e3 * (right - left):+z.0f} mm" for name, right, left in _pairs(lengths)]
     return f"Right less left: {', '.join(parts)}."
 
 
