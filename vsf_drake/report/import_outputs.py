@@ -167,7 +167,7 @@ def _standing(angles_rad: Mapping[str, float]) -> list[str]:
     for name in ("pelvis", "right", "left"):
         own = {key: value for key, value in angles_rad.items() if key not in PELVIS_TRANSLATIONS
                and (key.startswith("pelvis_") if name == "pelvis" else key.endswith(f"_{name[0]}"))}
-        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} {np.degrees(value):z.1f}°"
-                 for key, value in own.items())
+        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} "
+                 f"{np.degrees(value):z.1f}°" for key, value in own.items())
         lines.append(f"{name}: {', '.join(words)}")
     return lines
