@@ -35,6 +35,7 @@ def test_bench_writes_the_published_end_points(run, tmp_path):
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
 
 
+@pytest.mark.slow
 def test_validate_quick_runs_on_the_embedded_data_and_calls_the_walk_synthetic(run, tmp_path):
     code, out, _ = run("validate", "--quick", "--out", tmp_path / "results")
     assert code == 0

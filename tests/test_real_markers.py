@@ -19,6 +19,8 @@ from vsf_drake.motion.contacts import assign_plates
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.results import load_walk
 
+pytestmark = pytest.mark.slow
+
 WALKS = {
     "example3DWalking": ("opensim_core/example3DWalking/markers_walk.trc",
                          "opensim_core/example3DWalking/grf_walk.mot", {"mass_kg": 85.27}),

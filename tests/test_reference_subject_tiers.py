@@ -85,6 +85,7 @@ def test_markers_are_where_the_coordinates_put_them(trials):
     np.testing.assert_allclose(middle[:, [0, 2]], path, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_one_trial_comes_out_again(tmp_path):
     """Same machine, same files; on another processor the last digits may differ, the walk does not."""
     subprocess.run([sys.executable, SCRIPT, "--only", "high_1", "--out", tmp_path], check=True, capture_output=True)
