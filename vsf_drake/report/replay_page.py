@@ -17,7 +17,7 @@ _STYLE = ("position:fixed;left:12px;right:12px;bottom:10px;padding:5px 12px;font
 
 def kind(result: WalkResult) -> str:
     """What the trial is; a synthetic one is called so."""
-    return "synthetic walk (built from group means, not recorded)" if result.synthetic else "recorded walk"
+    return "synthetic walk, not recorded" if result.synthetic else "recorded walk"
 
 
 def finish_page(page: str, result: WalkResult, legend: Sequence[tuple[RGB, str]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,6 +31,8 @@ from vsf_drake.simulation.results import WalkResult
 _TIME = "time (s)"
 _FORCE = "force (BW)"
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
+TITLE_WIDTH = 110
+"""Letters on a line of the title: what the figure is wide enough for."""
 MOST_LABELLED = 4
 """Stances that the legend tells apart; a longer recording shows its footprints without one."""
 
@@ -84,9 +87,10 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
 
 
 def _title(result: WalkResult, fulcrum: float) -> str:
-    kind = "synthetic walk (built from group means, not recorded)" if result.synthetic else "recorded walk"
+    kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
-    return f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
+    title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
+    return textwrap.fill(title, TITLE_WIDTH)
 
 
 def _error(value: float | None, unit: str) -> str:
