@@ -77,11 +77,6 @@ def new_state(device: Device) -> State:
         socket=np.zeros(6), fulcrum=np.zeros(1))
 
 
-def copy_state(state: State) -> State:
-    """An independent copy."""
-    return State(*(array.copy() for array in state))
-
-
 def make_device(
     design: Design, foot: FootParameters, *, fulcrum: float, residual_length: float, pylon_length: float
 ) -> Device:

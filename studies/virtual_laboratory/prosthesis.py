@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from virtual_laboratory.design import Design
-from virtual_laboratory.device import Device, State, copy_state, make_device, new_state
+from virtual_laboratory.device import Device, State, make_device, new_state
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.stepping import measure, place, run, step
@@ -143,10 +143,6 @@ class Prosthesis:
         measure(self.device, self.state, before, shear, self._forces, self.step_s, self._last)
         self._read(self._last)
         return self.force, self.cop
-
-    def snapshot(self) -> State:
-        """A copy of the state, to be put back by `self.state = copy_state(snapshot)`."""
-        return copy_state(self.state)
 
     def bench(self) -> dict[str, float]:
         """Stiffness (N/mm) on the testing machine; see `virtual_laboratory.bench`."""

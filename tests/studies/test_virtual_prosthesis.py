@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import copy
 import dataclasses
 from pathlib import Path
 
@@ -90,7 +91,7 @@ def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary():
     R = Rotation.from_euler("y", 0.35).as_matrix()
     toe = 0.15
     p.reset(R, R @ knee(p, 0.0) + [0.0, 0.0, toe * np.sin(0.35) - 0.03])
-    d, state, ground = p.device, device.copy_state(p.state), p._forces.copy()
+    d, state, ground = p.device, copy.deepcopy(p.state), p._forces.copy()
     assert p.force[2] > 100.0 and p.cop[0] > 0.05
 
     def energy(q: np.ndarray) -> float:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.formats.writers import write_forces_mot
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
-from vsf_drake.motion.plates import SIDES, world_to_os
+from vsf_drake.motion.plates import SIDES
 from vsf_drake.motion.storage import write_storage
 from vsf_drake.motion.trial_record import Trial
-
-AXES = "xyz"
 
 
 def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
@@ -40,24 +40,8 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
     label = "synthetic" if trial.synthetic else "from a recording"
     write_storage(folder / kinematics, time_s=trial.trajectory.time_s, names=names, values=shown, in_degrees=True,
                   title=f"{stem} joint angles, {label}")
-    columns = _force_columns(trial)
-    time = next(iter(trial.plates.values())).time_s
-    write_storage(folder / forces, time_s=time, names=list(columns), values=np.column_stack(list(columns.values())),
-                  title=f"{stem} ground reaction forces, {label}")
+    plates = {side[0]: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
+              for side in SIDES if (plate := trial.plates.get(side)) is not None}
+    write_forces_mot(folder / forces, time_s=next(iter(trial.plates.values())).time_s, plates=plates,
+                     title=f"{stem} ground reaction forces, {label}")
     return kinematics, forces
-
-
-def _force_columns(trial: Trial) -> dict[str, np.ndarray]:
-    columns: dict[str, np.ndarray] = {}
-    for side in SIDES:
-        if side not in trial.plates:
-            continue
-        plate, prefix = trial.plates[side], f"ground_force_{side[0]}"
-        vectors = {"v": world_to_os(plate.force_W)}
-        if plate.has_cop:
-            vectors["p"] = world_to_os(np.nan_to_num(plate.cop_W))
-        for kind, table in vectors.items():
-            columns |= {f"{prefix}_{kind}{axis}": table[:, i] for i, axis in enumerate(AXES)}
-        zero = np.zeros(len(plate.time_s))
-        columns |= {f"ground_torque_{side[0]}_{axis}": plate.free_moment_nm if axis == "y" else zero for axis in AXES}
-    return columns

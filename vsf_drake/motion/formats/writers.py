@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.files import replaced
+from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.plates import world_to_os
 from vsf_drake.motion.storage import write_storage
@@ -56,15 +57,19 @@ def write_trc(path: str | Path, markers: Recording | Mapping[str, np.ndarray], *
             stream.write("\t".join([str(i + 1), repr(float(start_s + i / rate_hz)), *cells]) + "\n")
 
 
-def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate]) -> None:
+def write_forces_mot(
+    path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate], title: str | None = None
+) -> None:
     """Writes plates as OpenSim's external loads (.mot or .sto), in N, m and N m.
 
     Columns are ground_force_<key>_vx to _vz and _px to _pz, and ground_torque_<key>_x to _z; the key is "r" or "l", or
-    a plate's name. Where a plate is not loaded, its centre of pressure is written as 0, for OpenSim needs numbers.
+    a plate's name. Where a plate is not loaded, its centre of pressure is written as 0, for OpenSim needs numbers; a
+    plate that has none under load gets no such columns.
 
     Args:
         time_s: (samples,) s.
         plates: by key, in W.
+        title: the file's first line; its name if None.
 
     Raises:
         ValueError: the shapes do not fit.
@@ -75,10 +80,13 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
     for key, plate in plates.items():
         zero = np.zeros(len(plate.force_n))
         moment = np.column_stack([zero, zero, plate.free_moment_nm])
-        for stem, vectors in ((f"ground_force_{key}_v", plate.force_n), (f"ground_force_{key}_p", plate.cop_m),
-                              (f"ground_torque_{key}_", moment)):
+        tables = {f"ground_force_{key}_v": plate.force_n, f"ground_force_{key}_p": plate.cop_m,
+                  f"ground_torque_{key}_": moment}
+        if np.isnan(plate.cop_m).all() and (plate.force_n[:, 2] > THRESHOLD_N).any():
+            del tables[f"ground_force_{key}_p"]
+        for stem, vectors in tables.items():
             names += [stem + axis for axis in "xyz"]
             values.append(np.nan_to_num(world_to_os(vectors)) + 0.0)
     if not names:
         raise ValueError("there are no plates")
-    write_storage(path, time_s=time_s, names=names, values=np.concatenate(values, axis=1))
+    write_storage(path, time_s=time_s, names=names, values=np.concatenate(values, axis=1), title=title)
