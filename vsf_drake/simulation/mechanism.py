@@ -6,6 +6,9 @@ parameter there changes both ways of advancing the same diagram.
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
@@ -16,6 +19,7 @@ from vsf_drake.plants.gait import FootGround, GaitDiagram
 from vsf_drake.simulation.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepper import Mechanism
 from vsf_drake.simulation.tree import tree_of
+from vsf_drake.simulation.variables import Variable, walk_variables
 
 UNLIMITED = 1e30
 LARGEST_KEEL_ANGLE = 1.0
@@ -66,6 +70,24 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         **_fulcrum(gait.person.foot, gait.device, context),
         platen=np.zeros((0, 8)), platen_bodies=np.zeros(0, dtype=np.int64),
         limits=_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
+
+
+def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
+    """The numbers of this person's walk that studies change, with the values of `mechanism` as defaults."""
+    foot = gait.person.foot
+    return walk_variables(foot.parameters, foot.sites, mechanism.sites, mechanism.springs, mechanism.fulcrum,
+                          gait.prescribed)
+
+
+def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]) -> Mechanism:
+    """The mechanism with contact, springs and support as the checked `values` say; the rest is the caller's."""
+    arrays = {name: getattr(mechanism, name).copy() for name in ("sites", "springs", "fulcrum")}
+    for name, value in values.items():
+        for key, array in arrays.items():
+            unit = getattr(variables[name].edit, key)
+            if unit is not None:
+                array[...] = array + value * unit if variables[name].added else np.where(unit, value * unit, array)
+    return dataclasses.replace(mechanism, **arrays)
 
 
 def _limits(count: int, *, keel: np.ndarray, socket: np.ndarray | None = None) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +20,13 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.assembly import SITE_COLUMNS, SPRING_COLUMNS
 from vsf_drake.simulation.energy import energy_ledger
-from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import LOADED_N, FootReaction, foot_reaction
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.variables import added, check_values
 
 DEFAULT_STEP_S = 1e-3
 PLAUSIBLE_PEAK_BW = (0.6, 2.5)
@@ -69,6 +70,9 @@ class Walker:
         subject, model: the person and the devices.
         free: anatomical coordinates that are not prescribed.
 
+    Attributes:
+        variables: the numbers that `walk` takes by name (`values`), with units and bounds.
+
     Raises:
         InputError: a parameter is out of range or the segments do not fit.
     """
@@ -80,6 +84,7 @@ class Walker:
         self.gait = make_gait(subject, model, free=free)
         self.context = self.gait.diagram.CreateDefaultContext()
         self.free = tuple(free)
+        self.variables = gait_variables(self.gait, gait_mechanism(self.gait, self.context))
 
     def walk(
         self,
@@ -90,6 +95,7 @@ class Walker:
         end_s: float,
         step_s: float = DEFAULT_STEP_S,
         offsets: GeometricOffsets | None = None,
+        values: Mapping[str, float] | None = None,
         initial: dict[str, float] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Walk:
@@ -101,6 +107,7 @@ class Walker:
             trajectory: must hold every prescribed coordinate (rad, m).
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
+            values: of `variables`, for this walk only; what is not named stays as the Context has it.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says.
             progress: called with the finished fraction.
@@ -118,15 +125,18 @@ class Walker:
         steps = max(1, round((end_s - start_s) / step_s))
         moments = start_s + step_s * np.arange(steps + 1)
         moments[-1] = min(moments[-1], end_s)
-        fulcrum = np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
+        values = dict(values or {})
+        check_values(values, self.variables)
+        geometry, slide, shift = added(self.variables, values, self.gait.prescribed)
+        fulcrum = slide + np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
-        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, height=offsets.height_m,
-                  fore_aft=offsets.fore_aft_m, alignment=offsets.alignment_rad)
-        stepper = Stepper(gait_mechanism(self.gait, self.context))
+        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, height=offsets.height_m + geometry[0],
+                  fore_aft=offsets.fore_aft_m + geometry[1], alignment=offsets.alignment_rad + geometry[2])
+        stepper = Stepper(edited(gait_mechanism(self.gait, self.context), self.variables, values))
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
-        q = motion.sample(moments)[0]
+        q = motion.sample(moments)[0] + shift
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
                         fulcrum=np.array(fulcrum), platen=np.zeros(steps + 1))

@@ -1,0 +1,185 @@
+"""The numbers of a walk that studies change, by name: what each is, its bounds, and where it enters the arrays.
+
+    contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise    spheres of a zone, prosthetic foot
+    friction.mu_static | mu_kinetic | threshold_velocity                       prosthetic foot
+    keel.flexural_modulus       stiffness of all keel joints, with their damping in proportion
+    fulcrum.stiffness           of the support
+    fulcrum.shift               of the support along the keel, added to its position
+    socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
+    offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
+    coordinate.NAME             constant added to a prescribed coordinate
+
+A value enters every array in proportion, so that one set of arrays, the `Edit`, tells both how to change a
+mechanism and how its forces depend on the variable.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.foot import ContactSites
+
+OFFSETS = ("height", "fore_aft", "alignment")
+SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
+_SITE = {"rise": 2, "stiffness": 4, "exponent": 5, "damping": 6, "full_damping_depth": 7, "mu_static": 8,
+         "mu_kinetic": 9, "threshold_velocity": 10}
+"""Column of a site's row (see `assembly.SITE_COLUMNS`); a rise moves the sphere's centre up."""
+_FOLD = 10.0
+"""Bounds of a stiffness or damping: its own value divided and multiplied by this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`.
+
+    Attributes:
+        sites (S, 11), springs (k, 6), fulcrum (2,): to the arrays of those names; None for nothing.
+        mount: (3,) to height (m), fore-aft (m) and alignment (rad) of the foot under the pylon.
+        fulcrum_shift: m, to the fulcrum's position.
+        coordinate: name of the prescribed coordinate that shifts, or None.
+    """
+
+    sites: np.ndarray | None = None
+    springs: np.ndarray | None = None
+    fulcrum: np.ndarray | None = None
+    mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    fulcrum_shift: float = 0.0
+    coordinate: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """One number that a study may change.
+
+    Attributes:
+        default: its value in the model; 0 for those that are added.
+        added: it adds to what is there; else it replaces that.
+        low, high: bounds for searches (choices; they are wider than what feet and people differ by).
+        minimum: below this the model has no meaning.
+        edit: how it enters.
+    """
+
+    name: str
+    unit: str
+    default: float
+    low: float
+    high: float
+    minimum: float
+    edit: Edit
+    added: bool = False
+
+
+def walk_variables(
+    foot: FootParameters, sites: ContactSites, site_rows: np.ndarray, springs: np.ndarray, fulcrum: np.ndarray,
+    prescribed: Sequence[str],
+) -> dict[str, Variable]:
+    """All variables of a walking person, by name.
+
+    Args:
+        foot, sites: the prosthetic foot, whose spheres are the first of `site_rows`.
+        site_rows (S, 11), springs (k, 6), fulcrum (2,): of the mechanism; the socket's are the last six springs.
+        prescribed: names of the prescribed coordinates.
+    """
+    found = [*_contact(sites, site_rows), *_friction(len(sites.radius), site_rows)]
+    keel = np.zeros_like(springs)
+    modulus = foot.keel.flexural_modulus_pa
+    keel[:-6, :3] = springs[:-6, :3] / modulus
+    found.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1.0, Edit(springs=keel)))
+    k = float(fulcrum[0])
+    found.append(_scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=fulcrum / k)))
+    reach = foot.fulcrum.foremost_m - foot.fulcrum.rearmost_m
+    found.append(Variable("fulcrum.shift", "m", 0.0, -reach, reach, -math.inf, Edit(fulcrum_shift=1.0), added=True))
+    for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
+        rate = np.zeros_like(springs)
+        k = float(springs[row, 0])
+        rate[row, :2] = springs[row, :2] / k
+        found.append(_scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
+                             Edit(springs=rate)))
+    for i, (name, bound) in enumerate(zip(OFFSETS, (0.03, 0.06, math.radians(15.0)), strict=True)):
+        found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -math.inf,
+                              Edit(mount=np.eye(3)[i]), added=True))
+    for name in prescribed:
+        length = name.endswith(("_tx", "_ty", "_tz"))
+        bound = 0.03 if length else math.radians(15.0)
+        found.append(Variable(f"coordinate.{name}", "m" if length else "rad", 0.0, -bound, bound, -math.inf,
+                              Edit(coordinate=name), added=True))
+    return {variable.name: variable for variable in found}
+
+
+def check_names(names: Sequence[str], variables: Mapping[str, Variable], *, where: str) -> None:
+    """Raises InputError for a name that is not in `variables`, or comes twice."""
+    for i, name in enumerate(names):
+        if name not in variables:
+            near = difflib.get_close_matches(name, variables, n=1)
+            raise InputError(f"there is no variable {name!r}", where=where,
+                             right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(variables)}")
+        if name in names[:i]:
+            raise InputError(f"the variable {name} stands twice", where=where)
+
+
+def check_values(values: Mapping[str, float], variables: Mapping[str, Variable]) -> None:
+    """Raises InputError for an unknown name, or a value with which the model has no meaning."""
+    check_names(list(values), variables, where="values")
+    for name, value in values.items():
+        variable = variables[name]
+        if not isinstance(value, (int, float, np.number)) or not math.isfinite(value) or value < variable.minimum:
+            raise InputError(f"{value!r} is not usable", where=f"values[{name!r}]",
+                             right=f"It must be a finite number of at least {variable.minimum:g} {variable.unit}")
+
+
+def added(
+    variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str]
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, (p,) to the coordinates."""
+    mount, slide, shift = np.zeros(3), 0.0, np.zeros(len(prescribed))
+    for name, value in values.items():
+        edit = variables[name].edit
+        mount += value * edit.mount
+        slide += value * edit.fulcrum_shift
+        if edit.coordinate is not None:
+            shift[prescribed.index(edit.coordinate)] += value
+    return mount, slide, shift
+
+
+def _contact(sites: ContactSites, rows: np.ndarray) -> list[Variable]:
+    found = []
+    for z, zone in enumerate(sites.zone_names):
+        own = np.flatnonzero(sites.zone == z)
+        k, n, b, full = rows[own[0], 4:8]
+
+        def edit(column: str, own: np.ndarray = own) -> Edit:
+            unit = np.zeros_like(rows)
+            unit[own, _SITE[column]] = 1.0
+            return Edit(sites=unit)
+
+        found += [
+            _scaled(f"contact.{zone}.stiffness", "N/m^exponent", float(k), edit("stiffness")),
+            Variable(f"contact.{zone}.exponent", "1", float(n), 1.0, 2.0, 1.0, edit("exponent")),
+            _scaled(f"contact.{zone}.damping", "N s/m", float(b), edit("damping"), minimum=0.0),
+            Variable(f"contact.{zone}.full_damping_depth", "m", float(full), 2e-4, 5e-3, 1e-6,
+                     edit("full_damping_depth")),
+            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -math.inf, edit("rise"), added=True)]
+    return found
+
+
+def _friction(count: int, rows: np.ndarray) -> list[Variable]:
+    found = []
+    for name, unit, low, high, minimum in (
+            ("mu_static", "1", 0.1, 1.5, 0.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0),
+            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6)):
+        one = np.zeros_like(rows)
+        one[:count, _SITE[name]] = 1.0
+        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
+                              Edit(sites=one)))
+    return found
+
+
+def _scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
+    return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit)
