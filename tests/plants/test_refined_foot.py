@@ -1,0 +1,145 @@
+"""The same foot in more pieces."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from scipy.spatial import ConvexHull
+
+from vsf_drake.analysis.bench_metrics import displacement, stiffness
+from vsf_drake.errors import InputError
+from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
+from vsf_drake.model_file import check_model
+from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.refined_foot import fill, with_elements, with_spheres
+from vsf_drake.simulation.bench import Bench
+
+FOOT = FootParameters()
+SUPPORT_M = 0.108
+
+
+def beam(foot):
+    """What the closed forms need to know of a foot on the bench."""
+    keel = foot.keel
+    return {"bending_stiffness": keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
+            "support": SUPPORT_M, "load_point": foot.load_point_m,
+            "fulcrum_stiffness": foot.fulcrum.stiffness_n_per_m, "series_stiffness": foot.series_stiffness_n_per_m}
+
+
+def small_load_stiffness(foot):
+    """Slope (N/m) of the simulated bench between 20 and 210 N."""
+    run = Bench(foot).press(fulcrum_m=SUPPORT_M, max_load_n=210.0, speed_m_per_s=1e-3)
+    return stiffness(displacement(run), run.load_n, above_n=20.0)
+
+
+def moving_mass(foot):
+    plant = MultibodyPlant(0.0)
+    handles = add_foot(plant, plant.world_frame(), foot)
+    plant.Finalize()
+    return plant.CalcTotalMass(plant.CreateDefaultContext()), sum(body.default_mass() for body in handles.keel)
+
+
+def hull_area(zone):
+    return ConvexHull(np.column_stack([zone.x_mm, zone.y_mm])).volume
+
+
+def test_as_many_pieces_as_it_has_are_the_foot_itself():
+    assert with_elements(FOOT, 8) == FOOT
+    assert with_spheres(FOOT, 24) == FOOT
+
+
+@pytest.mark.parametrize("elements", [16, 32, 64])
+def test_more_elements_are_the_same_keel(elements):
+    finer = with_elements(FOOT, elements)
+    check_model(ModelParameters(foot=finer))
+    assert len(finer.keel.element_lengths_m) == elements
+    assert sum(finer.keel.element_lengths_m) == pytest.approx(sum(FOOT.keel.element_lengths_m), abs=1e-15)
+    assert moving_mass(finer) == pytest.approx(moving_mass(FOOT), rel=1e-12)
+    assert dataclasses.replace(finer, keel=FOOT.keel) == FOOT
+
+
+def midpoint_bound(lengths):
+    """Largest error (1/N m times E I) of the midpoint rule for the integral of M², with M per unit load.
+
+    M² has the second derivative 2 M'², which costs at most 2 M'² L³ / 24 an element; its slope jumps at B by
+    2 a (a / l + 1), which costs at most a jump times L² / 8 in the element that holds B.
+    """
+    lengths = np.array(lengths)
+    overhang = FOOT.load_point_m - SUPPORT_M
+    ends = np.cumsum(lengths)
+    slope = np.where(ends - 0.5 * lengths < SUPPORT_M, overhang / SUPPORT_M, 1.0)
+    kinked = lengths[np.searchsorted(ends, SUPPORT_M)]
+    at_load = lengths[np.searchsorted(ends, FOOT.load_point_m)]
+    smooth = np.sum(2.0 * np.maximum(slope, 1.0) ** 2 * lengths**3) / 24.0
+    return smooth + 2.0 * overhang * (overhang / SUPPORT_M + 1.0) * kinked**2 / 8.0 + at_load**3 / 3.0
+
+
+def test_more_elements_converge_to_the_beam_as_the_midpoint_rule_does():
+    exact = combined_stiffness(**beam(FOOT))
+    bounds = []
+    for elements in (8, 16, 32, 64, 128):
+        lengths = with_elements(FOOT, elements).keel.element_lengths_m
+        error = 1.0 / lumped_stiffness(**beam(FOOT), element_lengths=lengths) - 1.0 / exact
+        bounds.append(midpoint_bound(lengths))
+        assert abs(error) * beam(FOOT)["bending_stiffness"] <= bounds[-1]
+    assert np.all(np.array(bounds[:-1]) > 3.9 * np.array(bounds[1:]))
+
+
+def test_the_bench_of_a_finer_keel_comes_closer_to_the_beam():
+    """Simulated slope against the closed form of the beam. At 210 N the keel has turned by less than 0.1 rad, which
+    stiffens it by less than the square of that, whatever the number of elements."""
+    exact = combined_stiffness(**beam(FOOT))
+    coarse, fine = (small_load_stiffness(with_elements(FOOT, n)) / exact - 1.0 for n in (8, 64))
+    chain = lumped_stiffness(**beam(FOOT), element_lengths=FOOT.keel.element_lengths_m) / exact - 1.0
+    assert coarse - fine == pytest.approx(chain, abs=2e-3)
+    assert abs(fine) < 0.01
+
+
+@pytest.mark.parametrize("spheres", [50, 100, 200])
+def test_more_spheres_are_the_same_sole(spheres):
+    finer = with_spheres(FOOT, spheres)
+    check_model(ModelParameters(foot=finer))
+    assert sum(len(zone.x_mm) for zone in finer.zones) == spheres
+    assert moving_mass(finer) == moving_mass(FOOT)
+    for zone, before in zip(finer.zones, FOOT.zones, strict=True):
+        for name in ("stiffness", "damping_n_s_per_m"):
+            total = getattr(zone, name) * len(zone.x_mm)
+            assert total == pytest.approx(getattr(before, name) * len(before.x_mm), rel=1e-12)
+        for name in ("exponent", "full_damping_depth_m", "radius_m", "name"):
+            assert getattr(zone, name) == getattr(before, name)
+        old, new = (set(zip(z.x_mm, z.y_mm, strict=True)) for z in (before, zone))
+        assert np.ptp(zone.y_mm) == np.ptp(before.y_mm)
+        assert {(min(zone.x_mm), max(zone.x_mm))} == {(min(before.x_mm), max(before.x_mm))}
+        assert len(new) == len(zone.x_mm), "two spheres at one place"
+        if len(old) > 2:
+            assert hull_area(zone) == pytest.approx(hull_area(before), rel=1e-12)
+        assert {(round(x, 9), round(-y, 9)) for x, y in new} == {(round(x, 9), round(y, 9)) for x, y in new}
+
+
+def test_filled_outline_bears_in_its_middle():
+    """Many spheres of equal stiffness have their centre where the outline's area has it."""
+    for zone in (FOOT.zones[2], FOOT.zones[3], FOOT.zones[4]):
+        corners = np.column_stack([zone.x_mm, zone.y_mm])
+        fine = ConvexHull(corners).points[ConvexHull(corners).vertices]
+        x, y = fine.T
+        cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+        centroid = np.sum((x + np.roll(x, -1)) * cross) / (3.0 * np.sum(cross))
+        assert fill(corners, 2000)[:, 0].mean() == pytest.approx(centroid, abs=0.02 * np.ptp(x))
+
+
+@pytest.mark.parametrize(("refine", "count", "message"), [
+    (with_elements, 12, "multiple of 8"), (with_elements, 0, "multiple of 8"), (with_elements, 4, "multiple of 8"),
+    (with_spheres, 23, "at least what the foot has")])
+def test_what_cannot_be_had_by_refining_is_refused(refine, count, message):
+    with pytest.raises(InputError, match=message):
+        refine(FOOT, count)
+
+
+def test_a_curved_zone_is_refused():
+    zone = dataclasses.replace(FOOT.zones[0], rise_mm=(0.0, 1.0))
+    with pytest.raises(InputError, match="do not have one height"):
+        with_spheres(dataclasses.replace(FOOT, zones=(zone, *FOOT.zones[1:])), 50)
