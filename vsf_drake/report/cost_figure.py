@@ -50,10 +50,10 @@ def _panel(axes: Axes, members: Sequence[Cost], unit: float) -> None:
     x = np.array([unit * cost.size for cost in members])
     y = np.array([cost.stepping_per_second for cost in members])
     axes.axhline(1.0, color=NEUTRAL, linewidth=1.0, linestyle=":")
-    axes.annotate("real time", (1.0, 1.0), xycoords=("axes fraction", "data"), xytext=(0, 3),
-                  textcoords="offset points", ha="right", fontsize=8, color=NEUTRAL)
-    axes.plot(x, y, marker="o", markersize=6, linewidth=1.4, color=condition_colour(0.108))
     falling = y[-1] < y[0]
+    axes.annotate("real time", (1.0 if falling else 0.01, 1.0), xycoords=("axes fraction", "data"), xytext=(0, 3),
+                  textcoords="offset points", ha="right" if falling else "left", fontsize=8, color=NEUTRAL)
+    axes.plot(x, y, marker="o", markersize=6, linewidth=1.4, color=condition_colour(0.108))
     for place, height, cost in zip(x, y, members, strict=True):
         axes.annotate(_error(cost), (place, height), xytext=(3 if falling else -3, 7), textcoords="offset points",
                       ha="left" if falling else "right", fontsize=8)
