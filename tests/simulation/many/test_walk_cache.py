@@ -1,0 +1,154 @@
+"""A cache returns what was asked for, and nothing that was made otherwise."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vsf_drake
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.simulation.many import WalkCase, cases, keys, simulate_many, worker
+from vsf_drake.simulation.many.cases import Planner
+
+PACKAGE = Path(vsf_drake.__file__).parent
+
+
+def entries(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.npz"))
+
+
+def test_a_second_sweep_reads_what_the_first_has_walked(tmp_path, walks, sweep, assert_same):
+    first = simulate_many(sweep(3), workers=1, cache=tmp_path)
+    again = simulate_many(sweep(3), workers=1, cache=tmp_path)
+    assert len(walks) == 3 and len(entries(tmp_path)) == 3
+    assert [o.from_cache for o in first + again] == [False] * 3 + [True] * 3
+    assert_same(first, again)
+    assert [o.wall_s for o in first] == [o.wall_s for o in again]
+    assert [o.notes for o in first] == [o.notes for o in again]
+
+
+def test_a_sweep_that_was_stopped_goes_on_from_there(tmp_path, walks, sweep, assert_same):
+    def stop(state):
+        if state.done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_many(sweep(5), workers=1, cache=tmp_path, progress=stop)
+    assert len(walks) == 3
+    outcomes = simulate_many(sweep(5), workers=1, cache=tmp_path)
+    assert len(walks) == 5
+    assert [o.from_cache for o in outcomes] == [True] * 3 + [False] * 2
+    assert_same(outcomes, simulate_many(sweep(5), workers=1))
+
+
+def changed(trial):
+    """Every way in which a member can differ in its numbers."""
+    def with_trial(**fields):
+        return WalkCase(trial=replace(trial, **fields))
+
+    motion = trial.trajectory
+    nudged = motion.values.copy()
+    nudged[100, 3] = np.nextafter(nudged[100, 3], 1.0)
+    foot = replace(trial.model.foot, series_stiffness_n_per_m=trial.model.foot.series_stiffness_n_per_m + 1.0)
+    yield from (
+        with_trial(subject=replace(trial.subject, mass_kg=trial.subject.mass_kg + 1e-9)),
+        with_trial(model=replace(trial.model, foot=foot)),
+        with_trial(trajectory=CoordinateTrajectory(motion.time_s, nudged, motion.names)),
+        with_trial(trajectory=CoordinateTrajectory(motion.time_s + 1e-9, motion.values, motion.names)),
+        with_trial(start_s=trial.start_s + 1e-3), with_trial(end_s=trial.end_s + 1e-3),
+        with_trial(fulcrum_m=trial.fulcrum_m + 1e-9),
+        with_trial(offsets=replace(trial.offsets, height_m=1e-9)),
+        WalkCase(trial=trial, values={"friction.mu_static": 0.51}),
+        WalkCase(trial=trial, values={"friction.mu_static": 0.52}),
+        WalkCase(trial=trial, values={"friction.mu_kinetic": 0.51}),
+        WalkCase(trial=trial, step_s=2e-3), WalkCase(trial=trial, free=("knee_angle_r",)),
+        WalkCase(trial=trial, fulcrum_m=lambda t: 0.1 + 0 * t),
+        WalkCase(trial=trial, fulcrum_m=lambda t: 0.1 + 1e-9 * t))
+
+
+def test_whatever_changes_the_numbers_changes_the_key(monkeypatch, trial):
+    plan = Planner(("grf_W",))
+    found = [plan.task(case).key for case in (WalkCase(trial=trial), *changed(trial))]
+    found.append(Planner(("grf_W", "time_s")).task(WalkCase(trial=trial)).key)
+    for name in keys.software():
+        monkeypatch.setattr(cases, "software", lambda name=name: keys.software() | {name: "another"})
+        found.append(plan.task(WalkCase(trial=trial)).key)
+    assert len(set(found)) == len(found)
+
+
+def test_what_does_not_change_the_numbers_does_not_change_the_key(trial):
+    values = {"friction.mu_static": 0.5, "friction.mu_kinetic": 0.3}
+    motion = trial.trajectory
+    same = replace(trial, name="other", path=Path("other"), notes=("a",), plates={}, inputs={}, trajectory=
+                   CoordinateTrajectory(motion.time_s.copy(), np.asfortranarray(motion.values), motion.names))
+    plan = Planner(("grf_W", "time_s"))
+    expected = plan.task(WalkCase(trial=trial, values=values)).key
+    for case in (WalkCase(trial=same, values=dict(reversed(values.items())), label="mine", offsets=trial.offsets),
+                 WalkCase(trial=trial, values=values, fulcrum_m=trial.fulcrum_m),
+                 WalkCase(trial=trial, values={name: np.float64(value) for name, value in values.items()})):
+        assert plan.task(case).key == expected
+    assert Planner(("time_s", "grf_W")).task(WalkCase(trial=trial, values=values)).key == expected
+
+
+def test_a_changed_law_changes_the_digest_of_the_sources(tmp_path):
+    for part in keys.SOURCES:
+        for file in [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.py"):
+            target = tmp_path / file.relative_to(PACKAGE)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(file.read_bytes())
+    assert keys.sources_sha256(tmp_path) == keys.sources_sha256(PACKAGE) == keys.software()["sources_sha256"]
+    law = tmp_path / "laws" / "kelvin_voigt.py"
+    law.write_text(law.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert keys.sources_sha256(tmp_path) != keys.sources_sha256(PACKAGE)
+
+
+IMPORTED = """
+import sys
+import vsf_drake.simulation.walk
+for name, module in sorted(sys.modules.items()):
+    if name.startswith("vsf_drake") and module.__file__:
+        print(module.__file__)
+"""
+
+
+def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers():
+    """Reading recordings makes the trajectory, whose numbers are in the key themselves."""
+    files = subprocess.run([sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True).stdout.split()
+    covered = [PACKAGE / part for part in keys.SOURCES]
+    beside = [PACKAGE / name for name in ("__init__.py", "errors.py", "files.py", "resources.py", "motion")]
+    assert len(files) > 30
+    for file in map(Path, files):
+        assert any(file == part or part in file.parents for part in covered + beside), file
+
+
+def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tmp_path, trial, walks):
+    def diverge(walker, motion, task):
+        walks.append(1)
+        if task.options["values"]:
+            raise InputError("there is no such variable")
+        raise SimulationError("keel_1 diverged", time_s=0.1)
+
+    monkeypatch.setattr(worker, "_walked", diverge)
+    both = [WalkCase(trial=trial), WalkCase(trial=trial, values={"nonsense": 1.0})]
+    for _ in range(2):
+        failed, refused = simulate_many(both, workers=1, cache=tmp_path)
+        assert "keel_1 diverged" in failed.failure and not refused.ok
+    assert failed.from_cache and not refused.from_cache
+    assert len(entries(tmp_path)) == 1 and len(walks) == 3
+
+
+def test_an_entry_opens_as_plain_arrays_and_says_what_made_it(tmp_path, sweep):
+    [case] = sweep(1)
+    [outcome] = simulate_many([case], workers=1, cache=tmp_path)
+    with np.load(entries(tmp_path)[0], allow_pickle=False) as stored:
+        np.testing.assert_array_equal(stored["grf_W"], outcome.arrays["grf_W"])
+        about = json.loads(stored["about.json"])
+    assert about["made_with"]["values"] == dict(case.values)
+    assert about["software"]["drake"]

@@ -1,0 +1,163 @@
+"""Worker processes that may die: an executor that loses one task for each killed process, and starts another.
+
+`concurrent.futures.ProcessPoolExecutor` gives up all of its processes when one is killed, and cannot say which task
+did it. Here a thread stands before each process, so that it is known which task ran where. The processes are fresh
+interpreters: they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and do not import the
+caller's script (`multiprocessing` would), so that it needs no `if __name__ == "__main__"`.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection, Pipe
+from typing import Any
+
+from vsf_drake.errors import VsfError
+
+READY = "ready"
+_ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
+                                      "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
+_CODE = """\
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
+sys.path[:] = {path!r}
+from vsf_drake.simulation.many.processes import serve
+serve({descriptor})
+"""
+_STARTS = 2
+
+
+class WorkerLostError(VsfError):
+    """A worker process ended in the middle of a task, or could not read it."""
+
+
+class WorkerStartError(VsfError):
+    """Worker processes end before they take a task: nothing can be run."""
+
+
+class ProcessWorkers(Executor):
+    """As many processes as `workers`, each started with its first task and again after its death."""
+
+    def __init__(self, workers: int) -> None:
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
+        self._places: queue.SimpleQueue[_Process | None] = queue.SimpleQueue()
+        for _ in range(workers):
+            self._places.put(None)
+        self._lock = threading.Lock()
+        self._alive: set[_Process] = set()
+        self._closed = False
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As `Executor.submit`; the future of a task whose process ends raises WorkerLostError."""
+        return self._threads.submit(self._call, (fn, args, kwargs))
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Ends every process; at once if `cancel_futures`, else after the tasks that were submitted."""
+        if not cancel_futures:
+            self._threads.shutdown(wait=wait)
+        with self._lock:
+            self._closed = True
+            alive = tuple(self._alive)
+        for process in alive:
+            self._end(process)
+        self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
+
+    def _call(self, job: tuple) -> Any:
+        process = self._places.get()
+        try:
+            process = process or self._start()
+            returned, result = process.call(job)
+        except (EOFError, ConnectionError):
+            assert process is not None
+            cause = self._end(process)
+            process = None
+            raise WorkerLostError(f"the worker process {cause} in the middle of it") from None
+        finally:
+            self._places.put(process)
+        if not returned:
+            raise WorkerLostError(f"the worker process could not do it: {result}")
+        return result
+
+    def _start(self) -> _Process:
+        for _ in range(_STARTS):
+            with self._lock:
+                if self._closed:
+                    raise WorkerLostError("the sweep has ended")
+                process = _Process()
+                self._alive.add(process)
+            if process.is_ready():
+                return process
+            cause = self._end(process)
+        raise WorkerStartError(f"the worker process {cause} before it took any work: see what it printed above")
+
+    def _end(self, process: _Process) -> str:
+        """Makes sure that it has ended, and says how."""
+        with self._lock:
+            self._alive.discard(process)
+        return process.end()
+
+
+class _Process:
+    """One interpreter and the pipe to it."""
+
+    def __init__(self) -> None:
+        self._pipe, theirs = Pipe()
+        with theirs:
+            code = _CODE.format(path=[os.path.abspath(entry) for entry in sys.path], descriptor=theirs.fileno())
+            self._child = subprocess.Popen(
+                [sys.executable, "-c", code], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
+                env=os.environ | _ONE_THREAD)
+
+    def is_ready(self) -> bool:
+        """Waits until it can work; false if it ends instead."""
+        try:
+            return bool(self._pipe.recv() == READY)
+        except (EOFError, ConnectionError):
+            return False
+
+    def call(self, job: tuple) -> tuple[bool, Any]:
+        """Whether the job returned, and what; else the exception as text.
+
+        Raises:
+            EOFError, ConnectionError: the process has ended.
+        """
+        self._pipe.send(job)
+        reply: tuple[bool, Any] = self._pipe.recv()
+        return reply
+
+    def end(self) -> str:
+        """Kills it if it still lives, and says how it ended. It holds nothing that could be lost."""
+        self._child.kill()
+        code = self._child.wait()
+        if code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"ended with exit code {code}"
+
+
+def serve(descriptor: int) -> None:
+    """The life of a worker process: takes jobs from the pipe until its other end is closed, by will or by death."""
+    from vsf_drake.simulation.many import worker  # noqa: F401, PLC0415 (all that takes time, before it is ready)
+
+    with Connection(descriptor) as pipe:
+        try:
+            pipe.send(READY)
+            while True:
+                pipe.send(_done(pipe.recv_bytes()))
+        except (EOFError, ConnectionError):
+            return
+
+
+def _done(pickled: bytes) -> tuple[bool, Any]:
+    try:
+        fn, args, kwargs = pickle.loads(pickled)
+        return True, fn(*args, **kwargs)
+    except Exception as error:  # the executor's caller shall know, and this process go on
+        return False, f"{type(error).__name__}: {error}"
