@@ -96,7 +96,7 @@ def hanging(walker, **socket_tz):
     held = np.zeros((401, len(prescribed)))
     held[:, 1], held[:, -1] = 1000.0, 0.1
     inputs = Inputs(time_s=1e-3 * np.arange(401), prescribed=prescribed, prescribed_q=held, fulcrum=held[:, -1],
-                    platen=np.zeros(401))
+                    ground=np.zeros(401))
     q0 = np.zeros(tree.num_coordinates)
     q0[prescribed] = held[0]
     return Stepper(replace(mechanism, springs=springs)), inputs, q0

@@ -1,21 +1,23 @@
-"""Where the stiff forces act and what they are, for one step of the stepper (compiled).
+"""The stiff forces of one step: contact and friction of sites, sprung coordinates, the fulcrum (compiled).
 
-Rows (Jacobians) are taken at the pose at the beginning of the step and frozen; forces are
-functions of the velocity at its end. A site is a contact sphere, a platen row a site that the
-testing machine presses.
+Poses are those at the beginning of the step and frozen over it; forces are functions of the velocity at its end.
+A force on a body is a wrench about W's origin (`spatial`), so that what a coordinate feels is its joint's
+motion times the sum of the wrenches on everything that it carries; the same holds for their tangents (6, 6).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from vsf_drake.simulation.forces import friction_per_speed, normal_force, spring_force
-from vsf_drake.simulation.tree import point_in_world, point_jacobian
+from vsf_drake.simulation.spatial import add, dot, put, six
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")
-"""Columns of a site: centre in its body, radius, normal law, friction law. A platen row has the first eight."""
+"""Columns of a site, a sphere of the foot: centre in its body, radius, normal law, friction law."""
 SPRING_COLUMNS = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit", "stop_ratio")
 """Columns of a sprung coordinate."""
 SITE_RECORD = ("depth", "normal_force", "friction_x", "friction_y", "depth_rate", "slip_x", "slip_y", "x", "y")
@@ -24,188 +26,195 @@ MAX_APPROACH = 5.0
 """Sites further above the ground than this speed (m/s) could close within a step are left out."""
 
 
-@numba.njit(cache=True)
-def site_rows(h, R, p, axes, origins, columns, counts, kinds, sites, bodies, ground_height, record):
-    """Sites near the ground: their indices, depths and Jacobians of the contact points.
+class Forces(NamedTuple):
+    """What acts on the tree.
 
-    Row a of the Jacobians (count, 3, n) holds only the coordinates that move the site's body, in the
-    order of `columns[body]`, where free ones come first; `counts[body]` = (all, free) of them.
+    sites (S, 11), site_bodies (S,). springs (k, 6), spring_index (k,): coordinates. fulcrum (2,): stiffness
+    (N/m), damping (N s/m); zero for none. keel_bodies, keel_coordinates, keel_starts (K,): from A to the toe.
+    frame_body: what the fulcrum stands on.
     """
-    near = np.empty(sites.shape[0], dtype=np.int64)
-    depth0 = np.empty(sites.shape[0])
-    center = np.empty(3)
+
+    sites: np.ndarray
+    site_bodies: np.ndarray
+    springs: np.ndarray
+    spring_index: np.ndarray
+    fulcrum: np.ndarray
+    keel_bodies: np.ndarray
+    keel_coordinates: np.ndarray
+    keel_starts: np.ndarray
+    frame_body: int
+
+
+class Contact(NamedTuple):
+    """Work space of S sites on B bodies.
+
+    near: (S + 1,) sites near the ground, their number last. center (S, 3), depth0 (S,): at the start of the step.
+    gain, elastic (S,): derivatives of the normal force by -v_z at the end (N s/m) and by depth (N/m).
+    V, F (B, 6): velocities at the end; wrench of the ground. K (B, 6, 6): -dF/dV. loaded: (B,) whether K is not zero.
+    W (1, 6), row (n,): unit wrench of the support, and its power on each coordinate.
+    """
+
+    near: np.ndarray
+    center: np.ndarray
+    depth0: np.ndarray
+    gain: np.ndarray
+    elastic: np.ndarray
+    V: np.ndarray
+    F: np.ndarray
+    K: np.ndarray
+    loaded: np.ndarray
+    W: np.ndarray
+    row: np.ndarray
+
+
+def contact_space(sites: int, bodies: int, coordinates: int) -> Contact:
+    """Room for one step."""
+    return Contact(
+        near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), depth0=np.zeros(sites),
+        gain=np.zeros(sites), elastic=np.zeros(sites), V=np.zeros((bodies, 6)), F=np.zeros((bodies, 6)),
+        K=np.zeros((bodies, 6, 6)), loaded=np.zeros(bodies, dtype=np.bool_), W=np.zeros((1, 6)),
+        row=np.zeros(coordinates))
+
+
+@numba.njit(cache=True)
+def find_sites(h, forces, motion, ground, contact, record):
+    """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step."""
     count = 0
-    for s in range(sites.shape[0]):
-        point_in_world(R, p, bodies[s], sites[s, :3], center)
-        depth = sites[s, 3] - (center[2] - ground_height)
-        record[s, :] = 0.0
-        record[s, 0], record[s, 7], record[s, 8] = depth, center[0], center[1]
+    for s in range(forces.sites.shape[0]):
+        b, sites = forces.site_bodies[s], forces.sites
+        for i in range(3):
+            contact.center[s, i] = (motion.p[b, i] + motion.R[b, i, 0] * sites[s, 0] + motion.R[b, i, 1] * sites[s, 1]
+                                    + motion.R[b, i, 2] * sites[s, 2])
+        depth = sites[s, 3] - (contact.center[s, 2] - ground)
+        contact.depth0[s] = depth
+        for i in range(9):
+            record[s, i] = 0.0
+        record[s, 0], record[s, 7], record[s, 8] = depth, contact.center[s, 0], contact.center[s, 1]
         if depth > -MAX_APPROACH * h:
-            near[count] = s
-            depth0[count] = depth
+            contact.near[count] = s
             count += 1
-    J = np.empty((count, 3, kinds.shape[0]))
-    for a in range(count):
-        s = near[a]
-        body = bodies[s]
-        point_in_world(R, p, body, sites[s, :3], center)
-        center[2] -= sites[s, 3]
-        point_jacobian(center, columns[body], counts[body, 0], kinds, axes, origins, J[a])
-    return near[:count], depth0[:count], J
+    contact.near[-1] = count
 
 
 @numba.njit(cache=True)
-def fulcrum_row(R, p, axes, origins, columns, counts, ancestors, kinds, position, keel_bodies, keel_starts, frame_body):
-    """Deflection w0 (m) of the keel over the support along z_K, and its rate's row (n,)."""
-    n = kinds.shape[0]
-    row = np.zeros(n)
-    j = max(0, np.searchsorted(keel_starts, position, side="right") - 1)
-    body = keel_bodies[j]
-    on_keel = np.array([position - keel_starts[j], 0.0, 0.0])
-    point = np.empty(3)
-    point_in_world(R, p, body, on_keel, point)
-    J = np.empty((3, n))
-    point_jacobian(point, columns[body], counts[body, 0], kinds, axes, origins, J)
-    deflection = 0.0
-    for i in range(3):
-        deflection += R[frame_body, i, 2] * (point[i] - p[frame_body, i])
-    for k in range(counts[body, 0]):
-        c = columns[body, k]
-        if not ancestors[frame_body, c]:
-            for i in range(3):
-                row[c] += R[frame_body, i, 2] * J[i, k]
-    return deflection, row
+def find_support(forces, motion, position, contact):
+    """Unit wrench W and row of the support at `position` (m from A); returns which keel body bears it, deflection (m).
 
-
-@numba.njit(cache=True)
-def platen_rows(R, p, axes, origins, columns, counts, kinds, platen, bodies, height):
-    """Depths (P,) of the platen's balls in the foot and rows (P, n) of the sites' vertical velocity."""
-    n = kinds.shape[0]
-    rows = np.zeros((platen.shape[0], n))
-    depth0 = np.empty(platen.shape[0])
-    point = np.empty(3)
-    J = np.empty((3, n))
-    for k in range(platen.shape[0]):
-        point_in_world(R, p, bodies[k], platen[k, :3], point)
-        body = bodies[k]
-        point_jacobian(point, columns[body], counts[body, 0], kinds, axes, origins, J)
-        for c in range(counts[body, 0]):
-            rows[k, columns[body, c]] = J[2, c]
-        depth0[k] = height - point[2]
-    return depth0, rows
-
-
-@numba.njit(cache=True)
-def _site_force(site, h, depth, velocity, force, K):
-    """Writes the force (3,) of one ground site and K = -dforce/dvelocity (3, 3), a falling friction curve being flat.
-
-    Returns what K lacks there, as a factor (<= 0) of the dyad of the horizontal velocity.
+    The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies.
     """
-    vx, vy, vz = velocity
-    fn, by_depth, by_rate = normal_force(depth, -vz, site[4], site[5], site[6], site[7])
-    K[:] = 0.0
-    force[:] = 0.0
-    if fn <= 0.0:
-        return 0.0
-    dn = h * by_depth + by_rate
-    speed = np.sqrt(vx * vx + vy * vy)
-    ratio, slope = friction_per_speed(speed, site[8], site[9], site[10])
-    force[0], force[1], force[2] = -ratio * fn * vx, -ratio * fn * vy, fn
-    K[0, 0] = K[1, 1] = ratio * fn
-    if speed > site[10]:
-        along = (max(slope, 0.0) - ratio) * fn / (speed * speed)
-        K[0, 0] += along * vx * vx
-        K[0, 1] = K[1, 0] = along * vx * vy
-        K[1, 1] += along * vy * vy
-    K[0, 2] = -ratio * vx * dn
-    K[1, 2] = -ratio * vy * dn
-    K[2, 2] = dn
-    return min(slope, 0.0) * fn / (speed * speed) if speed > site[10] else 0.0
+    j = max(0, np.searchsorted(forces.keel_starts, position, side="right") - 1)
+    b, F, R, p = forces.keel_bodies[j], forces.frame_body, motion.R, motion.p
+    along = position - forces.keel_starts[j]
+    x, y, z = p[b, 0] + R[b, 0, 0] * along, p[b, 1] + R[b, 1, 0] * along, p[b, 2] + R[b, 2, 0] * along
+    ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
+    W = (y * uz - z * uy, z * ux - x * uz, x * uy - y * ux, ux, uy, uz)
+    put(contact.W, 0, W)
+    contact.row[:] = 0.0
+    for k in range(j + 1):
+        c = forces.keel_coordinates[k]
+        contact.row[c] = dot(six(motion.S, c), W)
+    return j, ux * (x - p[F, 0]) + uy * (y - p[F, 1]) + uz * (z - p[F, 2])
 
 
 @numba.njit(cache=True)
-def add_ground(h, v, sites, bodies, near, depth0, J, columns, counts, place, tau, H, E, record):
-    """Adds contact and friction at end velocity v to tau (n,) and to H + E = -dtau/dv over the free coordinates.
-
-    H takes the friction curve as flat where it falls; E is the rest.
-    """
-    force, velocity, KJ = np.empty(3), np.empty(3), np.empty(3)
-    K = np.empty((3, 3))
-    for a in range(near.shape[0]):
-        s, Js = near[a], J[a]
-        cols, m, free = columns[bodies[s]], counts[bodies[s], 0], counts[bodies[s], 1]
-        velocity[:] = 0.0
-        for k in range(m):
-            vk = v[cols[k]]
-            velocity[0] += Js[0, k] * vk
-            velocity[1] += Js[1, k] * vk
-            velocity[2] += Js[2, k] * vk
-        depth = depth0[a] - h * velocity[2]
-        falling = _site_force(sites[s], h, depth, velocity, force, K)
-        record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, force[2], force[0], force[1]
-        record[s, 4], record[s, 5], record[s, 6] = -velocity[2], velocity[0], velocity[1]
-        if force[2] <= 0.0:
+def add_sites(h, forces, contact, ground_rate, wanted, which, record):
+    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which."""
+    sites, V = forces.sites, contact.V
+    for a in range(contact.near[-1]):
+        s = contact.near[a]
+        if wanted[s] != which:
             continue
-        for k in range(m):
-            tau[cols[k]] += Js[0, k] * force[0] + Js[1, k] * force[1] + Js[2, k] * force[2]
-        for k in range(free):
-            for i in range(3):
-                KJ[i] = K[i, 0] * Js[0, k] + K[i, 1] * Js[1, k] + K[i, 2] * Js[2, k]
-            c = place[cols[k]]
-            for r in range(free):
-                H[place[cols[r]], c] += Js[0, r] * KJ[0] + Js[1, r] * KJ[1] + Js[2, r] * KJ[2]
-        if falling < 0.0:
-            for k in range(free):
-                along = falling * (velocity[0] * Js[0, k] + velocity[1] * Js[1, k])
-                c = place[cols[k]]
-                for r in range(free):
-                    E[place[cols[r]], c] += (Js[0, r] * velocity[0] + Js[1, r] * velocity[1]) * along
+        b = forces.site_bodies[s]
+        x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - sites[s, 3]
+        vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
+        vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
+        vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
+        depth = contact.depth0[s] - h * vz
+        fn, by_depth, by_rate = normal_force(
+            depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7])
+        fx, fy = 0.0, 0.0
+        if fn > 0.0:
+            ratio, _ = friction_per_speed(np.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
+            fx, fy = -ratio * fn * vx, -ratio * fn * vy
+            add(contact.F, b, (y * fn - z * fy, z * fx - x * fn, x * fy - y * fx, fx, fy, fn))
+        contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
+        record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, fn, fx, fy
+        record[s, 4], record[s, 5], record[s, 6] = ground_rate - vz, vx, vy
 
 
 @numba.njit(cache=True)
-def add_springs(h, v, q0, springs, index, place, tau, H):
-    """Adds the sprung coordinates at q0 + h v."""
-    for k in range(index.shape[0]):
-        c, s = index[k], springs[k]
-        force, by_x, by_rate = spring_force(q0[c] + h * v[c], v[c], s[0], s[1], s[2], s[3], s[4], s[5])
+def site_tangent(sites, s, gain, record, exact):
+    """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
+
+    A falling friction curve counts as flat unless `exact`.
+    """
+    fn, vx, vy = record[s, 1], record[s, 5], record[s, 6]
+    speed = np.sqrt(vx * vx + vy * vy)
+    ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
+    xx, xy, yy = ratio * fn, 0.0, ratio * fn
+    if speed > sites[s, 10]:
+        along = ((slope if exact else max(slope, 0.0)) - ratio) * fn / (speed * speed)
+        xx, xy, yy = xx + along * vx * vx, along * vx * vy, yy + along * vy * vy
+    return xx, xy, yy, -ratio * vx * gain, -ratio * vy * gain, gain
+
+
+@numba.njit(cache=True)
+def tangents(forces, contact, links, split, exact, record):
+    """K of every moving body with all that it carries (`split`: see `room.Split`)."""
+    K, moving = contact.K, split.moving
+    for k in range(moving.shape[0]):
+        b = links[moving[k], 2]
+        contact.loaded[b] = False
+        K[b, :, :] = 0.0
+    for a in range(contact.near[-1]):
+        s = contact.near[a]
+        if not split.site_moves[s] or record[s, 1] <= 0.0:
+            continue
+        b = forces.site_bodies[s]
+        contact.loaded[b] = True
+        xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, exact)
+        x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - forces.sites[s, 3]
+        rows = ((xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
+                (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
+                (zz * y, -zz * x, 0.0, 0.0, 0.0, zz))
+        for k in range(6):
+            kx, ky, kz = rows[0][k], rows[1][k], rows[2][k]
+            K[b, 0, k] += y * kz - z * ky
+            K[b, 1, k] += z * kx - x * kz
+            K[b, 2, k] += x * ky - y * kx
+            K[b, 3, k] += kx
+            K[b, 4, k] += ky
+            K[b, 5, k] += kz
+    for k in range(moving.shape[0] - 1, -1, -1):
+        parent, b = links[moving[k], 1], links[moving[k], 2]
+        if contact.loaded[b] and split.body_moves[parent]:
+            contact.loaded[parent] = True
+            for i in range(6):
+                for j in range(6):
+                    K[parent, i, j] += K[b, i, j]
+
+
+@numba.njit(cache=True)
+def add_springs(h, v, q0, forces, tau, record):
+    """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -dforce/dv."""
+    for k in range(forces.spring_index.shape[0]):
+        c, s = forces.spring_index[k], forces.springs
+        force, by_x, by_rate = spring_force(
+            q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
         tau[c] += force
-        if place[c] >= 0:
-            H[place[c], place[c]] -= h * by_x + by_rate
+        record[k] = -(h * by_x + by_rate)
 
 
 @numba.njit(cache=True)
-def add_fulcrum(h, v, fulcrum, deflection0, row, free, tau, H, record):
-    """Adds the two-sided support; record: force on the keel (N), deflection (m), its rate (m/s)."""
-    n = v.shape[0]
+def add_support(h, v, forces, deflection0, row, tau, record):
+    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s)."""
     rate = 0.0
-    for c in range(n):
+    for k in range(forces.keel_coordinates.shape[0]):
+        c = forces.keel_coordinates[k]
         rate += row[c] * v[c]
     deflection = deflection0 + h * rate
-    force = -fulcrum[0] * deflection - fulcrum[1] * rate
+    force = -forces.fulcrum[0] * deflection - forces.fulcrum[1] * rate
     record[0], record[1], record[2] = force, deflection, rate
-    _add_row(row, force, h * fulcrum[0] + fulcrum[1], free, tau, H)
-
-
-@numba.njit(cache=True)
-def add_platen(h, v, platen, depth0, rows, platen_velocity, free, tau, H, record):
-    """Adds the testing machine; record per ball: depth (m), load (N), velocity of the site (m/s)."""
-    for k in range(platen.shape[0]):
-        vz = 0.0
-        for c in range(v.shape[0]):
-            vz += rows[k, c] * v[c]
-        s = platen[k]
-        # Over the step the platen has already moved to its height at the end.
-        depth = depth0[k] - h * vz
-        force, by_depth, by_rate = normal_force(depth, platen_velocity - vz, s[4], s[5], s[6], s[7])
-        record[k, 0], record[k, 1], record[k, 2] = depth, force, vz
-        _add_row(rows[k], force, h * by_depth + by_rate, free, tau, H)
-
-
-@numba.njit(cache=True)
-def _add_row(row, force, gain, free, tau, H):
-    for c in range(row.shape[0]):
+    for k in range(forces.keel_coordinates.shape[0]):
+        c = forces.keel_coordinates[k]
         tau[c] += row[c] * force
-    for i in range(free.shape[0]):
-        if row[free[i]] != 0.0:
-            for k in range(free.shape[0]):
-                H[i, k] += gain * row[free[i]] * row[free[k]]

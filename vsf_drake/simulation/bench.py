@@ -81,13 +81,13 @@ class Bench:
         q0[carriage] = fulcrum_m
         inputs = Inputs(
             time_s=time_s, prescribed=np.array([carriage]), prescribed_q=np.full((len(time_s), 1), fulcrum_m),
-            fulcrum=np.full(len(time_s), fulcrum_m), platen=self.bench.contact_height + np.asarray(platen_m))
+            fulcrum=np.full(len(time_s), fulcrum_m), ground=self.bench.contact_height + np.asarray(platen_m))
 
         def reached(done: int, record: Record) -> bool:
-            return stop_at_n is not None and record.platen[done - 1, :, 1].sum() >= stop_at_n
+            return stop_at_n is not None and record.site("normal_force")[done - 1].sum() >= stop_at_n
 
         record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
-        load = record.platen[:, :, 1].sum(axis=1)
+        load = record.site("normal_force").sum(axis=1)
         end = len(load)
         if stop_at_n is not None:
             above = np.flatnonzero(load >= stop_at_n)
@@ -112,7 +112,6 @@ class Bench:
             bending_stiffness=bending, support=fulcrum_m, load_point=p.load_point_m,
             fulcrum_stiffness=p.fulcrum.stiffness_n_per_m, series_stiffness=p.series_stiffness_n_per_m)
         return 2.0 * max_load_n / stiffness + 0.005
-
 
     def _heel_depth(self, load_n: float) -> float:
         """Depth (m), in steps of a tenth, at which the heel's spheres together bear `load_n`."""

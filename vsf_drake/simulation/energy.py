@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vsf_drake.simulation.dynamics import energies, tree_arrays, work_space
 from vsf_drake.simulation.stepper import Mechanism, Record
 
 INPUTS = ("driver_work", "gravity_work", "carriage_work")
@@ -47,15 +48,10 @@ def total(ledger: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarra
 
 
 def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    plant, context = mechanism.plant, mechanism.context
-
-    def energies(q: np.ndarray, v: np.ndarray) -> tuple[float, float]:
-        plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
-        return plant.CalcPotentialEnergy(context), plant.CalcKineticEnergy(context)
-
-    start = energies(record.q0, record.v0)
-    both = np.array([energies(q, v) for q, v in zip(record.q, record.v, strict=True)])
-    return start[0] - both[:, 0], both[:, 1] - start[1]
+    q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, record.v])
+    potential, kinetic = np.zeros(len(q)), np.zeros(len(q))
+    energies(tree_arrays(mechanism.tree), q, v, work_space(mechanism.tree), potential, kinetic)
+    return potential[0] - potential[1:], kinetic[1:] - kinetic[0]
 
 
 def _spring_terms(

@@ -7,10 +7,16 @@ import numpy as np
 
 
 @numba.njit(cache=True)
-def cholesky(A):
-    """Lower factor L with A = L L^T of a symmetric positive definite A."""
+def copy(source, target):
+    """Copies a vector; the assignment of slices does the same but takes seconds to compile."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@numba.njit(cache=True)
+def cholesky(A, L):
+    """Writes the lower factor L with A = L L^T of a symmetric positive definite A; what is above L's diagonal stays."""
     n = A.shape[0]
-    L = np.zeros((n, n))
     for j in range(n):
         d = A[j, j]
         for k in range(j):
@@ -21,14 +27,12 @@ def cholesky(A):
             for k in range(j):
                 s -= L[i, k] * L[j, k]
             L[i, j] = s / L[j, j]
-    return L
 
 
 @numba.njit(cache=True)
-def scaled_norm(L, r):
-    """Norm sqrt(r^T A^-1 r) of r for A = L L^T."""
+def scaled_norm(L, r, y):
+    """Norm sqrt(r^T A^-1 r) of r for A = L L^T; y (n,) is work space."""
     n = r.shape[0]
-    y = np.empty(n)
     total = 0.0
     for i in range(n):
         s = r[i]

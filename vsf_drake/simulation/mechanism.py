@@ -10,13 +10,13 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, LeafSystem
 
 from vsf_drake.plants.bench import BenchDiagram
 from vsf_drake.plants.device import DeviceSystems, velocity_indices
 from vsf_drake.plants.foot import FootHandles
 from vsf_drake.plants.gait import FootGround, GaitDiagram
-from vsf_drake.simulation.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepper import Mechanism
 from vsf_drake.simulation.tree import tree_of
 from vsf_drake.simulation.variables import Variable, walk_variables
@@ -31,16 +31,17 @@ LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     """The bench with the parameters in `context` (the diagram's)."""
     machine = _reader(bench.machine, context)
-    names = ("stiffness", "exponent", "damping", "full_damping_depth")
     points = machine("p_BS")
-    platen = np.column_stack([points, np.zeros(len(points)), *(machine(name) for name in names)])
+    law = [machine(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")]
+    # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no part.
+    frictionless = [np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))]
     plant_context = bench.plant.GetMyContextFromRoot(context)
     springs, index = _keel_springs(bench.plant, bench.foot, bench.device, context)
     return Mechanism(
         plant=bench.plant, context=plant_context, tree=tree_of(bench.plant, plant_context),
-        sites=np.zeros((0, len(SITE_COLUMNS))), site_bodies=np.zeros(0, dtype=np.int64), ground_height=0.0,
-        springs=springs, spring_index=index, **_fulcrum(bench.foot, bench.device, context),
-        platen=platen, platen_bodies=_integers(bench.machine_bodies),
+        sites=np.column_stack([points, np.zeros(len(points)), *law, *frictionless]),
+        site_bodies=_integers(bench.machine_bodies), ground_height=bench.contact_height,
+        springs=springs, spring_index=index, **_fulcrum(bench.plant, bench.foot, bench.device, context),
         limits=_limits(bench.plant.num_velocities(), keel=index))
 
 
@@ -67,8 +68,7 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         site_bodies=np.concatenate([_integers(foot.sites.body_indices) for foot in feet]),
         ground_height=heights[0],
         springs=np.vstack([keel, socket]), spring_index=np.concatenate([keel_index, socket_index]),
-        **_fulcrum(gait.person.foot, gait.device, context),
-        platen=np.zeros((0, 8)), platen_bodies=np.zeros(0, dtype=np.int64),
+        **_fulcrum(gait.plant, gait.person.foot, gait.device, context),
         limits=_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
 
 
@@ -122,11 +122,12 @@ def _socket_springs(gait: GaitDiagram, context: Context) -> tuple[np.ndarray, np
     return rows, _integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names))
 
 
-def _fulcrum(foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
+def _fulcrum(plant: MultibodyPlant, foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
     support = _reader(device.fulcrum, context)
     return {
         "fulcrum": np.array([float(support("stiffness")), float(support("damping"))]),
         "keel_bodies": _integers(body.index() for body in foot.keel), "keel_starts": foot.keel_starts,
+        "keel_coordinates": _integers(velocity_indices(plant, foot.keel_joint_names, foot.instance)),
         "frame_body": int(foot.frame.index())}
 
 

@@ -5,7 +5,7 @@ With h the step and everything that depends on the pose frozen at its beginning,
     M (v - v0) = h ( -C(q0, v0) v0 + tau_g(q0) + sum J^T f(v) ),        q = q0 + h v
 
 where every stiff force is written at the end of the step: contact depth d0 - h v_z and depth rate
--v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', the platen's height at t + h.
+-v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', a moving ground's height at t + h.
 Rows of prescribed coordinates are known; their equations give the loads that hold them. The others
 are solved by Newton's method. But for the dependence of friction on the normal force the residual r is
 the gradient of a potential, which is convex except where the friction curve falls; the norm of r is not
@@ -19,19 +19,11 @@ a flattened one converges linearly only.
 from __future__ import annotations
 
 import numba
-import numpy as np
 
-from vsf_drake.simulation.assembly import (
-    add_fulcrum,
-    add_ground,
-    add_platen,
-    add_springs,
-    fulcrum_row,
-    platen_rows,
-    site_rows,
-)
-from vsf_drake.simulation.linear import cholesky, scaled_norm, solve_in_place
-from vsf_drake.simulation.tree import REVOLUTE, forward_kinematics
+from vsf_drake.simulation.assembly import add_sites, add_springs, add_support, find_sites, find_support, tangents
+from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place
+from vsf_drake.simulation.linear import cholesky, copy, scaled_norm, solve_in_place
+from vsf_drake.simulation.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12
@@ -45,48 +37,46 @@ TOLERANCE = 1e-7
 
 
 @numba.njit(cache=True)
-def step(
-    h, q, v, M, bias, prescribed, free, q_next, links, frames, ancestors, kinds, columns, counts, place, poses,
-    sites, site_bodies, ground_height, springs, spring_index, fulcrum, fulcrum_position,
-    keel_bodies, keel_starts, frame_body, platen, platen_bodies, platen_height, platen_velocity,
-    load, site_record, platen_record, fulcrum_record,
-):
+def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, given, M, C, q, v, load, sites, support):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
     Args:
-        M: (n, n) mass matrix; bias: (n,) C(q0, v0) v0 - tau_g(q0).
-        prescribed, free: indices of coordinates; q_next: values of the former at the end.
-        columns, counts, place: see `tree.moving_columns`.
-        poses: work space R (B, 3, 3), p (B, 3), axes (n, 3), origins (n, 3).
+        ground, ground_rate: height (m) of the ground at the end and its rate. fulcrum: position (m from A).
+        q_next: values of the prescribed coordinates at the end.
+        given: whether M (n, n), mass matrix, and C (n,) = C(q0, v0) v0 - tau_g(q0) are given; else they are
+            worked out and the arguments not looked at.
         load: (n,) out, forces that hold the prescribed coordinates (the residual in the others).
-        site_record, platen_record, fulcrum_record: out, see `assembly`.
+        sites (S, 9), support (3,): out, see `assembly`.
     """
-    n, nf = q.shape[0], free.shape[0]
-    R, p, axes, origins = poses
-    forward_kinematics(q, links, frames, R, p, axes, origins)
-    near, depth0, J = site_rows(
-        h, R, p, axes, origins, columns, counts, kinds, sites, site_bodies, ground_height, site_record)
-    w0, w_row = 0.0, np.zeros(n)
-    if fulcrum[0] > 0.0:
-        w0, w_row = fulcrum_row(
-            R, p, axes, origins, columns, counts, ancestors, kinds, fulcrum_position, keel_bodies, keel_starts,
-            frame_body)
-    pressed0, pressed_rows = platen_rows(
-        R, p, axes, origins, columns, counts, kinds, platen, platen_bodies, platen_height)
-
-    v0 = v.copy()
+    free, prescribed, motion, contact = split.free, split.prescribed, room.motion, room.contact
+    nf, bias, r, dx, trial = free.shape[0], room.bias, room.r, room.dx, room.trial
+    place(tree, q, motion)
+    find_sites(h, forces, motion, ground, contact, sites)
+    deflection = 0.0
+    if forces.fulcrum[0] > 0.0:
+        _, deflection = find_support(forces, motion, fulcrum, contact)
+    copy(v, room.v0)
+    room.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):
-        v[prescribed[k]] = (q_next[k] - q[prescribed[k]]) / h
-    Mff, held = np.empty((nf, nf)), np.zeros(nf)
-    for i in range(nf):
-        for k in range(nf):
-            Mff[i, k] = M[free[i], free[k]]
-        for k in range(prescribed.shape[0]):
-            held[i] += M[free[i], prescribed[k]] * (v[prescribed[k]] - v0[prescribed[k]])
-    L = cholesky(Mff)
-    A, r, dx = np.empty((nf, nf)), np.empty(nf), np.zeros(nf)
-    tau, H, E = np.empty(n), np.empty((nf, nf)), np.empty((nf, nf))
-    trial = v.copy()
+        c = prescribed[k]
+        v[c] = (q_next[k] - q[c]) / h
+        room.acceleration[c] = (v[c] - room.v0[c]) / h
+    if given:
+        for i in range(q.shape[0]):
+            bias[i] = C[i]
+            for k in range(prescribed.shape[0]):
+                bias[i] += M[i, prescribed[k]] * room.acceleration[prescribed[k]]
+        for i in range(nf):
+            for k in range(nf):
+                room.M[i, k] = M[free[i], free[k]]
+    else:
+        inverse_dynamics(tree, room.v0, room.acceleration, motion, bias)
+        mass_matrix(tree, motion, free, split.above, split.counts, room.M)
+    cholesky(room.M, room.L)
+
+    dx[:] = 0.0
+    copy(v, trial)
+    _velocities(tree.links, motion.S, trial, contact.V)
     slope0, converged, iterations = 0.0, False, 0
     while iterations < MAX_ITERATIONS:
         iterations += 1
@@ -94,20 +84,8 @@ def step(
         for _ in range(MAX_TRIALS):
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + scale * dx[i]
-            tau[:] = 0.0
-            H[:] = 0.0
-            E[:] = 0.0
-            add_ground(h, trial, sites, site_bodies, near, depth0, J, columns, counts, place, tau, H, E, site_record)
-            add_springs(h, trial, q, springs, spring_index, place, tau, H)
-            if fulcrum[0] > 0.0:
-                add_fulcrum(h, trial, fulcrum, w0, w_row, free, tau, H, fulcrum_record)
-            add_platen(h, trial, platen, pressed0, pressed_rows, platen_velocity, free, tau, H, platen_record)
-            for i in range(nf):
-                c = free[i]
-                r[i] = held[i] + h * (bias[c] - tau[c])
-                for k in range(nf):
-                    r[i] += Mff[i, k] * (trial[free[k]] - v0[free[k]])
-            converged = scaled_norm(L, r) <= TOLERANCE
+            _residual(h, tree.links, forces, split, room, deflection, ground_rate, q, sites, support)
+            converged = scaled_norm(room.L, r, room.y) <= TOLERANCE
             slope = 0.0
             for i in range(nf):
                 slope += dx[i] * r[i]
@@ -117,39 +95,134 @@ def step(
                 break
             else:
                 scale *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
-        v[:] = trial
+        copy(trial, v)
         if converged:
             break
         slope0 = 0.0
-        for clamped in range(2):
-            if clamped == 0 and iterations < EXACT_FROM:
+        for exact in (True, False):
+            if exact and iterations < EXACT_FROM:
                 continue
+            tangent_matrix(h, tree, forces, split, room, exact, sites)
             for i in range(nf):
                 dx[i] = -r[i]
-                for k in range(nf):
-                    A[i, k] = Mff[i, k] + h * (H[i, k] if clamped else H[i, k] + E[i, k])
-            solve_in_place(A, dx)
+            solve_in_place(room.A, dx)
             slope0 = 0.0
             for i in range(nf):
                 slope0 += dx[i] * r[i]
             if slope0 < 0.0:
                 break
 
-    for c in range(n):
-        load[c] = bias[c] - tau[c]
-        for d in range(n):
-            load[c] += M[c, d] * (v[d] - v0[d]) / h
+    add_sites(h, forces, contact, ground_rate, split.site_moves, False, sites)
+    _loads(h, tree, split, room, given, M, v, load)
+    for c in range(q.shape[0]):
         q[c] += h * v[c]
     for k in range(prescribed.shape[0]):
         q[prescribed[k]] = q_next[k]
-    for a in range(near.shape[0]):
+    for a in range(contact.near[-1]):
         # The contact point stays under the sphere's centre, which rolls ahead of the slipping point.
-        s, wx, wy = near[a], 0.0, 0.0
-        for k in range(counts[site_bodies[s], 0]):
-            c = columns[site_bodies[s], k]
-            if kinds[c] == REVOLUTE:
-                wx += axes[c, 0] * v[c]
-                wy += axes[c, 1] * v[c]
-        site_record[s, 7] += h * (site_record[s, 5] + sites[s, 3] * wy)
-        site_record[s, 8] += h * (site_record[s, 6] - sites[s, 3] * wx)
+        s = contact.near[a]
+        b, V, center = forces.site_bodies[s], contact.V, contact.center
+        sites[s, 7] += h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
+        sites[s, 8] += h * (V[b, 4] + V[b, 2] * center[s, 0] - V[b, 0] * center[s, 2])
     return iterations, converged
+
+
+@numba.njit(cache=True)
+def _velocities(links, S, v, V):
+    put(V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    for m in range(links.shape[0]):
+        parent, b, c = links[m, 1], links[m, 2], links[m, 3]
+        put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), v[c]))
+
+
+@numba.njit(cache=True)
+def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, support):
+    """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
+    motion, contact, tau, trial, moving = room.motion, room.contact, room.tau, room.trial, split.moving
+    V, F, S, free = contact.V, contact.F, motion.S, split.free
+    for k in range(moving.shape[0]):
+        parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
+        put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), trial[c]))
+    F[:] = 0.0
+    add_sites(h, forces, contact, ground_rate, split.site_moves, True, sites)
+    tau[:] = 0.0
+    add_springs(h, trial, q, forces, tau, room.springs)
+    if forces.fulcrum[0] > 0.0:
+        add_support(h, trial, forces, deflection, contact.row, tau, support)
+    for k in range(moving.shape[0] - 1, -1, -1):
+        parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
+        if c >= 0 and split.place[c] >= 0:
+            tau[c] += dot(six(S, c), six(F, b))
+        add(F, parent, six(F, b))
+    for i in range(free.shape[0]):
+        room.r[i] = h * (room.bias[free[i]] - tau[free[i]])
+        for k in range(free.shape[0]):
+            room.r[i] += room.M[i, k] * (trial[free[k]] - room.v0[free[k]])
+
+
+@numba.njit(cache=True)
+def tangent_matrix(h, tree, forces, split, room, exact, sites):
+    """Writes A (f, f) = dr/dv at the last residual; the falling branch of friction enters if `exact`."""
+    contact, S, A, free = room.contact, room.motion.S, room.A, split.free
+    tangents(forces, contact, tree.links, split, exact, sites)
+    for i in range(free.shape[0]):
+        copy(room.M[i], A[i])
+    for i in range(free.shape[0]):
+        c = free[i]
+        b = tree.bodies[c]
+        if contact.loaded[b]:
+            right, left = times(contact.K, b, six(S, c)), transposed_times(contact.K, b, six(S, c))
+            for k in range(split.counts[i]):
+                j = split.above[i, k]
+                A[j, i] += h * dot(six(S, free[j]), right)
+                if j != i:
+                    A[i, j] += h * dot(six(S, free[j]), left)
+    for k in range(forces.spring_index.shape[0]):
+        i = split.place[forces.spring_index[k]]
+        if i >= 0:
+            A[i, i] += h * room.springs[k]
+    if forces.fulcrum[0] > 0.0:
+        gain, row, keel = h * (h * forces.fulcrum[0] + forces.fulcrum[1]), contact.row, forces.keel_coordinates
+        for a in range(keel.shape[0]):
+            i = split.place[keel[a]]
+            if i >= 0 and row[keel[a]] != 0.0:
+                for k in range(keel.shape[0]):
+                    j = split.place[keel[k]]
+                    if j >= 0:
+                        A[i, j] += gain * row[keel[a]] * row[keel[k]]
+
+
+@numba.njit(cache=True)
+def _loads(h, tree, split, room, given, M, v, load):
+    """Loads of all coordinates, and A and f of `room.motion` at the accelerations of the step, unless `given`."""
+    motion, F, delta, S = room.motion, room.contact.F, room.delta, room.motion.S
+    for k in range(split.still.shape[0] - 1, -1, -1):
+        add(F, tree.links[split.still[k], 1], six(F, tree.links[split.still[k], 2]))
+    if given:
+        for c in range(v.shape[0]):
+            load[c] = room.bias[c]
+            for k in range(split.free.shape[0]):
+                load[c] += M[c, split.free[k]] * (v[split.free[k]] - room.v0[split.free[k]]) / h
+    else:
+        delta[:] = 0.0
+        for k in range(split.moving.shape[0]):
+            m = split.moving[k]
+            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            change = six(delta, parent) if split.body_moves[parent] else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            if c >= 0 and split.place[c] >= 0:
+                change = plus(change, six(S, c), (v[c] - room.v0[c]) / h)
+            put(delta, b, change)
+            add(motion.A, b, change)
+        for k in range(split.moving.shape[0]):
+            b = tree.links[split.moving[k], 2]
+            put(delta, b, inertia_times(motion.own, b, six(delta, b)))
+        for m in range(tree.links.shape[0] - 1, -1, -1):
+            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            add(motion.f, b, six(delta, b))
+            add(delta, parent, six(delta, b))
+            if c >= 0:
+                load[c] = dot(six(S, c), six(motion.f, b))
+    for c in range(v.shape[0]):
+        load[c] -= room.tau[c]
+        if split.place[c] < 0:
+            load[c] -= dot(six(S, c), six(F, tree.bodies[c]))

@@ -148,7 +148,7 @@ def _servo_stretch(
     columns = [tree.index(name) for name in walker.gait.prescribed]
     inputs = Inputs(
         time_s=moments, prescribed=np.array([*columns, tree.index("fulcrum")]), fulcrum=fulcrum,
-        prescribed_q=np.column_stack([motion.vector_values(moments).T, fulcrum]), platen=np.zeros(3))
+        prescribed_q=np.column_stack([motion.vector_values(moments).T, fulcrum]), ground=np.zeros(3))
     load = Stepper(mechanism).run(inputs, q, v).load[1, columns]
     driver = walker.gait.driver
     return load / driver.GetParameter(driver.GetMyContextFromRoot(walker.context), "position_gain")

@@ -5,12 +5,13 @@ Taken from a MultibodyPlant once; poses agree with Drake's to rounding (tested a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint
+from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
@@ -23,6 +24,9 @@ class Tree:
     Attributes:
         links: (m, 4) int: kind, parent body, child body, coordinate (-1 for a weld).
         frames: (m, 27): R_PF (9), p_PF (3), R_MB (9), p_MB (3), axis in F (3).
+        inertias: (B, 10): mass (kg), first moments m c (kg m), and the inertia about the body's origin (kg m^2) as xx,
+            yy, zz, xy, xz, yz, in the body's frame.
+        gravity: (3,) acceleration in W (m/s^2).
         ancestors: (B, n) bool: the coordinate moves the body.
         coordinate_names: (n,) joint names in the plant's order.
         body_names: (B,).
@@ -30,6 +34,8 @@ class Tree:
 
     links: np.ndarray
     frames: np.ndarray
+    inertias: np.ndarray
+    gravity: np.ndarray
     ancestors: np.ndarray
     coordinate_names: tuple[str, ...]
     body_names: tuple[str, ...]
@@ -38,6 +44,14 @@ class Tree:
     def num_coordinates(self) -> int:
         """Number of coordinates, equal to the number of velocities."""
         return len(self.coordinate_names)
+
+    @property
+    def coordinate_bodies(self) -> np.ndarray:
+        """(n,) the body that a coordinate's joint carries."""
+        joints = self.links[self.links[:, 0] != WELD]
+        bodies = np.zeros(self.num_coordinates, dtype=np.int64)
+        bodies[joints[:, 3]] = joints[:, 2]
+        return bodies
 
     def index(self, name: str) -> int:
         """Position of coordinate `name`."""
@@ -85,88 +99,83 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
         links.append((kind, parent, child, coordinate))
         frames.append(np.concatenate([X_PF.rotation().matrix().ravel(), X_PF.translation(),
                                       X_MB.rotation().matrix().ravel(), X_MB.translation(), axis]))
-    bodies = tuple(plant.get_body(i).name() for i in map(BodyIndex, range(plant.num_bodies())))
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
     return Tree(links=np.array(links, dtype=np.int64), frames=np.array(frames), ancestors=ancestors,
-                coordinate_names=tuple(names), body_names=bodies)
+                inertias=np.array([_inertia(body, context) for body in bodies]),
+                gravity=np.array(plant.gravity_field().gravity_vector()),
+                coordinate_names=tuple(names), body_names=tuple(body.name() for body in bodies))
+
+
+def _inertia(body: RigidBody, context: Context) -> np.ndarray:
+    if body.index() == 0:
+        return np.zeros(10)
+    M_BBo_B = body.CalcSpatialInertiaInBodyFrame(context)
+    I = M_BBo_B.CalcRotationalInertia().CopyToFullMatrix3()  # noqa: E741
+    return np.array([M_BBo_B.get_mass(), *M_BBo_B.CalcComMoment(),
+                     I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
 
 
 @numba.njit(cache=True)
 def forward_kinematics(q, links, frames, R, p, axes, origins):
     """Writes body poses R (B, 3, 3), p (B, 3) and joint axes, origins (n, 3) in W for coordinates q (n,)."""
-    R[0] = np.eye(3)
-    p[0] = 0.0
-    RF = np.empty((3, 3))
-    RM = np.empty((3, 3))
-    pM = np.empty(3)
-    for m in range(links.shape[0]):
-        kind, parent, child, c = links[m]
-        f = frames[m]
-        for i in range(3):
-            pM[i] = p[parent, i]
-            for k in range(3):
-                pM[i] += R[parent, i, k] * f[9 + k]
-                RF[i, k] = (R[parent, i, 0] * f[k] + R[parent, i, 1] * f[3 + k] + R[parent, i, 2] * f[6 + k])
-        RM[:] = RF
-        if kind != WELD:
-            for i in range(3):
-                axes[c, i] = RF[i, 0] * f[24] + RF[i, 1] * f[25] + RF[i, 2] * f[26]
-                origins[c, i] = pM[i]
-            if kind == PRISMATIC:
-                for i in range(3):
-                    pM[i] += q[c] * axes[c, i]
-            else:
-                s, co = np.sin(q[c]), np.cos(q[c])
-                a0, a1, a2 = axes[c, 0], axes[c, 1], axes[c, 2]
-                for k in range(3):
-                    x, y, z = RF[0, k], RF[1, k], RF[2, k]
-                    d = (a0 * x + a1 * y + a2 * z) * (1.0 - co)
-                    RM[0, k] = x * co + (a1 * z - a2 * y) * s + a0 * d
-                    RM[1, k] = y * co + (a2 * x - a0 * z) * s + a1 * d
-                    RM[2, k] = z * co + (a0 * y - a1 * x) * s + a2 * d
-        for i in range(3):
-            p[child, i] = pM[i] + RM[i, 0] * f[21] + RM[i, 1] * f[22] + RM[i, 2] * f[23]
-            for k in range(3):
-                R[child, i, k] = RM[i, 0] * f[12 + k] + RM[i, 1] * f[15 + k] + RM[i, 2] * f[18 + k]
-
-
-@numba.njit(cache=True)
-def point_in_world(R, p, body, p_B, out):
-    """Writes to `out` (3,) the place in W of the point at `p_B` in the frame of `body`."""
     for i in range(3):
-        out[i] = p[body, i] + R[body, i, 0] * p_B[0] + R[body, i, 1] * p_B[1] + R[body, i, 2] * p_B[2]
+        p[0, i] = 0.0
+        for k in range(3):
+            R[0, i, k] = 1.0 if i == k else 0.0
+    for m in range(links.shape[0]):
+        kind, parent, child, c = links[m, 0], links[m, 1], links[m, 2], links[m, 3]
+        F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
+        if kind != WELD:
+            ax = F[0] * frames[m, 24] + F[1] * frames[m, 25] + F[2] * frames[m, 26]
+            ay = F[3] * frames[m, 24] + F[4] * frames[m, 25] + F[5] * frames[m, 26]
+            az = F[6] * frames[m, 24] + F[7] * frames[m, 25] + F[8] * frames[m, 26]
+            axes[c, 0], axes[c, 1], axes[c, 2] = ax, ay, az
+            origins[c, 0], origins[c, 1], origins[c, 2] = pM
+            if kind == PRISMATIC:
+                pM = (pM[0] + q[c] * ax, pM[1] + q[c] * ay, pM[2] + q[c] * az)
+            else:
+                F = _turned(F, ax, ay, az, math.sin(q[c]), math.cos(q[c]))
+        for i in range(3):
+            for k in range(3):
+                R[child, i, k] = F[k + 3 * i]  # the frame M itself for now
+            p[child, i] = pM[i]
+        B, pB = _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21)
+        for i in range(3):
+            for k in range(3):
+                R[child, i, k] = B[k + 3 * i]
+            p[child, i] = pB[i]
 
 
 @numba.njit(cache=True)
-def point_jacobian(point, columns, count, kinds, axes, origins, J):
-    """Writes the velocity Jacobian J (3, count) in W of a body's point at `point` (3,).
-
-    Only for the `count` coordinates in `columns`, those that move the body.
-    """
-    for k in range(count):
-        c = columns[k]
-        if kinds[c] == PRISMATIC:
-            J[0, k], J[1, k], J[2, k] = axes[c, 0], axes[c, 1], axes[c, 2]
-        else:
-            x, y, z = point[0] - origins[c, 0], point[1] - origins[c, 1], point[2] - origins[c, 2]
-            J[0, k] = axes[c, 1] * z - axes[c, 2] * y
-            J[1, k] = axes[c, 2] * x - axes[c, 0] * z
-            J[2, k] = axes[c, 0] * y - axes[c, 1] * x
+def _product(R, b, frames, m, at):
+    """R[b] times the rotation that begins at column `at` of row m, row by row."""
+    f = (frames[m, at], frames[m, at + 1], frames[m, at + 2], frames[m, at + 3], frames[m, at + 4], frames[m, at + 5],
+         frames[m, at + 6], frames[m, at + 7], frames[m, at + 8])
+    x, y, z = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
+    u, v, w = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
+    r, s, t = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
+    return (x * f[0] + y * f[3] + z * f[6], x * f[1] + y * f[4] + z * f[7], x * f[2] + y * f[5] + z * f[8],
+            u * f[0] + v * f[3] + w * f[6], u * f[1] + v * f[4] + w * f[7], u * f[2] + v * f[5] + w * f[8],
+            r * f[0] + s * f[3] + t * f[6], r * f[1] + s * f[4] + t * f[7], r * f[2] + s * f[5] + t * f[8])
 
 
-def moving_columns(ancestors: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For each body the coordinates that move it, free ones first.
+@numba.njit(cache=True)
+def _moved(R, p, b, frames, m, at):
+    """p[b] + R[b] times the vector that begins at column `at` of row m."""
+    x, y, z = frames[m, at], frames[m, at + 1], frames[m, at + 2]
+    return (p[b, 0] + R[b, 0, 0] * x + R[b, 0, 1] * y + R[b, 0, 2] * z,
+            p[b, 1] + R[b, 1, 0] * x + R[b, 1, 1] * y + R[b, 1, 2] * z,
+            p[b, 2] + R[b, 2, 0] * x + R[b, 2, 1] * y + R[b, 2, 2] * z)
 
-    Returns:
-        columns (B, n), counts (B, 2) = (all, free), and place (n,): index within `free`, or -1.
-    """
-    bodies, n = ancestors.shape
-    is_free = np.zeros(n, dtype=bool)
-    is_free[free] = True
-    columns, counts = np.zeros((bodies, n), dtype=np.int64), np.zeros((bodies, 2), dtype=np.int64)
-    for b, moves in enumerate(ancestors):
-        ordered = np.concatenate((np.flatnonzero(moves & is_free), np.flatnonzero(moves & ~is_free)))
-        columns[b, : len(ordered)] = ordered
-        counts[b] = len(ordered), np.count_nonzero(moves & is_free)
-    place = np.full(n, -1)
-    place[free] = np.arange(len(free))
-    return columns, counts, place
+
+@numba.njit(cache=True)
+def _turned(F, ax, ay, az, s, c):
+    """The rotation F turned about the unit axis by the angle with sine s and cosine c (Rodrigues)."""
+    d0, d1, d2 = ((ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c), (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),
+                  (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c))
+    return (F[0] * c + (ay * F[6] - az * F[3]) * s + ax * d0, F[1] * c + (ay * F[7] - az * F[4]) * s + ax * d1,
+            F[2] * c + (ay * F[8] - az * F[5]) * s + ax * d2,
+            F[3] * c + (az * F[0] - ax * F[6]) * s + ay * d0, F[4] * c + (az * F[1] - ax * F[7]) * s + ay * d1,
+            F[5] * c + (az * F[2] - ax * F[8]) * s + ay * d2,
+            F[6] * c + (ax * F[3] - ay * F[0]) * s + az * d0, F[7] * c + (ax * F[4] - ay * F[1]) * s + az * d1,
+            F[8] * c + (ax * F[5] - ay * F[2]) * s + az * d2)

@@ -133,13 +133,14 @@ class Walker:
             check_fulcrum(float(position), self.model.foot)
         set_mount(self.gait.plant_context(self.context), self.gait.person.foot, height=offsets.height_m + geometry[0],
                   fore_aft=offsets.fore_aft_m + geometry[1], alignment=offsets.alignment_rad + geometry[2])
-        stepper = Stepper(edited(gait_mechanism(self.gait, self.context), self.variables, values))
+        mechanism = edited(gait_mechanism(self.gait, self.context), self.variables, values)
+        stepper = Stepper(mechanism)
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
         q = motion.sample(moments)[0] + shift
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
-                        fulcrum=np.array(fulcrum), platen=np.zeros(steps + 1))
+                        fulcrum=np.array(fulcrum), ground=np.full(steps + 1, mechanism.ground_height))
         compile_s = stepper.warm_up()
         started = time.perf_counter()
         q0, v0, rest_speed = start_state(

@@ -1,0 +1,108 @@
+"""Steps one after the other, each halved where it does not converge (compiled)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from vsf_drake.simulation.linear import copy
+from vsf_drake.simulation.newton import step
+
+LEVELS = 5
+"""How often a step is halved before it is accepted without convergence: down to 1/32."""
+PARTS = 1 << LEVELS
+
+
+class Drive(NamedTuple):
+    """What drives n steps: the grid time_s (n + 1,) and on it prescribed_q (n + 1, p), fulcrum (n + 1,) m from A,
+    ground and ground_rate (n + 1,): height (m) of the ground and its rate."""
+
+    time_s: np.ndarray
+    prescribed_q: np.ndarray
+    fulcrum: np.ndarray
+    ground: np.ndarray
+    ground_rate: np.ndarray
+
+
+class Rows(NamedTuple):
+    """Where n steps are written: q, v, load (n, coordinates); sites (n, S, 9); support (n, 3); iterations,
+    parts (n,): accepted pieces of the step, 1 if it was not halved; converged (n,)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    load: np.ndarray
+    sites: np.ndarray
+    support: np.ndarray
+    iterations: np.ndarray
+    parts: np.ndarray
+    converged: np.ndarray
+
+
+@numba.njit(cache=True)
+def piece(drive, k, done, size, q_next):
+    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end.
+
+    Writes the prescribed coordinates at its end to q_next (p,).
+    """
+    h = (drive.time_s[k + 1] - drive.time_s[k]) * (size / PARTS)
+    if done + size == PARTS:
+        copy(drive.prescribed_q[k + 1], q_next)
+        return h, drive.fulcrum[k + 1], drive.ground[k + 1], drive.ground_rate[k + 1]
+    share = (done + size) / PARTS
+    for i in range(q_next.shape[0]):
+        q_next[i] = drive.prescribed_q[k, i] + share * (drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i])
+    return (h, drive.fulcrum[k] + share * (drive.fulcrum[k + 1] - drive.fulcrum[k]),
+            drive.ground[k] + share * (drive.ground[k + 1] - drive.ground[k]), drive.ground_rate[k + 1])
+
+
+@numba.njit(cache=True)
+def next_piece(done, size, converged):
+    """What is done and the next size after a piece, and whether that piece is accepted."""
+    if not converged and size > 1:
+        return done, size // 2, False
+    done += size
+    if done % (2 * size) == 0:
+        size *= 2
+    return done, min(size, PARTS), True
+
+
+@numba.njit(cache=True)
+def diverged(q, v, max_speed):
+    """Index of the first coordinate that is not finite or not slower than `max_speed`, or -1."""
+    for c in range(q.shape[0]):
+        if not (np.isfinite(q[c]) and abs(v[c]) < max_speed):
+            return c
+    return -1
+
+
+@numba.njit(cache=True, nogil=True)
+def advance(first, last, tree, forces, split, room, drive, max_speed, q, v, rows):
+    """Advances q, v (n,) in place over the steps first ... last - 1; returns where it diverged: step, coordinate, or -1."""
+    none, nothing = np.empty((0, 0)), np.empty(0)
+    q0, v0, q_next = q.copy(), v.copy(), np.empty(split.prescribed.shape[0])
+    for k in range(first, last):
+        done, size = 0, PARTS
+        rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
+        while done < PARTS:
+            h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
+            copy(q, q0)
+            copy(v, v0)
+            iterations, converged = step(
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, False, none, nothing, q, v,
+                rows.load[k], rows.sites[k], rows.support[k])
+            done, size, accepted = next_piece(done, size, converged)
+            rows.iterations[k] += iterations
+            if accepted:
+                rows.parts[k] += 1
+                rows.converged[k] &= converged
+            else:
+                copy(q0, q)
+                copy(v0, v)
+        copy(q, rows.q[k])
+        copy(v, rows.v[k])
+        c = diverged(q, v, max_speed)
+        if c >= 0:
+            return k, c
+    return -1, -1

@@ -1,0 +1,48 @@
+"""The same steps with mass matrix, Coriolis and gravity terms from Drake: slower, and independent of `dynamics`."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
+from pydrake.systems.framework import Context
+
+from vsf_drake.simulation.advance import PARTS, Drive, Rows, diverged, next_piece, piece
+from vsf_drake.simulation.assembly import Forces
+from vsf_drake.simulation.dynamics import TreeArrays
+from vsf_drake.simulation.newton import step
+from vsf_drake.simulation.room import Room, Split
+
+
+def advance_with_drake(
+    plant: MultibodyPlant, context: Context, first: int, last: int, tree: TreeArrays, forces: Forces, split: Split,
+    room: Room, drive: Drive, max_speed: float, q: np.ndarray, v: np.ndarray, rows: Rows
+) -> tuple[int, int]:
+    """As `advance.advance`; the state in the plant's `context` is overwritten."""
+    own = MultibodyForces(plant)
+    q_next = np.zeros(len(split.prescribed))
+    for k in range(first, last):
+        done, size = 0, PARTS
+        rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
+        while done < PARTS:
+            h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
+            plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
+            plant.CalcForceElementsContribution(context, own)
+            M = np.ascontiguousarray(plant.CalcMassMatrix(context))
+            C = plant.CalcInverseDynamics(context, np.zeros_like(v), own)
+            q0, v0 = q.copy(), v.copy()
+            iterations, converged = step(
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, True, M, C, q, v,
+                rows.load[k], rows.sites[k], rows.support[k])
+            done, size, accepted = next_piece(done, size, converged)
+            rows.iterations[k] += iterations
+            if accepted:
+                rows.parts[k] += 1
+                rows.converged[k] &= converged
+            else:
+                q[:], v[:] = q0, v0
+        rows.q[k], rows.v[k] = q, v
+        coordinate = diverged(q, v, max_speed)
+        if coordinate >= 0:
+            return k, coordinate
+    return -1, -1
