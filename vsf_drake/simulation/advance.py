@@ -79,7 +79,7 @@ def diverged(q, v, max_speed):
 
 @numba.njit(cache=True, nogil=True)
 def advance(first, last, tree, forces, split, room, drive, max_speed, q, v, rows):
-    """Advances q, v (n,) in place over the steps first ... last - 1; returns where it diverged: step, coordinate, or -1."""
+    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1."""
     none, nothing = np.empty((0, 0)), np.empty(0)
     q0, v0, q_next = q.copy(), v.copy(), np.empty(split.prescribed.shape[0])
     for k in range(first, last):
