@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from vsf_drake.errors import InputError
 
@@ -88,4 +89,8 @@ class CoordinateTrajectory:
             raise InputError(f"the motion has no coordinate {', '.join(missing)}", file=self.source,
                              right=f"It has: {', '.join(self.names)}")
         columns = [self.names.index(name) for name in names]
-        return CoordinateTrajectory(self.time_s, self.values[:, columns], names, source=self.source)
+        chosen = copy(self)
+        chosen.names, chosen.values = tuple(names), self.values[:, columns]
+        chosen.values.setflags(write=False)
+        chosen._splines = tuple(BSpline.construct_fast(s.t, s.c[:, columns], s.k) for s in self._splines)
+        return chosen

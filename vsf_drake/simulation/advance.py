@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from vsf_drake.simulation.compiled import compiled
 from vsf_drake.simulation.linear import copy
 from vsf_drake.simulation.newton import step
+from vsf_drake.simulation.sensitivity import carry
 
 LEVELS = 5
 """How often a step is halved before it is accepted without convergence: down to 1/32."""
@@ -40,7 +42,7 @@ class Rows(NamedTuple):
     converged: np.ndarray
 
 
-@numba.njit(cache=True)
+@compiled
 def piece(drive, k, done, size, q_next):
     """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end.
 
@@ -57,7 +59,7 @@ def piece(drive, k, done, size, q_next):
             drive.ground[k] + share * (drive.ground[k + 1] - drive.ground[k]), drive.ground_rate[k + 1])
 
 
-@numba.njit(cache=True)
+@compiled
 def next_piece(done, size, converged):
     """What is done and the next size after a piece, and whether that piece is accepted."""
     if not converged and size > 1:
@@ -68,7 +70,7 @@ def next_piece(done, size, converged):
     return done, min(size, PARTS), True
 
 
-@numba.njit(cache=True)
+@compiled
 def diverged(q, v, max_speed):
     """Index of the first coordinate that is not finite or not slower than `max_speed`, or -1."""
     for c in range(q.shape[0]):
@@ -77,9 +79,15 @@ def diverged(q, v, max_speed):
     return -1
 
 
-@numba.njit(cache=True, nogil=True)
-def advance(first, last, tree, forces, split, room, drive, max_speed, q, v, rows):
-    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1."""
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def advance(
+    first, last, tree, forces, split, room, drive, max_speed, q, v, rows, ways=None, tangent=None, wrenches=None
+):
+    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
+
+    With `ways` and `tangent` the sensitivities are carried along, and those of the measured wrench
+    at the end of each step are written to wrenches (n, 6, P).
+    """
     none, nothing = np.empty((0, 0)), np.empty(0)
     q0, v0, q_next = q.copy(), v.copy(), np.empty(split.prescribed.shape[0])
     for k in range(first, last):
@@ -97,6 +105,9 @@ def advance(first, last, tree, forces, split, room, drive, max_speed, q, v, rows
             if accepted:
                 rows.parts[k] += 1
                 rows.converged[k] &= converged
+                if ways is not None:
+                    carry(h, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k], rows.support[k],
+                          wrenches[k])
             else:
                 copy(q0, q)
                 copy(v0, v)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from vsf_drake.simulation.compiled import internal
 from vsf_drake.simulation.forces import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.spatial import add, dot, put, six
 
@@ -76,7 +76,7 @@ def contact_space(sites: int, bodies: int, coordinates: int) -> Contact:
         row=np.zeros(coordinates))
 
 
-@numba.njit(cache=True)
+@internal
 def find_sites(h, forces, motion, ground, contact, record):
     """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step."""
     count = 0
@@ -96,7 +96,7 @@ def find_sites(h, forces, motion, ground, contact, record):
     contact.near[-1] = count
 
 
-@numba.njit(cache=True)
+@internal
 def find_support(forces, motion, position, contact):
     """Unit wrench W and row of the support at `position` (m from A); returns which keel body bears it, deflection (m).
 
@@ -116,7 +116,7 @@ def find_support(forces, motion, position, contact):
     return j, ux * (x - p[F, 0]) + uy * (y - p[F, 1]) + uz * (z - p[F, 2])
 
 
-@numba.njit(cache=True)
+@internal
 def add_sites(h, forces, contact, ground_rate, wanted, which, record):
     """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which."""
     sites, V = forces.sites, contact.V
@@ -142,7 +142,7 @@ def add_sites(h, forces, contact, ground_rate, wanted, which, record):
         record[s, 4], record[s, 5], record[s, 6] = ground_rate - vz, vx, vy
 
 
-@numba.njit(cache=True)
+@internal
 def site_tangent(sites, s, gain, record, exact):
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
@@ -158,7 +158,7 @@ def site_tangent(sites, s, gain, record, exact):
     return xx, xy, yy, -ratio * vx * gain, -ratio * vy * gain, gain
 
 
-@numba.njit(cache=True)
+@internal
 def tangents(forces, contact, links, split, exact, record):
     """K of every moving body with all that it carries (`split`: see `room.Split`)."""
     K, moving = contact.K, split.moving
@@ -194,7 +194,7 @@ def tangents(forces, contact, links, split, exact, record):
                     K[parent, i, j] += K[b, i, j]
 
 
-@numba.njit(cache=True)
+@internal
 def add_springs(h, v, q0, forces, tau, record):
     """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -dforce/dv."""
     for k in range(forces.spring_index.shape[0]):
@@ -205,7 +205,7 @@ def add_springs(h, v, q0, forces, tau, record):
         record[k] = -(h * by_x + by_rate)
 
 
-@numba.njit(cache=True)
+@internal
 def add_support(h, v, forces, deflection0, row, tau, record):
     """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s)."""
     rate = 0.0

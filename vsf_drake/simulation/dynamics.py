@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from vsf_drake.simulation.compiled import compiled
 from vsf_drake.simulation.spatial import (
     add,
     cross_force,
@@ -71,7 +71,7 @@ def work_space(tree: Tree) -> Motion:
         composite=np.zeros((bodies, 10)), f=np.zeros((bodies, 6)))
 
 
-@numba.njit(cache=True)
+@compiled
 def place(tree, q, motion):
     """Poses and joint motions at coordinates q (n,)."""
     forward_kinematics(q, tree.links, tree.frames, motion.R, motion.p, motion.axes, motion.origins)
@@ -89,7 +89,7 @@ def place(tree, q, motion):
                 S[c, i], S[c, 3 + i] = 0.0, axes[c, i]
 
 
-@numba.njit(cache=True)
+@compiled
 def inverse_dynamics(tree, v, a, motion, tau):
     """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
 
@@ -128,7 +128,7 @@ def inverse_dynamics(tree, v, a, motion, tau):
             composite[parent, i] += composite[b, i]
 
 
-@numba.njit(cache=True)
+@compiled
 def energies(tree, q, v, motion, potential, kinetic):
     """Writes the energies (J) of m states q, v (m, n) to potential and kinetic (m,)."""
     g = tree.gravity
@@ -148,7 +148,7 @@ def energies(tree, q, v, motion, potential, kinetic):
                 potential[k] -= g[0] * motion.own[b, 1] + g[1] * motion.own[b, 2] + g[2] * motion.own[b, 3]
 
 
-@numba.njit(cache=True)
+@compiled
 def mass_matrix(tree, motion, coordinates, above, counts, M):
     """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after `inverse_dynamics`.
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-import numba
+from vsf_drake.simulation.compiled import compiled
 
 
-@numba.njit(cache=True)
+@compiled
 def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
     """Modified Kelvin-Voigt force (N) and its derivatives by depth (N/m) and by depth rate (N s/m)."""
     if depth <= 0.0:
@@ -31,7 +31,7 @@ def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
     return force, by_depth, by_rate
 
 
-@numba.njit(cache=True)
+@compiled
 def friction_per_speed(speed, mu_static, mu_kinetic, threshold):
     """mu(V)/V (s/m) of the piecewise stick-slip law and the slope d mu / dV (s/m)."""
     if speed <= threshold:
@@ -42,7 +42,7 @@ def friction_per_speed(speed, mu_static, mu_kinetic, threshold):
     return mu_kinetic / speed, 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def spring_force(x, rate, k_positive, k_negative, damping, limit, rate_limit, stop_ratio):
     """Force of a sprung coordinate (opposing) and its derivatives by displacement and by rate."""
     k = k_positive if x >= 0.0 else k_negative

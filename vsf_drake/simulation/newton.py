@@ -18,9 +18,8 @@ a flattened one converges linearly only.
 
 from __future__ import annotations
 
-import numba
-
 from vsf_drake.simulation.assembly import add_sites, add_springs, add_support, find_sites, find_support, tangents
+from vsf_drake.simulation.compiled import compiled, internal
 from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place
 from vsf_drake.simulation.linear import cholesky, copy, scaled_norm, solve_in_place
 from vsf_drake.simulation.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
@@ -36,7 +35,7 @@ TOLERANCE = 1e-7
 """Converged when sqrt(r^T M^-1 r) is below this, in sqrt(kg) m/s."""
 
 
-@numba.njit(cache=True)
+@compiled
 def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, given, M, C, q, v, load, sites, support):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
@@ -52,9 +51,9 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
     nf, bias, r, dx, trial = free.shape[0], room.bias, room.r, room.dx, room.trial
     place(tree, q, motion)
     find_sites(h, forces, motion, ground, contact, sites)
-    deflection = 0.0
+    deflection, room.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
-        _, deflection = find_support(forces, motion, fulcrum, contact)
+        room.keel[0], deflection = find_support(forces, motion, fulcrum, contact)
     copy(v, room.v0)
     room.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):
@@ -127,7 +126,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
     return iterations, converged
 
 
-@numba.njit(cache=True)
+@internal
 def _velocities(links, S, v, V):
     put(V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     for m in range(links.shape[0]):
@@ -135,7 +134,7 @@ def _velocities(links, S, v, V):
         put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), v[c]))
 
 
-@numba.njit(cache=True)
+@compiled
 def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, support):
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
     motion, contact, tau, trial, moving = room.motion, room.contact, room.tau, room.trial, split.moving
@@ -160,7 +159,7 @@ def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, 
             room.r[i] += room.M[i, k] * (trial[free[k]] - room.v0[free[k]])
 
 
-@numba.njit(cache=True)
+@compiled
 def tangent_matrix(h, tree, forces, split, room, exact, sites):
     """Writes A (f, f) = dr/dv at the last residual; the falling branch of friction enters if `exact`."""
     contact, S, A, free = room.contact, room.motion.S, room.A, split.free
@@ -192,7 +191,7 @@ def tangent_matrix(h, tree, forces, split, room, exact, sites):
                         A[i, j] += gain * row[keel[a]] * row[keel[k]]
 
 
-@numba.njit(cache=True)
+@internal
 def _loads(h, tree, split, room, given, M, v, load):
     """Loads of all coordinates, and A and f of `room.motion` at the accelerations of the step, unless `given`."""
     motion, F, delta, S = room.motion, room.contact.F, room.delta, room.motion.S

@@ -31,7 +31,10 @@ class Split(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs."""
+    """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs.
+
+    fulcrum, keel (1,): where the support is (m from A), and which of the keel's bodies is on it.
+    """
 
     motion: Motion
     contact: Contact
@@ -48,6 +51,8 @@ class Room(NamedTuple):
     L: np.ndarray
     A: np.ndarray
     springs: np.ndarray
+    fulcrum: np.ndarray
+    keel: np.ndarray
 
 
 def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Split:
@@ -69,4 +74,5 @@ def step_room(tree: Tree, forces: Forces, split: Split) -> Room:
     return Room(
         motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
         delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros(f), y=np.zeros(f), M=np.zeros((f, f)),
-        L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)))
+        L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(1),
+        keel=np.zeros(1, dtype=np.int64))

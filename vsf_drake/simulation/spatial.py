@@ -10,22 +10,22 @@ Vectors are tuples here, taken from and put into rows of arrays: a view of a row
 
 from __future__ import annotations
 
-import numba
+from vsf_drake.simulation.compiled import compiled
 
 
-@numba.njit(cache=True)
+@compiled
 def six(array, i):
     """Row i of an (n, 6) array."""
     return array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5]
 
 
-@numba.njit(cache=True)
+@compiled
 def put(array, i, a):
     """Writes a vector into row i."""
     array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = a
 
 
-@numba.njit(cache=True)
+@compiled
 def add(array, i, a):
     """Adds a vector to row i."""
     array[i, 0] += a[0]
@@ -36,20 +36,20 @@ def add(array, i, a):
     array[i, 5] += a[5]
 
 
-@numba.njit(cache=True)
+@compiled
 def plus(a, b, factor):
     """a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2], a[3] + factor * b[3],
             a[4] + factor * b[4], a[5] + factor * b[5])
 
 
-@numba.njit(cache=True)
+@compiled
 def dot(a, b):
     """Power of a force on a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@numba.njit(cache=True)
+@compiled
 def times(K, b, a):
     """K[b] a of an array (n, 6, 6)."""
     return (K[b, 0, 0] * a[0] + K[b, 0, 1] * a[1] + K[b, 0, 2] * a[2] + K[b, 0, 3] * a[3] + K[b, 0, 4] * a[4]
@@ -66,7 +66,7 @@ def times(K, b, a):
             + K[b, 5, 5] * a[5])
 
 
-@numba.njit(cache=True)
+@compiled
 def transposed_times(K, b, a):
     """K[b]^T a of an array (n, 6, 6)."""
     return (K[b, 0, 0] * a[0] + K[b, 1, 0] * a[1] + K[b, 2, 0] * a[2] + K[b, 3, 0] * a[3] + K[b, 4, 0] * a[4]
@@ -83,7 +83,7 @@ def transposed_times(K, b, a):
             + K[b, 5, 5] * a[5])
 
 
-@numba.njit(cache=True)
+@compiled
 def cross_motion(a, b):
     """a x b of two motions (crm)."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
@@ -92,7 +92,7 @@ def cross_motion(a, b):
             a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0])
 
 
-@numba.njit(cache=True)
+@compiled
 def cross_force(a, f):
     """a x* f of a motion and a force (crf)."""
     return (a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
@@ -101,7 +101,7 @@ def cross_force(a, f):
             a[1] * f[5] - a[2] * f[4], a[2] * f[3] - a[0] * f[5], a[0] * f[4] - a[1] * f[3])
 
 
-@numba.njit(cache=True)
+@compiled
 def inertia_times(bodies, b, a):
     """The inertia in row b of (n, 10) times a motion."""
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
@@ -112,7 +112,7 @@ def inertia_times(bodies, b, a):
             m * vx + wy * hz - wz * hy, m * vy + wz * hx - wx * hz, m * vz + wx * hy - wy * hx)
 
 
-@numba.njit(cache=True)
+@compiled
 def inertia_in_world(bodies, b, R, p, out):
     """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out."""
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]

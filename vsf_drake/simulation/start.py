@@ -9,7 +9,9 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.simulation.carried import rest_sensitivity
 from vsf_drake.simulation.stepper import Inputs, Stepper
+from vsf_drake.simulation.variables import Edit
 
 
 def start_state(
@@ -20,8 +22,9 @@ def start_state(
     prescribed: Sequence[str],
     free: Sequence[str],
     initial: Mapping[str, float],
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """q0, v0 (coordinates,) at the start of `inputs`, and the largest speed that was taken for rest.
+    edits: tuple[Edit, ...] = (),
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
 
     Prescribed coordinates, and free ones that the recording knows, have its position and velocity.
     Everything else (socket, keel, the free ones in `initial`) settles under its load with those held.
@@ -29,6 +32,7 @@ def start_state(
     Args:
         prescribed, free: names of the anatomical coordinates.
         initial: first guess of free coordinates that are to settle, whatever the recording says.
+        edits: P parameters by which q0 is differentiated; v0 does not depend on any.
 
     Raises:
         InputError: `initial` names a coordinate that is not free, or a free one is neither recorded nor in it.
@@ -58,4 +62,6 @@ def start_state(
     q0, rest_speed = stepper.settle(held, q0)
     v0 = np.zeros_like(q0)
     v0[rows] = v[0]
-    return q0, v0, rest_speed
+    by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits, fulcrum=float(inputs.fulcrum[0]),
+                          ground=float(inputs.ground[0])) if edits else np.zeros((len(q0), 0))
+    return q0, v0, rest_speed, by

@@ -20,9 +20,10 @@ from pydrake.systems.framework import Context
 from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.advance import Drive, Rows, advance
 from vsf_drake.simulation.assembly import SITE_RECORD, Forces
+from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.dynamics import tree_arrays
-from vsf_drake.simulation.room import Room, Split, split_coordinates, step_room
+from vsf_drake.simulation.room import split_coordinates, step_room
 from vsf_drake.simulation.tree import Tree
 
 CHUNK = 32
@@ -96,6 +97,8 @@ class Record:
         fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
         iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
         converged (n,): whether all of its pieces did.
+        wrench_by: (n, 6, P) derivatives by the `carried` parameters of the measured sites' wrench, moment about W's
+            origin at the ground's height, then force; P = 0 without.
     """
 
     time_s: np.ndarray
@@ -109,6 +112,7 @@ class Record:
     iterations: np.ndarray
     parts: np.ndarray
     converged: np.ndarray
+    wrench_by: np.ndarray
 
     def site(self, column: str) -> np.ndarray:
         """(n, S) column of the sites' record by its name."""
@@ -139,12 +143,14 @@ class Stepper:
         q0: np.ndarray,
         v0: np.ndarray,
         *,
+        carried: Carried | None = None,
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
         """Advances from `q0`, `v0` over the grid of `inputs`.
 
         Args:
+            carried: parameters whose sensitivities are carried along, with compiled dynamics only.
             stop: called now and then with the number of finished steps and the record; true ends the run.
             progress: called now and then with the finished fraction.
 
@@ -153,16 +159,24 @@ class Stepper:
         """
         m, steps = self.mechanism, len(inputs.time_s) - 1
         forces, drive = m.forces, drive_of(inputs)
-        record = self._empty_record(inputs.time_s, q0, v0)
+        if carried is not None and self.dynamics != "compiled":
+            raise ValueError("sensitivities need the compiled dynamics")
+        record = self._empty_record(inputs.time_s, q0, v0, 0 if carried is None else len(carried.edits))
         rows = Rows(q=record.q, v=record.v, load=record.load, sites=record.sites, support=record.fulcrum,
                     iterations=record.iterations, parts=record.parts, converged=record.converged)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         room = step_room(m.tree, forces, split)
+        ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split)
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
-            failed, coordinate = self._advance(done, last, forces, split, room, drive, q, v, rows)
+            if self.dynamics == "drake":
+                failed, coordinate = advance_with_drake(
+                    m.plant, m.context, done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows)
+            else:
+                failed, coordinate = advance(done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows,
+                                             ways, tangent, record.wrench_by)
             if failed >= 0:
                 raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
                                       f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
@@ -205,22 +219,14 @@ class Stepper:
                              stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < at_rest))
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
-    def _advance(
-        self, first: int, last: int, forces: Forces, split: Split, room: Room, drive: Drive, q: np.ndarray,
-        v: np.ndarray, rows: Rows
-    ) -> tuple[int, int]:
-        if self.dynamics == "compiled":
-            return advance(first, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows)
-        return advance_with_drake(self.mechanism.plant, self.mechanism.context, first, last, self.tree, forces, split,
-                                  room, drive, MAX_SPEED, q, v, rows)
-
-    def _empty_record(self, time: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> Record:
+    def _empty_record(self, time: np.ndarray, q0: np.ndarray, v0: np.ndarray, parameters: int) -> Record:
         steps, n, m = len(time) - 1, len(q0), self.mechanism
         return Record(
             time_s=np.array(time[1:]), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
             v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, len(m.sites), len(SITE_RECORD))),
             fulcrum=np.zeros((steps, 3)), iterations=np.zeros(steps, dtype=np.int64),
-            parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_))
+            parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
+            wrench_by=np.zeros((steps, 6, parameters)))
 
     def _check_limits(self, record: Record) -> None:
         beyond = np.abs(record.q) > self.mechanism.limits

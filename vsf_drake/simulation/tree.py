@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
+
+from vsf_drake.simulation.compiled import compiled, internal
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
 
@@ -115,7 +116,7 @@ def _inertia(body: RigidBody, context: Context) -> np.ndarray:
                      I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
 
 
-@numba.njit(cache=True)
+@compiled
 def forward_kinematics(q, links, frames, R, p, axes, origins):
     """Writes body poses R (B, 3, 3), p (B, 3) and joint axes, origins (n, 3) in W for coordinates q (n,)."""
     for i in range(3):
@@ -146,7 +147,7 @@ def forward_kinematics(q, links, frames, R, p, axes, origins):
             p[child, i] = pB[i]
 
 
-@numba.njit(cache=True)
+@internal
 def _product(R, b, frames, m, at):
     """R[b] times the rotation that begins at column `at` of row m, row by row."""
     f = (frames[m, at], frames[m, at + 1], frames[m, at + 2], frames[m, at + 3], frames[m, at + 4], frames[m, at + 5],
@@ -159,7 +160,7 @@ def _product(R, b, frames, m, at):
             r * f[0] + s * f[3] + t * f[6], r * f[1] + s * f[4] + t * f[7], r * f[2] + s * f[5] + t * f[8])
 
 
-@numba.njit(cache=True)
+@internal
 def _moved(R, p, b, frames, m, at):
     """p[b] + R[b] times the vector that begins at column `at` of row m."""
     x, y, z = frames[m, at], frames[m, at + 1], frames[m, at + 2]
@@ -168,7 +169,7 @@ def _moved(R, p, b, frames, m, at):
             p[b, 2] + R[b, 2, 0] * x + R[b, 2, 1] * y + R[b, 2, 2] * z)
 
 
-@numba.njit(cache=True)
+@internal
 def _turned(F, ax, ay, az, s, c):
     """The rotation F turned about the unit axis by the angle with sine s and cosine c (Rodrigues)."""
     d0, d1, d2 = ((ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c), (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),

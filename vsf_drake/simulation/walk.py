@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,20 +14,29 @@ from vsf_drake.laws.bushing import axis_force
 from vsf_drake.model_file import check_fulcrum, check_model, foam_under_load
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.assembly import SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
-from vsf_drake.simulation.reactions import LOADED_N, FootReaction, foot_reaction
+from vsf_drake.simulation.reactions import (
+    LOADED_N,
+    FootReaction,
+    ReactionSensitivity,
+    foot_reaction,
+    reaction_sensitivity,
+)
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
-from vsf_drake.simulation.variables import added, check_values
+from vsf_drake.simulation.variables import added, check_names, check_values
+
+if TYPE_CHECKING:
+    from vsf_drake.motion.trial import Trial
 
 DEFAULT_STEP_S = 1e-3
 PLAUSIBLE_PEAK_BW = (0.6, 2.5)
@@ -46,6 +56,7 @@ class Walk:
         prosthetic, intact: resultants on the two feet.
         commanded: (n, prescribed) the motion at the ends of the steps.
         fulcrum_m: (n + 1,) from A, start included.
+        sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
         rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
 
@@ -53,6 +64,7 @@ class Walk:
     record: Record
     prosthetic: FootReaction
     intact: FootReaction
+    sensitivity: ReactionSensitivity | None
     commanded: np.ndarray
     fulcrum_m: np.ndarray
     step_s: float
@@ -96,6 +108,7 @@ class Walker:
         step_s: float = DEFAULT_STEP_S,
         offsets: GeometricOffsets | None = None,
         values: Mapping[str, float] | None = None,
+        with_respect_to: Sequence[str] = (),
         initial: dict[str, float] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Walk:
@@ -108,6 +121,8 @@ class Walker:
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
             values: of `variables`, for this walk only; what is not named stays as the Context has it.
+            with_respect_to: names of `variables` by which the prosthetic foot's reaction is differentiated, exactly,
+                at a fraction of a walk each: see `Walk.sensitivity`.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says.
             progress: called with the finished fraction.
@@ -127,6 +142,8 @@ class Walker:
         moments[-1] = min(moments[-1], end_s)
         values = dict(values or {})
         check_values(values, self.variables)
+        check_names(with_respect_to, self.variables, where="with_respect_to")
+        edits = tuple(self.variables[name].edit for name in with_respect_to)
         geometry, slide, shift = added(self.variables, values, self.gait.prescribed)
         fulcrum = slide + np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
         for position in (fulcrum.min(), fulcrum.max()):
@@ -143,14 +160,19 @@ class Walker:
                         fulcrum=np.array(fulcrum), ground=np.full(steps + 1, mechanism.ground_height))
         compile_s = stepper.warm_up()
         started = time.perf_counter()
-        q0, v0, rest_speed = start_state(
-            stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {})
-        record = stepper.run(inputs, q0, v0, progress=progress)
-        wall = time.perf_counter() - started
+        q0, v0, rest_speed, by = start_state(
+            stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {},
+            edits=edits)
         count = len(self.gait.person.foot.sites.radius)
+        measured = np.arange(len(mechanism.sites)) < count
+        carried = Carried(edits=edits, measured=measured, q0=by) if edits else None
+        record = stepper.run(inputs, q0, v0, carried=carried, progress=progress)
+        wall = time.perf_counter() - started
         ground = stepper.mechanism.ground_height
+        prosthetic = foot_reaction(record, slice(0, count), ground)
         return Walk(
-            mechanism=stepper.mechanism, record=record, prosthetic=foot_reaction(record, slice(0, count), ground),
+            mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
+            sensitivity=reaction_sensitivity(record, prosthetic, tuple(with_respect_to)) if edits else None,
             intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
             step_s=step_s, wall_s=wall, compile_s=compile_s, rest_speed=rest_speed)
 

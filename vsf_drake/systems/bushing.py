@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,7 @@ from vsf_drake.laws.bushing import axis_force
 from vsf_drake.systems._parameters import NamedParameters
 
 
-@TemplateSystem.define("SocketBushing_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("SocketBushing_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def SocketBushing_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Six springs and dampers with limits on the six coordinates between residual limb and socket.

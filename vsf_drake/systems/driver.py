@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from vsf_drake.systems._parameters import NamedParameters
 
 
-@TemplateSystem.define("GaitDriver_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("GaitDriver_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def GaitDriver_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +15,7 @@ from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
 
 
-@TemplateSystem.define("StickSlipFriction_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("StickSlipFriction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def StickSlipFriction_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Stick-slip friction of N spheres on the ground plane.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,7 +22,7 @@ from vsf_drake.systems._sites import (
 )
 
 
-@TemplateSystem.define("FulcrumSupport_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("FulcrumSupport_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def FulcrumSupport_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Two-sided stiff support of the keel at a continuous position along it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,7 @@ from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, cross, declare_body_poses
 
 
-@TemplateSystem.define("GroundReaction_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("GroundReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def GroundReaction_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Ground reaction force on N spheres, its centre of pressure and free moment.

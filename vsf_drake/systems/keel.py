@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from vsf_drake.systems._parameters import NamedParameters
 
 
-@TemplateSystem.define("KeelElasticity_", T_list=[float, AutoDiffXd])
+@TemplateSystem.define("KeelElasticity_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def KeelElasticity_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Moment -(stiffness q + damping v) in each of m joints of the keel.

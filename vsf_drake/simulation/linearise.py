@@ -1,0 +1,226 @@
+"""Exact derivatives of one step's equations, compiled.
+
+With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, this writes its derivatives by
+displacements of the start, by the velocity at the start and by parameters. Those of the inverse dynamics are the
+closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all about the world's origin; contact follows the
+same pattern: derivatives of the wrench on a body by its displacement and velocity (`contact_tangent`) add up
+over all that a joint carries. The derivatives by the end velocity are `newton.tangent_matrix`.
+"""
+
+from __future__ import annotations
+
+from vsf_drake.simulation.compiled import compiled, internal
+from vsf_drake.simulation.contact_tangent import add_site_tangents
+from vsf_drake.simulation.forces import spring_force
+from vsf_drake.simulation.spatial import (
+    cross_force,
+    cross_motion,
+    dot,
+    inertia_times,
+    plus,
+    put,
+    six,
+    times,
+    transposed_times,
+)
+from vsf_drake.simulation.ways import CARRIED, CARRIES
+
+NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support):
+    """Writes Gq, Gv, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
+
+    Args:
+        q0: (n,) coordinates at the start of the step; v: (n,) velocities at its end.
+        sites (S, 9), support (3,): what the step left.
+    """
+    _way_motions(ways, room, tangent)
+    _coriolis(tree, split, room.motion, tangent)
+    add_site_tangents(h, tree.links, forces, split, ways, room, tangent, sites)
+    tangent.Gq[:] = 0.0
+    tangent.Gv[:] = 0.0
+    tangent.E[:] = 0.0
+    _rows(h, tree, split, ways, room, tangent)
+    _springs(h, forces, split, ways, q0, v, tangent)
+    if forces.fulcrum[0] > 0.0:
+        _support(h, forces, split, ways, room, tangent, room.keel[0], support)
+
+
+@internal
+def _way_motions(ways, room, tangent):
+    motion = room.motion
+    for j in range(ways.body.shape[0]):
+        c, b, parent = ways.coordinate[j], ways.body[j], ways.parent[j]
+        if c >= 0:
+            S = six(motion.S, c)
+        else:
+            R, p, m = motion.R, motion.p, ways.mount
+            wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
+            wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
+            wz = R[b, 2, 0] * m[j, 0] + R[b, 2, 1] * m[j, 1] + R[b, 2, 2] * m[j, 2]
+            x, y, z = p[b, 0], p[b, 1], p[b, 2]
+            S = (wx, wy, wz,
+                 R[b, 0, 0] * m[j, 3] + R[b, 0, 1] * m[j, 4] + R[b, 0, 2] * m[j, 5] + y * wz - z * wy,
+                 R[b, 1, 0] * m[j, 3] + R[b, 1, 1] * m[j, 4] + R[b, 1, 2] * m[j, 5] + z * wx - x * wz,
+                 R[b, 2, 0] * m[j, 3] + R[b, 2, 1] * m[j, 4] + R[b, 2, 2] * m[j, 5] + x * wy - y * wx)
+        rate = cross_motion(six(motion.V, parent), S)
+        put(tangent.S, j, S)
+        put(tangent.rate, j, rate)
+        put(tangent.second, j, plus(cross_motion(six(motion.A, parent), S),
+                                    cross_motion(six(motion.V, parent), rate), 1.0))
+        put(tangent.end, j, cross_motion(six(room.contact.V, parent), S))
+
+
+@internal
+def _coriolis(tree, split, motion, tangent):
+    """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities."""
+    C = tangent.coriolis
+    for k in range(split.moving.shape[0]):
+        b = tree.links[split.moving[k], 2]
+        C[b, :, :] = 0.0
+        if tree.inertias[b, 0] > 0.0:
+            v = six(motion.V, b)
+            momentum = inertia_times(motion.own, b, v)
+            for i in range(6):
+                e = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0,
+                     1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
+                column = plus(cross_force(v, inertia_times(motion.own, b, e)), cross_force(e, momentum), 1.0)
+                column = plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0)
+                C[b, 0, i], C[b, 1, i], C[b, 2, i] = column[0], column[1], column[2]
+                C[b, 3, i], C[b, 4, i], C[b, 5, i] = column[3], column[4], column[5]
+    for k in range(split.moving.shape[0] - 1, -1, -1):
+        parent, b = tree.links[split.moving[k], 1], tree.links[split.moving[k], 2]
+        if split.body_moves[parent]:
+            for i in range(6):
+                for j in range(6):
+                    C[parent, i, j] += C[b, i, j]
+
+
+@internal
+def _rows(h, tree, split, ways, room, tangent):
+    """Inertial, gravity and contact terms of Gq and Gv; contact's of E."""
+    motion, contact, free, bodies = room.motion, room.contact, split.free, tree.bodies
+    nf, P = free.shape[0], ways.unit.shape[1]
+    for j in range(ways.body.shape[0]):
+        # What a way changes in the wrench that a joint below it must give, where that joint carries it.
+        carried = False
+        for i in range(nf):
+            carried |= ways.relation[i, j] == CARRIED
+        if not carried:
+            continue
+        b, S, rate = ways.body[j], six(tangent.S, j), six(tangent.rate, j)
+        by_q = plus(times(tangent.coriolis, b, rate), inertia_times(motion.composite, b, six(tangent.second, j)), 1.0)
+        by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
+        if contact.loaded[b]:
+            by_q = plus(by_q, times(tangent.shift, b, S), -1.0)
+            by_q = plus(by_q, times(contact.K, b, six(tangent.end, j)), 1.0)
+        by_v = plus(times(tangent.coriolis, b, S), inertia_times(motion.composite, b, rate), 2.0)
+        for i in range(nf):
+            if ways.relation[i, j] == CARRIED:
+                tangent.Gq[i, j] = dot(six(motion.S, free[i]), by_q)
+                if j < nf:
+                    tangent.Gv[i, j] = dot(six(motion.S, free[i]), by_v)
+    for i in range(nf):
+        b, S = bodies[free[i]], six(motion.S, free[i])
+        by_rate = transposed_times(tangent.coriolis, b, S)
+        by_second = inertia_times(motion.composite, b, S)
+        by_shift, by_end, loaded = NONE, NONE, contact.loaded[b]
+        if loaded:
+            by_shift = plus(transposed_times(tangent.shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
+            by_end = transposed_times(contact.K, b, S)
+        for j in range(ways.body.shape[0]):
+            if ways.relation[i, j] == CARRIES:
+                S_j, rate = six(tangent.S, j), six(tangent.rate, j)
+                value = dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
+                if loaded:
+                    value += dot(by_end, six(tangent.end, j)) - dot(by_shift, S_j)
+                tangent.Gq[i, j] = value
+                if j < nf:
+                    tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate)
+        for j in range(nf):
+            tangent.Gv[i, j] -= room.M[i, j] / h
+        if tangent.touched[b]:
+            for p in range(P):
+                tangent.E[i, p] -= (S[0] * tangent.dF[b, p, 0] + S[1] * tangent.dF[b, p, 1] + S[2] * tangent.dF[b, p, 2]
+                                    + S[3] * tangent.dF[b, p, 3] + S[4] * tangent.dF[b, p, 4]
+                                    + S[5] * tangent.dF[b, p, 5])
+
+
+@internal
+def _springs(h, forces, split, ways, q0, v, tangent):
+    s = forces.springs
+    for k in range(forces.spring_index.shape[0]):
+        c = forces.spring_index[k]
+        i = split.place[c]
+        if i >= 0:
+            _, by_x, _ = spring_force(
+                q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
+            tangent.Gq[i, i] -= by_x
+    for e in range(ways.spring_row.shape[0]):
+        k = ways.spring_row[e]
+        c = forces.spring_index[k]
+        i = split.place[c]
+        if i >= 0:
+            # The law is linear in its constants: their unit as a spring gives the derivative.
+            force, _, _ = spring_force(
+                q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
+                s[k, 3], s[k, 4], s[k, 5])
+            tangent.E[i, ways.spring_parameter[e]] -= force
+
+
+@internal
+def _support(h, forces, split, ways, room, tangent, keel_body, support):
+    """The fulcrum's pair of forces: only keel coordinates up to it change it, and only they feel it."""
+    contact, motion, keel = room.contact, room.motion, forces.keel_coordinates
+    W, row, stiffness, damping = six(contact.W, 0), contact.row, forces.fulcrum[0], forces.fulcrum[1]
+    force, deflection, rate = support[0], support[1], support[2]
+    b, F = forces.keel_bodies[keel_body], forces.frame_body
+    ux, uy, uz = W[3], W[4], W[5]
+    at = room.fulcrum[0] - forces.keel_starts[keel_body]
+    x = motion.p[b, 0] + motion.R[b, 0, 0] * at
+    y = motion.p[b, 1] + motion.R[b, 1, 0] * at
+    z = motion.p[b, 2] + motion.R[b, 2, 0] * at
+    V_keel = six(contact.V, b)
+    relative = plus(V_keel, six(contact.V, F), -1.0)
+    slides = False
+    for p in range(ways.slide.shape[0]):
+        slides |= ways.slide[p] != 0.0
+    for column in range(keel_body + 2 if slides else keel_body + 1):
+        sliding = column > keel_body
+        if sliding:
+            dx, dy, dz = motion.R[b, 0, 0], motion.R[b, 1, 0], motion.R[b, 2, 0]
+            S_j, by_motion = NONE, NONE
+            d_deflection = ux * dx + uy * dy + uz * dz
+        else:
+            c = keel[column]
+            S_j = six(motion.S, c)
+            dx = S_j[3] + S_j[1] * z - S_j[2] * y
+            dy = S_j[4] + S_j[2] * x - S_j[0] * z
+            dz = S_j[5] + S_j[0] * y - S_j[1] * x
+            parent = forces.keel_bodies[column - 1] if column > 0 else F
+            by_motion = cross_motion(S_j, plus(V_keel, six(contact.V, parent), -1.0))
+            d_deflection = row[c]
+        dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
+        d_rate = dot(dW, relative) + dot(W, by_motion)
+        d_force = -stiffness * (d_deflection + h * d_rate) - damping * d_rate
+        for k in range(keel_body + 1):
+            i = split.place[keel[k]]
+            if i < 0:
+                continue
+            S_i = six(motion.S, keel[k])
+            d_row = dot(S_i, dW)
+            if not sliding and column < k:
+                d_row += dot(cross_motion(S_j, S_i), W)
+            change = d_row * force + row[keel[k]] * d_force
+            if sliding:
+                for p in range(ways.slide.shape[0]):
+                    tangent.E[i, p] -= change * ways.slide[p]
+            elif split.place[keel[column]] >= 0:
+                tangent.Gq[i, split.place[keel[column]]] -= change
+    for k in range(keel_body + 1):
+        i = split.place[keel[k]]
+        if i >= 0:
+            for p in range(ways.support.shape[0]):
+                tangent.E[i, p] += row[keel[k]] * (ways.support[p, 0] * deflection + ways.support[p, 1] * rate)

@@ -1,0 +1,65 @@
+"""Sensitivities of a run carried along its steps, compiled.
+
+If a parameter changes the state at the start of a step by (dq0, dv0), the end velocity changes by dv, where
+
+    A dv = -h ( Gq dq0 + Gv dv0 + E ),        dq = dq0 + h dv
+
+with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, E from `linearise`. That is
+exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
+which that happens is not differentiated, its step is.
+"""
+
+from __future__ import annotations
+
+from vsf_drake.simulation.compiled import internal
+from vsf_drake.simulation.linear import solve_columns
+from vsf_drake.simulation.linearise import linearise
+from vsf_drake.simulation.newton import tangent_matrix
+from vsf_drake.simulation.spatial import plus, six, times
+
+
+@internal
+def carry(h, tree, forces, split, ways, room, tangent, q0, v, sites, support, wrench):
+    """Takes `tangent` from the start to the end of the step that `newton.step` has just made.
+
+    Args:
+        q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end. sites, support: what it left.
+        wrench: (6, P) out, of the measured sites: moment about W's origin, force; the points are those of the end.
+    """
+    nf, (C, P) = split.free.shape[0], ways.unit.shape
+    tangent_matrix(h, tree, forces, split, room, True, sites)
+    linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support)
+    rhs = tangent.rhs
+    for i in range(nf):
+        for p in range(P):
+            rhs[i, p] = -h * tangent.E[i, p]
+        for j in range(C):
+            by_q = -h * tangent.Gq[i, j]
+            if by_q != 0.0:
+                for p in range(P):
+                    rhs[i, p] += by_q * tangent.q[j, p]
+        for j in range(nf):
+            by_v = -h * tangent.Gv[i, j]
+            if by_v != 0.0:
+                for p in range(P):
+                    rhs[i, p] += by_v * tangent.v[j, p]
+    solve_columns(room.A, rhs)
+    for p in range(P):
+        for i in range(6):
+            wrench[i, p] = tangent.dT[p, i]
+    for j in range(C):
+        b = ways.body[j]
+        if tangent.touched[b]:
+            S = six(tangent.S, j)
+            by_v = times(tangent.out_K, b, S)
+            by_q = plus(times(tangent.out_shift, b, S), times(tangent.out_K, b, six(tangent.end, j)), -1.0)
+            for i in range(6):
+                for p in range(P):
+                    wrench[i, p] += by_q[i] * tangent.q[j, p]
+                if j < nf:
+                    for p in range(P):
+                        wrench[i, p] -= by_v[i] * rhs[j, p]
+    for j in range(nf):
+        for p in range(P):
+            tangent.v[j, p] = rhs[j, p]
+            tangent.q[j, p] += h * rhs[j, p]

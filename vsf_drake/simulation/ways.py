@@ -1,0 +1,177 @@
+"""What a run is differentiated by, as arrays, and the room that this takes.
+
+A way is a direction in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
+move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsf_drake.simulation.assembly import Forces
+from vsf_drake.simulation.room import Split
+from vsf_drake.simulation.tree import Tree
+from vsf_drake.simulation.variables import Edit
+
+UNRELATED, CARRIES, CARRIED = 0, 1, 2
+
+
+class Ways(NamedTuple):
+    """C ways, the f free coordinates first, and how P parameters enter.
+
+    Attributes:
+        coordinate: (C,) or -1 for the mount. body, parent (C,): what moves, and relative to which body.
+        mount: (C, 6) motion about the body's origin in its frame, where there is no coordinate.
+        relation: (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither.
+        unit: (C, P) displacement by a unit of each parameter, 0 for free coordinates.
+        slide: (P,) of the fulcrum along the keel.
+        edit_start (S + 1,), edit_parameter, edit_column, edit_unit: what changes in the rows of the sites.
+        spring_parameter, spring_row (E,), spring_unit (E, 3): the same for stiffness, stiffness_negative, damping.
+        support: (P, 2) to stiffness and damping of the fulcrum.
+        measured: (S,) sites whose force is asked for.
+    """
+
+    coordinate: np.ndarray
+    body: np.ndarray
+    parent: np.ndarray
+    mount: np.ndarray
+    relation: np.ndarray
+    unit: np.ndarray
+    slide: np.ndarray
+    edit_start: np.ndarray
+    edit_parameter: np.ndarray
+    edit_column: np.ndarray
+    edit_unit: np.ndarray
+    spring_parameter: np.ndarray
+    spring_row: np.ndarray
+    spring_unit: np.ndarray
+    support: np.ndarray
+    measured: np.ndarray
+
+
+class Tangent(NamedTuple):
+    """Work space and state of the sensitivities: B bodies, f free coordinates, C ways, P parameters.
+
+    Attributes:
+        S, rate, second, end (C, 6): motion of a unit of each way; what its parent's motion adds to the velocity and
+            acceleration of what it carries, at the start of the step; to the velocity at its end.
+        coriolis, shift (B, 6, 6): composites; derivative of inertial forces by velocity, of contact by displacement.
+        out_shift, out_K (B, 6, 6): the same of the measured wrench, by displacement and by minus the velocity.
+        dF (B, P, 6), dT (P, 6): what parameters change directly in the wrenches, and in the measured one.
+        Gq (f, C), Gv (f, f), E (f, P): derivatives of the residual / h by displacement, initial velocity, parameters.
+        q, v (C, P): sensitivities of the state. rhs (f, P).
+    """
+
+    S: np.ndarray
+    rate: np.ndarray
+    second: np.ndarray
+    end: np.ndarray
+    coriolis: np.ndarray
+    shift: np.ndarray
+    out_shift: np.ndarray
+    out_K: np.ndarray
+    touched: np.ndarray
+    dF: np.ndarray
+    dT: np.ndarray
+    Gq: np.ndarray
+    Gv: np.ndarray
+    E: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    rhs: np.ndarray
+
+
+def make_ways(
+    tree: Tree, forces: Forces, split: Split, edits: Sequence[Edit], *, measured: np.ndarray
+) -> Ways:
+    """The ways of a run split like `split`, for the parameters that `edits` describe.
+
+    Args:
+        measured: (S,) bool, the sites whose resultant wrench is asked for.
+
+    Raises:
+        ValueError: an edit shifts a coordinate that is not prescribed.
+    """
+    parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
+    parent_of[tree.links[:, 2]] = tree.links[:, 1]
+    bodies = tree.coordinate_bodies
+    columns = [(int(c), int(bodies[c]), np.zeros(6)) for c in split.free]
+    units: list[tuple[int, int, float]] = []
+    for p, edit in enumerate(edits):
+        moved = [(None, motion, float(amount)) for motion, amount in
+                 zip(_mount_motions(tree, forces.frame_body), edit.mount, strict=True) if amount]
+        names = [edit.coordinate] if edit.coordinate else []
+        names += ["fulcrum"] if edit.fulcrum_shift else []
+        moved += [(name, np.zeros(6), edit.fulcrum_shift if name == "fulcrum" else 1.0) for name in names]
+        for name, motion, amount in moved:
+            if name is not None and split.place[tree.index(name)] >= 0:
+                raise ValueError(f"{name} is free: it has no constant shift")
+            c = -1 if name is None else tree.index(name)
+            units.append((len(columns), p, amount))
+            columns.append((c, int(bodies[c]) if c >= 0 else int(forces.frame_body), motion))
+    body = np.array([b for _, b, _ in columns], dtype=np.int64)
+    unit = np.zeros((len(columns), len(edits)))
+    for column, p, amount in units:
+        unit[column, p] = amount
+    entries = sorted((int(s), p, int(column), float(edit.sites[s, column])) for p, edit in enumerate(edits)
+                     if edit.sites is not None for s, column in np.argwhere(edit.sites))
+    springs = [(p, int(row), edit.springs[row, :3]) for p, edit in enumerate(edits) if edit.springs is not None
+               for row in np.flatnonzero(edit.springs.any(axis=1))]
+    return Ways(
+        coordinate=np.array([c for c, _, _ in columns], dtype=np.int64), body=body, parent=parent_of[body],
+        mount=np.array([motion for _, _, motion in columns]).reshape(-1, 6),
+        relation=_relations(parent_of, bodies[split.free], body), unit=unit,
+        slide=np.array([edit.fulcrum_shift for edit in edits]),
+        edit_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
+        edit_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
+        edit_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
+        edit_unit=np.array([amount for *_, amount in entries], dtype=float),
+        spring_parameter=np.array([p for p, _, _ in springs], dtype=np.int64),
+        spring_row=np.array([row for _, row, _ in springs], dtype=np.int64),
+        spring_unit=np.array([amount for *_, amount in springs]).reshape(-1, 3),
+        support=np.array([np.zeros(2) if edit.fulcrum is None else edit.fulcrum for edit in edits]).reshape(-1, 2),
+        measured=np.asarray(measured, dtype=np.bool_))
+
+
+def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
+    """Room for these ways; the state's sensitivities are those of a start that no parameter changes."""
+    B, f, (C, P) = len(tree.body_names), len(split.free), ways.unit.shape
+    return Tangent(
+        **{name: np.zeros((C, 6)) for name in ("S", "rate", "second", "end")},
+        **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
+        touched=np.zeros(B, dtype=np.bool_), dF=np.zeros((B, P, 6)), dT=np.zeros((P, 6)), Gq=np.zeros((f, C)),
+        Gv=np.zeros((f, f)), E=np.zeros((f, P)), q=ways.unit.copy(), v=np.zeros((C, P)), rhs=np.zeros((f, P)))
+
+
+def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Height, fore-aft and alignment of `plants.foot.mount_pose` as motions of the foot's frame K, about and in K.
+
+    The foot goes up along z_K, forward along x_K, and turns about the mount's own origin, toes up about -y_K.
+    """
+    link = tree.frames[np.flatnonzero(tree.links[:, 2] == frame_body)[0]]
+    R_MK, p_MK = link[12:21].reshape(3, 3), link[21:24]
+    p_KM, toes_up = -R_MK.T @ p_MK, np.array([0.0, -1.0, 0.0])
+    none = np.zeros(3)
+    return (np.concatenate([none, [0.0, 0.0, 1.0]]), np.concatenate([none, [1.0, 0.0, 0.0]]),
+            np.concatenate([toes_up, -np.cross(toes_up, p_KM)]))
+
+
+def _relations(parent_of: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    def carried(b: int) -> set[int]:
+        chain = {b}
+        while b != 0:
+            b = int(parent_of[b])
+            chain.add(b)
+        return chain
+
+    relation = np.zeros((len(rows), len(columns)), dtype=np.int64)
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            if int(column) in carried(int(row)):
+                relation[i, j] = CARRIES
+            elif int(row) in carried(int(column)):
+                relation[i, j] = CARRIED
+    return relation
