@@ -1,6 +1,6 @@
 """The compiled rigid-body dynamics are Drake's, at random states of every plant that they are used for.
 
-Scale of a quantity: the largest of its numbers; they agree to TOLERANCE of it, which is rounding over some twenty joints.
+Scale of a quantity: the largest of its numbers; they agree to TOLERANCE of it, rounding over some twenty joints.
 """
 
 from __future__ import annotations
