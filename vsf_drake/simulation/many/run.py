@@ -42,7 +42,8 @@ def simulate_many(
         workers: 1 for this process; more for as many worker processes; None for one a core.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
             `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known. Processes take
-            some two seconds to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each.
+            some two seconds to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each. A
+            `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
         cache: folder of finished walks, see `vsf_drake.simulation.many.cache`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
