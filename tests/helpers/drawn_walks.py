@@ -33,7 +33,8 @@ class Outcome:
     Attributes:
         values: what it was walked with.
         failure: what the SimulationError said, or None. failed_s: when (s).
-        steps, unconverged (k,) indices of steps, iterations: of Newton's method over all steps; zero where it failed.
+        steps, iterations of Newton's method over all steps; zero where it failed.
+        cut: indices of steps that were taken in several parts. unconverged: those of which a part did not converge.
         finite: every number of the record is, and the centre of pressure wherever the foot is loaded.
         peak_bw: largest vertical force, body weights.
     """
@@ -42,6 +43,7 @@ class Outcome:
     failure: str | None = None
     failed_s: float = np.nan
     steps: int = 0
+    cut: tuple[int, ...] = ()
     unconverged: tuple[int, ...] = ()
     iterations: int = 0
     finite: bool = True
@@ -90,7 +92,8 @@ def outcomes(walker: Walker, trajectory, sets: Sequence[Mapping[str, float]], **
             continue
         record = walk.record
         found.append(Outcome(
-            values=values, steps=len(record.time_s), unconverged=tuple(np.flatnonzero(~record.converged).tolist()),
+            values=values, steps=len(record.time_s), cut=tuple(np.flatnonzero(record.parts > 1).tolist()),
+            unconverged=tuple(np.flatnonzero(~record.converged).tolist()),
             iterations=int(record.iterations.sum()), finite=all_finite(walk),
             peak_bw=float(walk.prosthetic.grf_W[:, 2].max()) / (walker.subject.mass_kg * GRAVITY),
             wall_s=time.perf_counter() - started))
@@ -115,14 +118,16 @@ def report(found: Sequence[Outcome]) -> str:
         f"{len(found)} walks: {len(walked)} finished, {sum(not one.finite for one in walked)} not finite",
         f"unconverged steps: {lost} of {steps} ({100 * lost / steps:.4f} %), in "
         f"{sum(bool(one.unconverged) for one in walked)} walks",
+        f"steps cut into parts: {sum(len(one.cut) for one in walked)}, in {sum(bool(one.cut) for one in walked)} walks",
         f"Newton iterations a step: {sum(one.iterations for one in walked) / steps:.2f}",
         "peak vertical force (body weights), 0 5 50 95 100 %: " + " ".join(f"{peak:.2f}" for peak in peaks),
         f"wall time a walk: median {1e3 * np.median([one.wall_s for one in found]):.0f} ms, "
         f"longest {1e3 * max(one.wall_s for one in found):.0f} ms"]
     reasons = collections.Counter(one.failure.split(" reached")[0] for one in found if one.failure)
     lines += [f"failed: {count} times, {reason}" for reason, count in reasons.most_common()]
-    worst = sorted((one for one in enumerate(found) if one[1].unconverged), key=lambda one: -len(one[1].unconverged))
-    lines += [f"set {index}: steps {list(one.unconverged)}" for index, one in worst[:5]]
+    worst = sorted(enumerate(found), key=lambda one: (-len(one[1].unconverged), -len(one[1].cut)))
+    lines += [f"set {index}: cut {list(one.cut)}, unconverged {list(one.unconverged)}"
+              for index, one in worst[:5] if one.cut]
     return "\n".join(lines)
 
 

@@ -65,6 +65,16 @@ def test_a_foot_far_above_or_within_the_ground_stays_sound():
     assert max(peaks) > 5.0
 
 
+def test_steps_that_would_not_converge_are_cut_and_counted():
+    """Where friction falls from static to kinetic at once, a whole step may find no end; its parts do."""
+    walker, trajectory, span = reference_walk(0)
+    sets = draws(walker.variables, 500, seed=1, bounds=reach(walker, span["fulcrum_m"]))
+    (one,) = outcomes(walker, trajectory, [sets[75]], **span)
+    assert one.values["friction.mu_static"] > 10.0 * one.values["friction.mu_kinetic"]
+    assert len(one.cut) > 0
+    assert one.unconverged == ()
+
+
 def test_a_toe_that_catches_in_swing_ends_the_walk_at_the_same_time_in_any_step():
     """Held 30 mm too low and toes down over grippy ground, the driven leg drags the keel under the foot: that is the
     model's doing and not the stepper's, so that smaller steps end it as well, first order in the step."""

@@ -163,6 +163,24 @@ def test_missing_damaged_or_foreign_results_are_refused(tmp_path):
         load_walk(tmp_path / "walk")
 
 
+def test_older_walk_that_knows_no_cut_steps_is_read_as_one_without(tmp_path):
+    save_walk(make_walk(refined_steps=5), tmp_path)
+    assert load_walk(tmp_path).refined_steps == 5
+    path = tmp_path / "result.yaml"
+    path.write_text("".join(line for line in path.read_text().splitlines(True) if "refined_steps" not in line))
+    assert load_walk(tmp_path).refined_steps == 0
+
+
+def test_older_bench_that_knows_no_cut_steps_is_read_as_one_without(tmp_path):
+    bench = make_bench()
+    cut = dataclasses.replace(bench, settings=tuple(dataclasses.replace(s, refined_steps=2) for s in bench.settings))
+    save_bench(cut, tmp_path)
+    assert [s.refined_steps for s in load_bench(tmp_path).settings] == [2] * len(bench.settings)
+    path = tmp_path / "result.yaml"
+    path.write_text("".join(line for line in path.read_text().splitlines(True) if "refined_steps" not in line))
+    assert [s.refined_steps for s in load_bench(tmp_path).settings] == [0] * len(bench.settings)
+
+
 def test_sidecar_without_a_key_is_refused_by_name(tmp_path):
     save_walk(make_walk(), tmp_path)
     path = tmp_path / "result.yaml"

@@ -100,6 +100,7 @@ def bench_table(result: BenchResult) -> dict[str, Any]:
         "wall_s": result.wall_s,
         "compile_s": result.compile_s,
         "unconverged_steps": sum(setting.unconverged_steps for setting in result.settings),
+        "refined_steps": sum(setting.refined_steps for setting in result.settings),
         "converged": result.converged,
     })
     return content

@@ -71,6 +71,7 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
         "compile_s": result.compile_s,
         "step_s": result.step_s,
         "unconverged_steps": result.unconverged_steps,
+        "refined_steps": result.refined_steps,
         "converged": result.converged,
         "trial": result.trial_name,
         "synthetic": result.synthetic,

@@ -45,6 +45,7 @@ def print_bench(table: dict[str, Any]) -> None:
         published = f"{table['heel_published_n_per_mm']:.1f}"
         grid.add_row("heel", f"{table['heel_stiffness_n_per_mm']:.2f}", published, "", "")
     console.print(grid)
+    refined = f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""
     console.print(f"{table['simulated_s']:.0f} s simulated in {table['wall_s']:.2f} s "
                   f"(compilation, {table['compile_s']:.1f} s, apart), "
-                  f"{table['unconverged_steps']} steps unconverged", highlight=False)
+                  f"{table['unconverged_steps']} steps unconverged{refined}", highlight=False)

@@ -43,10 +43,13 @@ def print_walk(metrics: dict[str, Any]) -> None:
         ("vertical impulse, error", "vertical_impulse_error", "{:+.1%}"),
         ("centre of pressure, RMSE (foot lengths)", "cop_rmse_fl", "{:.3f}"),
         ("stance, measured (s)", "stance_measured_s", "{:.3f}"), ("stance, model (s)", "stance_model_s", "{:.3f}"),
-        ("unconverged steps", "unconverged_steps", "{:d}"), ("simulated (s)", "simulated_s", "{:.3f}"),
+        ("unconverged steps", "unconverged_steps", "{:d}"), ("steps cut into smaller ones", "refined_steps", "{:d}"),
+        ("simulated (s)", "simulated_s", "{:.3f}"),
         ("wall time (s)", "wall_s", "{:.3f}"), ("compilation, apart (s)", "compile_s", "{:.1f}"),
     )
     for label, key, form in rows:
+        if key == "refined_steps" and not metrics[key]:
+            continue
         grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
     console.print(grid)
     offsets = metrics["offsets"]

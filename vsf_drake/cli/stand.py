@@ -53,6 +53,7 @@ def print_standing(table: dict[str, Any]) -> None:
         ("free", ", ".join(table["free"])),
         ("held with (N m)", ", ".join(f"{key} {value:.1f}" for key, value in table["held_nm"].items()) or "nothing"),
         ("unconverged steps", str(table["unconverged_steps"])),
+        *([("steps cut into smaller ones", str(table["refined_steps"]))] if table["refined_steps"] else []),
     )
     for label, value in rows:
         grid.add_row(label, value)

@@ -100,7 +100,7 @@ class Bench:
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m, time_s=record.time_s[:end],
             platen_m=np.asarray(platen_m, dtype=float)[1 : end + 1], load_n=load[:end],
-            unconverged_steps=int(np.sum(~record.converged[:end])))
+            unconverged_steps=int(np.sum(~record.converged[:end])), refined_steps=int(np.sum(record.parts[:end] > 1)))
 
     def _travel_bound(self, fulcrum_m: float, max_load_n: float) -> float:
         """Twice what the contact law or the small-load stiffness needs: large deflections only stiffen the keel."""

@@ -23,6 +23,8 @@ __all__ = ["BenchResult", "BenchSetting", "WalkResult", "coordinate_unit", "load
 
 FORMAT = 1
 """Version of the layout on disk."""
+_LATER = ("refined_steps",)
+"""What older results of this format lack, and what is then true of them by default: their steps were never cut."""
 _XYZ = ("x", "y", "z")
 
 
@@ -35,7 +37,8 @@ class WalkResult:
     """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N spheres.
 
     Attributes are described in their fields. `converged` is false if any step was accepted without
-    convergence (`unconverged_steps` of them): look before trusting the numbers.
+    convergence (`unconverged_steps` of them): look before trusting the numbers. Steps that were cut into smaller ones
+    (`refined_steps`) to converge are as good as the others.
     """
 
     time_s: np.ndarray = _array("n", "s", "instants, clock of the recording")
@@ -63,6 +66,7 @@ class WalkResult:
     energy_names: tuple[str, ...]
     sphere_zones: tuple[str, ...] = ()
     unconverged_steps: int
+    refined_steps: int = 0
     newton_iterations: int
     converged: bool
     simulated_s: float
@@ -103,6 +107,7 @@ class BenchSetting:
     platen_m: np.ndarray = _array("n", "m", "height of the platen above where it first touches the foot")
     load_n: np.ndarray = _array("n", "N", "vertical load of the platen on the foot")
     unconverged_steps: int = 0
+    refined_steps: int = 0
 
     def __post_init__(self) -> None:
         _check_shapes(self, {"n": len(self.time_s)})
@@ -245,6 +250,8 @@ def _build(cls: type, values: dict[str, Any], folder: str | Path) -> Any:
     arguments = {}
     for field in dataclasses.fields(cls):
         if field.name not in values:
+            if field.name in _LATER:
+                continue
             raise InputError("is missing from the result", file=folder, where=field.name)
         value = values[field.name]
         arguments[field.name] = tuple(value) if isinstance(value, list) else value

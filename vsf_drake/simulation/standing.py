@@ -161,6 +161,9 @@ def _result(
     unconverged = int(np.sum(~record.converged))
     if unconverged:
         said.append(f"{unconverged} of {len(record.time_s)} steps did not converge.")
+    refined = int(np.sum(record.parts > 1))
+    if refined:
+        said.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces.")
     body = posture.walker.gait.person.body
     plant = walk.mechanism.plant
     plant.SetPositions(walk.mechanism.context, record.q[-1])
@@ -172,4 +175,5 @@ def _result(
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
         free=free, held_nm=held, stiffness_nm_per_rad=stiffness, com_height_m=float(com),
-        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), unconverged_steps=unconverged, notes=tuple(said))
+        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), unconverged_steps=unconverged,
+        refined_steps=refined, notes=tuple(said))

@@ -24,7 +24,8 @@ class Standing:
         held_nm: what it took, at the end, to hold the others (N m by coordinate).
         stiffness_nm_per_rad: least stiffness, less the weight's, that keeps a free attitude; None if none is free.
         com_height_m: centre of mass above the ground. leg_lengths_m: prosthetic, intact, unloaded.
-        unconverged_steps: of the stepper. notes: sentences on what was held and why.
+        unconverged_steps, refined_steps: of the stepper; the latter were cut into smaller ones.
+        notes: sentences on what was held and why.
     """
 
     time_s: np.ndarray
@@ -42,6 +43,7 @@ class Standing:
     leg_lengths_m: tuple[float, float]
     unconverged_steps: int
     notes: tuple[str, ...]
+    refined_steps: int = 0
 
     @property
     def vertical_n(self) -> np.ndarray:

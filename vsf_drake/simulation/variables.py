@@ -129,7 +129,8 @@ def check_values(values: Mapping[str, float], variables: Mapping[str, Variable])
     check_names(list(values), variables, where="values")
     for name, value in values.items():
         variable = variables[name]
-        if not isinstance(value, (int, float, np.number)) or not math.isfinite(value) or value < variable.minimum:
+        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        if not number or not math.isfinite(value) or value < variable.minimum:
             raise InputError(f"{value!r} is not usable", where=f"values[{name!r}]",
                              right=f"It must be a finite number of at least {variable.minimum:g} {variable.unit}")
 

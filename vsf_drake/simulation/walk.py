@@ -193,6 +193,9 @@ class Walker:
         notes = list(trial.notes)
         if unconverged:
             notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+        refined = int(np.sum(record.parts > 1))
+        if refined:
+            notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
         notes += implausible_load(walk.prosthetic.grf_W[:, 2], self.subject.mass_kg)
         if walk.prosthetic.grf_W[0, 2] > LOADED_N:
             notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
@@ -216,7 +219,7 @@ class Walker:
             energy_names=tuple(ledger),
             energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
             sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), unconverged_steps=unconverged,
-            newton_iterations=int(record.iterations.sum()), converged=unconverged == 0,
+            refined_steps=refined, newton_iterations=int(record.iterations.sum()), converged=unconverged == 0,
             simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
             compile_s=walk.compile_s, step_s=walk.step_s, subject_mass_kg=self.subject.mass_kg,
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,

@@ -73,6 +73,21 @@ def test_a_task_that_a_worker_cannot_read_fails_alone(trial, sweep):
     assert "cannot be read here" in outcomes[0].failure
 
 
+@pytest.mark.slow
+def test_one_pool_serves_many_sweeps_with_the_same_processes(sweep, assert_same):
+    before = set(children())
+    with processes.ProcessWorkers(2) as pool:
+        pool.start()
+        first = simulate_many(sweep(5), executor=pool, workers=2)
+        served = set(children()) - before
+        second = simulate_many(sweep(5), executor=pool, workers=2)
+        assert len(served) == 2 and set(children()) - before == served
+    assert set(children()) == before
+    assert_same(first, second)
+    with pytest.raises(RuntimeError):
+        pool.submit(len, ())
+
+
 def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, sweep, capfd):
     monkeypatch.setattr(processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}")
     with pytest.raises(processes.WorkerStartError, match="exit code 1"):

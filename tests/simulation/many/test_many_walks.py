@@ -31,6 +31,7 @@ def test_a_member_is_the_same_walk_as_a_single_one(trial, sweep):
         np.testing.assert_array_equal(outcome.column("knee_angle_r"), result.column("knee_angle_r"))
         assert outcome.columns["energy_j"] == result.energy_names
         assert outcome.unconverged_steps == result.unconverged_steps
+        assert outcome.refined_steps == result.refined_steps
 
 
 @pytest.mark.slow

@@ -84,7 +84,8 @@ class WalkCache:
 def _encoded(task: Task, reply: Reply) -> bytes:
     about: dict[str, Any] = {
         "key": task.key, "kind": reply.kind.value, "failure": reply.text, "columns": to_plain(reply.columns),
-        "unconverged_steps": reply.unconverged_steps, "wall_s": reply.wall_s, "notes": list(reply.notes),
+        "unconverged_steps": reply.unconverged_steps, "refined_steps": reply.refined_steps, "wall_s": reply.wall_s,
+        "notes": list(reply.notes),
         "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep),
                       **to_plain({name: value for name, value in task.options.items() if not callable(value)})},
         "software": task.software}
@@ -107,4 +108,5 @@ def _decoded(content: bytes, key: str) -> Reply:
         raise ValueError("its SHA-256 differs")
     return Reply(Kind(about["kind"]), text=about["failure"], arrays=arrays,
                  columns={name: tuple(names) for name, names in about["columns"].items()},
-                 unconverged_steps=about["unconverged_steps"], wall_s=about["wall_s"], notes=tuple(about["notes"]))
+                 unconverged_steps=about["unconverged_steps"], refined_steps=about["refined_steps"],
+                 wall_s=about["wall_s"], notes=tuple(about["notes"]))

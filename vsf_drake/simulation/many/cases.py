@@ -6,17 +6,19 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trial import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.keys import digest, software
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S
+
+if TYPE_CHECKING:  # reading trials takes a third of a second to import, which workers do not need
+    from vsf_drake.motion.trial_record import Trial
 
 ARRAYS = {f.name: f.metadata for f in dataclasses.fields(WalkResult) if "shape" in f.metadata}
 """Arrays of a `WalkResult` by name, each with its shape, unit and meaning."""

@@ -19,6 +19,7 @@ class WalkOutcome:
         case: what was asked for.
         failure: what went wrong, with the member's parameters; None if nothing did.
         unconverged_steps: how many steps were accepted without convergence; None if it failed.
+        refined_steps: how many were cut into smaller ones to converge, which is no fault; None if it failed.
         wall_s: time that the walk took where it ran, also if it comes from the cache; None if it failed.
         from_cache: whether it was read rather than simulated.
         columns: names of the columns of those kept arrays whose columns are coordinates or energies.
@@ -28,6 +29,7 @@ class WalkOutcome:
     case: WalkCase
     failure: str | None = None
     unconverged_steps: int | None = None
+    refined_steps: int | None = None
     wall_s: float | None = None
     from_cache: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -44,7 +44,10 @@ class WorkerStartError(VsfError):
 
 
 class ProcessWorkers(Executor):
-    """As many processes as `workers`, each started with its first task and again after its death."""
+    """As many processes as `workers`, each started with its first task and again after its death.
+
+    They take some two seconds to start: with many sweeps in a row, use one for all of them.
+    """
 
     def __init__(self, workers: int) -> None:
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
@@ -54,6 +57,11 @@ class ProcessWorkers(Executor):
         self._lock = threading.Lock()
         self._alive: set[_Process] = set()
         self._closed = False
+
+    def start(self) -> None:
+        """Starts all processes now, and returns at once: they get ready while the caller prepares its work."""
+        for _ in range(self._places.qsize()):
+            self._threads.submit(self._call, None)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """As `Executor.submit`; the future of a task whose process ends raises WorkerLostError."""
@@ -70,10 +78,12 @@ class ProcessWorkers(Executor):
             self._end(process)
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
 
-    def _call(self, job: tuple) -> Any:
+    def _call(self, job: tuple | None) -> Any:
         process = self._places.get()
         try:
             process = process or self._start()
+            if job is None:
+                return None
             returned, result = process.call(job)
         except (EOFError, ConnectionError):
             assert process is not None

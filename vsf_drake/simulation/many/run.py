@@ -41,7 +41,9 @@ def simulate_many(
         keep: arrays of `WalkResult` to bring back, by name. `energy_j` doubles the time.
         workers: 1 for this process; more for as many worker processes; None for one a core.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
-            `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known.
+            `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known. Processes take
+            some two seconds to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each. A
+            `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
         cache: folder of finished walks, see `vsf_drake.simulation.many.cache`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
@@ -135,8 +137,9 @@ class _Sweep:
 
 def _outcome(case: WalkCase, reply: Reply, from_cache: bool = False) -> WalkOutcome:
     failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"
-    return WalkOutcome(case=case, failure=failure, unconverged_steps=reply.unconverged_steps, wall_s=reply.wall_s,
-                       from_cache=from_cache, columns=reply.columns, notes=reply.notes, _arrays=reply.arrays)
+    return WalkOutcome(case=case, failure=failure, unconverged_steps=reply.unconverged_steps,
+                       refined_steps=reply.refined_steps, wall_s=reply.wall_s, from_cache=from_cache,
+                       columns=reply.columns, notes=reply.notes, _arrays=reply.arrays)
 
 
 def _checked(cases: Iterable[WalkCase]) -> list[WalkCase]:

@@ -13,13 +13,12 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.many.cases import ARRAYS, Task
 from vsf_drake.simulation.many.keys import software
 from vsf_drake.simulation.walk import Walker
@@ -51,10 +50,13 @@ class Reply:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
     unconverged_steps: int | None = None
+    refined_steps: int | None = None
     wall_s: float | None = None
     notes: tuple[str, ...] = ()
 
 
+_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
+"""In place of a trial: what a result says of its origin, which is not brought back."""
 _lock = threading.Lock()
 _parts: OrderedDict[str, Any] = OrderedDict()
 _idle: dict[str, list[Walker]] = {}
@@ -87,10 +89,7 @@ def _answer(task: Task) -> Reply:
 def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
     options = task.options
     walk = walker.walk(motion, **options)
-    trial = Trial(path=Path(), name="", subject=walker.subject, synthetic=False, fulcrum_m=0.0,
-                  start_s=options["start_s"], end_s=options["end_s"], trajectory=motion, plates={}, notes=(),
-                  model=walker.model, inputs={})
-    result = walker.result(walk, trial, options["offsets"], energy="energy_j" in task.keep)
+    result = walker.result(walk, _NAMELESS, options["offsets"], energy="energy_j" in task.keep)
     arrays = {name: np.array(getattr(result, name)) for name in task.keep}
     for name, array in arrays.items():
         if not name.endswith("cop_W") and not np.isfinite(array).all():  # a foot in the air has no centre of pressure
@@ -99,7 +98,7 @@ def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
     named = {name: ARRAYS[name].get("columns") for name in task.keep}
     columns = {name: tuple(getattr(result, field)) for name, field in named.items() if isinstance(field, str)}
     return Reply(Kind.DONE, arrays=arrays, columns=columns, unconverged_steps=result.unconverged_steps,
-                 wall_s=result.wall_s, notes=tuple(result.notes))
+                 refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
 
 
 def _known(task: Task, key: str) -> Any:

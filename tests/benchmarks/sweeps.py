@@ -1,0 +1,90 @@
+"""Many walks: what a second process brings, and whether memory stays flat.
+
+    python tests/benchmarks/sweeps.py
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
+from pathlib import Path
+
+from table import Row
+
+from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.simulation.many import ProcessWorkers, WalkCase, WalkOutcome, simulate_many
+
+WALKS, WALK_S, WORKERS = 200, 1.2, 2
+RUNS, SHORT_S, BATCH = 2000, 0.1, 100
+
+
+def rows() -> list[Row]:
+    """Both; about two minutes."""
+    trial = load_trial(embedded_trials()[0])
+    return [*speed(trial), memory(trial)]
+
+
+def speed(trial: Trial, walks: int = WALKS) -> list[Row]:
+    """The same sweep in this process, on two processes from nothing, on two that run already, and on two threads."""
+    part = replace(trial, start_s=trial.end_s - WALK_S)
+    cases = [WalkCase(trial=part, fulcrum_m=0.066 + 0.085 * i / walks) for i in range(walks)]
+    simulate_many(cases[:2], workers=1)
+    one, alone = timed(cases, workers=1)
+    two, started = timed(cases, workers=WORKERS)
+    with ProcessWorkers(WORKERS) as pool:
+        pool.start()
+        wait([pool.submit(time.sleep, 0.5) for _ in range(WORKERS)])
+        simulate_many(cases[: 2 * WORKERS], executor=pool, workers=WORKERS)
+        again, running = timed(cases, executor=pool, workers=WORKERS)
+    with ThreadPoolExecutor(WORKERS) as threads:
+        simulate_many(cases[: 4 * WORKERS], executor=threads)
+        third, threaded = timed(cases, executor=threads)
+    simulated = walks * WALK_S
+    return [
+        Row(f"{walks} walks, one process", simulated, one, f"{sum(o.ok for o in alone)} finished"),
+        Row(f"{walks} walks, {WORKERS} processes, with their start", simulated, two,
+            f"{same(alone, started)}; {one / two:.2f} times one process"),
+        Row(f"{walks} walks, {WORKERS} processes that run already", simulated, again,
+            f"{same(alone, running)}; {one / again:.2f} times one process"),
+        Row(f"{walks} walks, {WORKERS} threads", simulated, third,
+            f"{same(alone, threaded)}; {one / third:.2f} times one process")]
+
+
+def memory(trial: Trial, runs: int = RUNS) -> Row:
+    """Resident memory after the first BATCH walks in this process, and after all."""
+    part = replace(trial, start_s=0.5 * (trial.start_s + trial.end_s))
+    part = replace(part, end_s=part.start_s + SHORT_S)
+    sizes, started = [], time.perf_counter()
+    for first in range(0, runs, BATCH):
+        simulate_many([WalkCase(trial=part, fulcrum_m=0.066 + 0.085 * i / runs) for i in range(first, first + BATCH)],
+                      workers=1)
+        sizes.append(resident_mb())
+    return Row(f"{runs} walks, memory of the process", runs * SHORT_S, time.perf_counter() - started,
+               f"{sizes[0]:.0f} MB after {BATCH}, {sizes[-1]:.0f} MB after all: {sizes[-1] / sizes[0] - 1:+.1%}")
+
+
+def timed(cases: list[WalkCase], **options: object) -> tuple[float, list[WalkOutcome]]:
+    """Wall time (s) and outcomes."""
+    started = time.perf_counter()
+    outcomes = simulate_many(cases, **options)
+    return time.perf_counter() - started, outcomes
+
+
+def same(a: list[WalkOutcome], b: list[WalkOutcome]) -> str:
+    """Whether all arrays agree to the last bit."""
+    equal = all(x.arrays[name].tobytes() == y.arrays[name].tobytes() for x, y in zip(a, b, strict=True)
+                for name in x.arrays)
+    return "same bits" if equal else "DIFFERENT numbers"
+
+
+def resident_mb() -> float:
+    """Memory that this process holds now (Linux)."""
+    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(*row, sep="\t")

@@ -1,0 +1,202 @@
+"""The compiled rigid-body dynamics are Drake's, at random states of every plant that they are used for.
+
+Scale of a quantity: the largest of its numbers; they agree to TOLERANCE of it, rounding over some twenty joints.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    JacobianWrtVariable,
+    MultibodyForces,
+    SpatialInertia,
+    UnitInertia,
+)
+
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.bench import make_bench
+from vsf_drake.plants.foot import set_mount
+from vsf_drake.simulation.dynamics import (
+    chains,
+    energies,
+    inverse_dynamics,
+    mass_matrix,
+    place,
+    tree_arrays,
+    work_space,
+)
+from vsf_drake.simulation.tree import tree_of
+
+TOLERANCE = 1e-12
+STATES = 6
+PLANTS = ("right", "left", "shifted foot", "other masses", "bench")
+
+
+def other_masses(plant, context, rng):
+    """Gives every body of the plant another mass, centre of mass and unit inertia in `context`."""
+    for b in range(1, plant.num_bodies()):
+        body = plant.get_body(BodyIndex(b))
+        if body.CalcSpatialInertiaInBodyFrame(context).get_mass() > 0.0:
+            p = rng.uniform(-0.1, 0.1, 3)
+            G = UnitInertia.SolidBox(*rng.uniform(0.05, 0.4, 3)).ShiftFromCenterOfMass(p)
+            body.SetSpatialInertiaInBodyFrame(context, SpatialInertia(rng.uniform(0.1, 20.0), p, G))
+
+
+class Case:
+    """One plant in one state, beside the compiled dynamics of the same state with random accelerations."""
+
+    def __init__(self, plant: MultibodyPlant, context, rng) -> None:
+        self.plant, self.context, self.tree = plant, context, tree_of(plant, context)
+        n = plant.num_velocities()
+        self.q, self.v, self.a = rng.uniform(-1.0, 1.0, n), rng.uniform(-5.0, 5.0, n), rng.uniform(-50.0, 50.0, n)
+        plant.SetPositionsAndVelocities(context, np.concatenate([self.q, self.v]))
+        self.arrays, self.motion, self.tau = tree_arrays(self.tree), work_space(self.tree), np.zeros(n)
+        place(self.arrays, self.q, self.motion)
+        inverse_dynamics(self.arrays, self.v, self.a, self.motion, self.tau)
+
+    def matrix(self, coordinates) -> np.ndarray:
+        above, counts = chains(self.tree, coordinates)
+        M = np.full((len(coordinates), len(coordinates)), np.nan)
+        mass_matrix(self.arrays, self.motion, coordinates, above, counts, M)
+        return M
+
+    def bodies(self):
+        return [(b, self.plant.get_body(BodyIndex(b))) for b in range(1, self.plant.num_bodies())]
+
+    def carried(self, b: int) -> list[int]:
+        """The body and all that hangs on it, joints and welds alike."""
+        found = [b]
+        for _, parent, child, _ in self.tree.links:
+            if parent in found:
+                found.append(int(child))
+        return found
+
+
+@pytest.fixture(params=[(name, i) for name in PLANTS for i in range(STATES)], ids=lambda p: f"{p[0]}-{p[1]}")
+def case(request, walker):
+    name, seed = request.param
+    rng = np.random.default_rng(seed)
+    if name == "bench":
+        plant = make_bench(FootParameters()).plant
+        return Case(plant, plant.CreateDefaultContext(), rng)
+    gait = walker("left" if name == "left" else "right").gait
+    context = gait.plant.CreateDefaultContext()
+    if name == "shifted foot":
+        set_mount(context, gait.person.foot, height=0.011, fore_aft=-0.017, alignment=0.09)
+    if name == "other masses":
+        other_masses(gait.plant, context, rng)
+    return Case(gait.plant, context, rng)
+
+
+def assert_equal(found, wanted):
+    wanted = np.asarray(wanted)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=TOLERANCE * max(np.abs(wanted).max(), 1e-3))
+
+
+def test_poses_are_drakes(case):
+    for b, body in case.bodies():
+        X = body.EvalPoseInWorld(case.context)
+        assert_equal(case.motion.R[b], X.rotation().matrix())
+        assert_equal(case.motion.p[b], X.translation())
+
+
+def test_joint_motions_are_drakes_jacobian_of_the_point_at_the_worlds_origin(case):
+    world = case.plant.world_frame()
+    for b, body in case.bodies():
+        p_BoWo_B = body.EvalPoseInWorld(case.context).inverse().translation()
+        J = case.plant.CalcJacobianSpatialVelocity(
+            case.context, JacobianWrtVariable.kV, body.body_frame(), p_BoWo_B, world, world)
+        assert_equal(np.where(case.tree.ancestors[b], case.motion.S.T, 0.0), J)
+
+
+def test_velocities_are_drakes(case):
+    for b, body in case.bodies():
+        V = body.EvalSpatialVelocityInWorld(case.context)
+        p = body.EvalPoseInWorld(case.context).translation()
+        assert_equal(case.motion.V[b], [*V.rotational(), *(V.translational() - np.cross(V.rotational(), p))])
+
+
+def test_accelerations_are_drakes_with_gravity_as_one_of_the_world(case):
+    """The origin's acceleration in the sense of spatial vectors: a_B - alpha x p - w x v_B."""
+    found = case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a)
+    for b, body in case.bodies():
+        V, p = body.EvalSpatialVelocityInWorld(case.context), body.EvalPoseInWorld(case.context).translation()
+        alpha, a = found[b].rotational(), found[b].translational()
+        a = a - np.cross(alpha, p) - np.cross(V.rotational(), V.translational())
+        assert_equal(case.motion.A[b], [*alpha, *(a - case.tree.gravity)])
+
+
+def test_inverse_dynamics_with_gravity_are_drakes(case):
+    own = MultibodyForces(case.plant)
+    case.plant.CalcForceElementsContribution(case.context, own)
+    assert_equal(case.tau, case.plant.CalcInverseDynamics(case.context, case.a, own))
+
+
+def test_mass_matrix_is_drakes(case):
+    M = case.matrix(np.arange(len(case.q)))
+    assert_equal(M, case.plant.CalcMassMatrix(case.context))
+    assert np.linalg.eigvalsh(M).min() > 0.0
+
+
+def test_mass_matrix_of_a_subset_is_that_part_of_the_whole(case):
+    whole = case.matrix(np.arange(len(case.q)))
+    rng = np.random.default_rng(11)
+    for size in range(1, len(case.q), 3):
+        some = np.sort(rng.choice(len(case.q), size, replace=False))
+        np.testing.assert_array_equal(case.matrix(some), whole[np.ix_(some, some)])
+
+
+def test_composite_inertias_are_drakes(case):
+    world = case.plant.world_frame()
+    for b, _ in case.bodies():
+        bodies = [BodyIndex(i) for i in case.carried(b)]
+        I_W = case.plant.CalcSpatialInertia(case.context, world, bodies).CopyToFullMatrix6()
+        mass, moment = I_W[5, 5], [I_W[2, 4], I_W[0, 5], I_W[1, 3]]
+        J = I_W[:3, :3]
+        assert_equal(case.motion.composite[b, :4], [mass, *moment])
+        assert_equal(case.motion.composite[b, 4:], [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+
+
+def test_energies_are_drakes(case):
+    q, v = np.tile(case.q, (2, 1)), np.array([case.v, np.zeros_like(case.v)])
+    potential, kinetic = np.zeros(2), np.zeros(2)
+    energies(case.arrays, q, v, work_space(case.tree), potential, kinetic)
+    assert_equal(kinetic, [case.plant.CalcKineticEnergy(case.context), 0.0])
+    assert_equal(potential, [case.plant.CalcPotentialEnergy(case.context)] * 2)
+
+
+def test_kinetic_energy_is_half_the_mass_matrix_between_the_velocities(case):
+    potential, kinetic = np.zeros(1), np.zeros(1)
+    energies(case.arrays, case.q[None], case.v[None], work_space(case.tree), potential, kinetic)
+    assert_equal(kinetic[0], 0.5 * case.v @ case.matrix(np.arange(len(case.q))) @ case.v)
+
+
+def test_bench_has_no_gravity_and_the_person_has(walker):
+    plant = make_bench(FootParameters()).plant
+    np.testing.assert_array_equal(tree_of(plant, plant.CreateDefaultContext()).gravity, 0.0)
+    plant = walker("right").gait.plant
+    np.testing.assert_array_equal(tree_of(plant, plant.CreateDefaultContext()).gravity, [0.0, 0.0, -9.81])
+
+
+def test_masses_of_the_context_and_not_of_the_model_count(walker):
+    plant = walker("right").gait.plant
+    context = plant.CreateDefaultContext()
+    before = tree_of(plant, context).inertias
+    other_masses(plant, context, np.random.default_rng(0))
+    assert np.all(tree_of(plant, context).inertias[before[:, 0] > 0.0, 0] != before[before[:, 0] > 0.0, 0])
+
+
+def test_chains_list_what_moves_a_coordinates_body_itself_last(walker):
+    plant = walker("right").gait.plant
+    tree = tree_of(plant, plant.CreateDefaultContext())
+    names = ["pelvis_ty", "socket_tz", "hip_flexion_r", "knee_angle_l", "hip_flexion_l"]
+    above, counts = chains(tree, np.array([tree.index(name) for name in names]))
+    listed = [[names[j] for j in above[i, : counts[i]]] for i in range(len(names))]
+    assert listed[0] == ["pelvis_ty"]
+    assert set(listed[1]) == {"pelvis_ty", "hip_flexion_r", "socket_tz"} and listed[1][-1] == "socket_tz"
+    assert listed[2] == ["pelvis_ty", "hip_flexion_r"]
+    assert set(listed[3]) == {"pelvis_ty", "hip_flexion_l", "knee_angle_l"} and listed[3][-1] == "knee_angle_l"
+    assert listed[4] == ["pelvis_ty", "hip_flexion_l"]
