@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -74,7 +75,7 @@ def next_piece(done, size, converged):
 def diverged(q, v, max_speed):
     """Index of the first coordinate that is not finite or not slower than `max_speed`, or -1."""
     for c in range(q.shape[0]):
-        if not (np.isfinite(q[c]) and abs(v[c]) < max_speed):
+        if not (math.isfinite(q[c]) and abs(v[c]) < max_speed):
             return c
     return -1
 

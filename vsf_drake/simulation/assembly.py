@@ -7,6 +7,7 @@ motion times the sum of the wrenches on everything that it carries; the same hol
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +103,9 @@ def find_support(forces, motion, position, contact):
 
     The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies.
     """
-    j = max(0, np.searchsorted(forces.keel_starts, position, side="right") - 1)
+    j = 0
+    while j + 1 < forces.keel_starts.shape[0] and forces.keel_starts[j + 1] <= position:
+        j += 1
     b, F, R, p = forces.keel_bodies[j], forces.frame_body, motion.R, motion.p
     along = position - forces.keel_starts[j]
     x, y, z = p[b, 0] + R[b, 0, 0] * along, p[b, 1] + R[b, 1, 0] * along, p[b, 2] + R[b, 2, 0] * along
@@ -134,7 +137,7 @@ def add_sites(h, forces, contact, ground_rate, wanted, which, record):
             depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7])
         fx, fy = 0.0, 0.0
         if fn > 0.0:
-            ratio, _ = friction_per_speed(np.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
+            ratio, _ = friction_per_speed(math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
             fx, fy = -ratio * fn * vx, -ratio * fn * vy
             add(contact.F, b, (y * fn - z * fy, z * fx - x * fn, x * fy - y * fx, fx, fy, fn))
         contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
@@ -149,7 +152,7 @@ def site_tangent(sites, s, gain, record, exact):
     A falling friction curve counts as flat unless `exact`.
     """
     fn, vx, vy = record[s, 1], record[s, 5], record[s, 6]
-    speed = np.sqrt(vx * vx + vy * vy)
+    speed = math.sqrt(vx * vx + vy * vy)
     ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
     xx, xy, yy = ratio * fn, 0.0, ratio * fn
     if speed > sites[s, 10]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from vsf_drake.simulation.compiled import internal
 
@@ -22,7 +22,7 @@ def cholesky(A, L):
         d = A[j, j]
         for k in range(j):
             d -= L[j, k] * L[j, k]
-        L[j, j] = np.sqrt(d)
+        L[j, j] = math.sqrt(d)
         for i in range(j + 1, n):
             s = A[i, j]
             for k in range(j):
@@ -41,7 +41,7 @@ def scaled_norm(L, r, y):
             s -= L[i, k] * y[k]
         y[i] = s / L[i, i]
         total += y[i] * y[i]
-    return np.sqrt(total)
+    return math.sqrt(total)
 
 
 @internal

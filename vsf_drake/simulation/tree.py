@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
 from vsf_drake.simulation.compiled import compiled, internal
@@ -65,22 +65,11 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
     Raises:
         ValueError: a joint is neither revolute, prismatic nor a weld.
     """
-    joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
-    placed = {int(plant.world_body().index())}
-    ordered = []
-    while joints:
-        ready = [j for j in joints if int(j.parent_body().index()) in placed]
-        if not ready:
-            raise ValueError("some bodies are not connected to the world")
-        ordered += ready
-        placed |= {int(j.child_body().index()) for j in ready}
-        joints = [j for j in joints if j not in ready]
     n = plant.num_velocities()
     ancestors = np.zeros((plant.num_bodies(), n), dtype=np.bool_)
     names = [""] * n
     links, frames = [], []
-    for joint in ordered:
-        parent, child = int(joint.parent_body().index()), int(joint.child_body().index())
+    for joint, parent, child in _parents_first(plant):
         axis, coordinate = np.zeros(3), -1
         if joint.num_velocities() == 0:
             kind = WELD
@@ -105,6 +94,23 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
                 inertias=np.array([_inertia(body, context) for body in bodies]),
                 gravity=np.array(plant.gravity_field().gravity_vector()),
                 coordinate_names=tuple(names), body_names=tuple(body.name() for body in bodies))
+
+
+def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
+    """All joints with the indices of their parent and child bodies."""
+    joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
+    waiting = [(j, int(j.parent_body().index()), int(j.child_body().index())) for j in joints]
+    placed, ordered = {int(plant.world_body().index())}, []
+    while waiting:
+        ready, later = [], []
+        for entry in waiting:
+            (ready if entry[1] in placed else later).append(entry)
+            if entry[1] in placed:
+                placed.add(entry[2])
+        if not ready:
+            raise ValueError("some bodies are not connected to the world")
+        ordered, waiting = ordered + ready, later
+    return ordered
 
 
 def _inertia(body: RigidBody, context: Context) -> np.ndarray:
