@@ -21,7 +21,7 @@ from __future__ import annotations
 from vsf_drake.simulation.assembly import add_sites, add_springs, add_support, find_sites, find_support, tangents
 from vsf_drake.simulation.compiled import compiled, internal
 from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place
-from vsf_drake.simulation.linear import cholesky, copy, scaled_norm, solve_in_place
+from vsf_drake.simulation.linear import cholesky, copy, scaled_norm, solve_columns
 from vsf_drake.simulation.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
 
 MAX_ITERATIONS = 30
@@ -73,7 +73,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
         mass_matrix(tree, motion, free, split.above, split.counts, room.M)
     cholesky(room.M, room.L)
 
-    dx[:] = 0.0
+    dx[:, :] = 0.0
     copy(v, trial)
     _velocities(tree.links, motion.S, trial, contact.V)
     slope0, converged, iterations = 0.0, False, 0
@@ -82,12 +82,12 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
         scale = 1.0
         for _ in range(MAX_TRIALS):
             for i in range(nf):
-                trial[free[i]] = v[free[i]] + scale * dx[i]
+                trial[free[i]] = v[free[i]] + scale * dx[i, 0]
             _residual(h, tree.links, forces, split, room, deflection, ground_rate, q, sites, support)
             converged = scaled_norm(room.L, r, room.y) <= TOLERANCE
             slope = 0.0
             for i in range(nf):
-                slope += dx[i] * r[i]
+                slope += dx[i, 0] * r[i]
             if slope < slope0 and scale >= 1.0 and not converged:
                 scale *= LENGTHEN
             elif converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
@@ -103,11 +103,11 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
                 continue
             tangent_matrix(h, tree, forces, split, room, exact, sites)
             for i in range(nf):
-                dx[i] = -r[i]
-            solve_in_place(room.A, dx)
+                dx[i, 0] = -r[i]
+            solve_columns(room.A, dx)
             slope0 = 0.0
             for i in range(nf):
-                slope0 += dx[i] * r[i]
+                slope0 += dx[i, 0] * r[i]
             if slope0 < 0.0:
                 break
 
