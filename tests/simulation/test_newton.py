@@ -20,6 +20,7 @@ from vsf_drake.simulation.room import split_coordinates, step_room
 from vsf_drake.simulation.stepper import Inputs, Stepper
 
 STEP_S = 1e-3
+"""Functions of the package that only compiled code may call are called from compiled functions here."""
 
 
 @numba.njit
