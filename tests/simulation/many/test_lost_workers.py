@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import time
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -39,7 +40,8 @@ def test_killed_worker_costs_only_its_own_task(sweep, assert_same):
             os.kill(killed[0], signal.SIGKILL)
 
     cases = sweep(12)
-    outcomes = simulate_many(cases, workers=2, progress=kill_one)
+    with processes.ProcessWorkers(2) as pool:
+        outcomes = simulate_many(cases, executor=pool, workers=2, progress=kill_one)
     assert len(killed) == 1 and children() == before
     assert_same(outcomes, simulate_many(cases, workers=1))
 
@@ -47,7 +49,8 @@ def test_killed_worker_costs_only_its_own_task(sweep, assert_same):
 @pytest.mark.slow
 def test_a_task_that_lost_its_worker_once_is_tried_again(trial, sweep, tmp_path, assert_same):
     log = tmp_path / "deaths"
-    outcomes = simulate_many([killing(trial, log, 1), *sweep(3)], workers=2)
+    with processes.ProcessWorkers(2) as pool:
+        outcomes = simulate_many([killing(trial, log, 1), *sweep(3)], executor=pool, workers=2)
     assert log.read_text().count("died") == 1
     assert_same(outcomes, simulate_many([WalkCase(trial=trial), *sweep(3)], workers=1))
 
@@ -56,7 +59,8 @@ def test_a_task_that_lost_its_worker_once_is_tried_again(trial, sweep, tmp_path,
 def test_a_task_that_kills_its_worker_twice_is_reported_and_never_cached(trial, sweep, tmp_path):
     log, cache = tmp_path / "deaths", tmp_path / "cache"
     cases = [*sweep(4), killing(trial, log, 99, fulcrum_m=0.1234, label="killer"), *sweep(8)[4:]]
-    outcomes = simulate_many(cases, workers=2, cache=cache)
+    with processes.ProcessWorkers(2) as pool:
+        outcomes = simulate_many(cases, executor=pool, workers=2, cache=cache)
     assert log.read_text().count("died") == 2
     assert [o.ok for o in outcomes] == [True] * 4 + [False] + [True] * 4
     for word in ("killer", "123.4 mm", "SIGKILL", "tried 2 times"):
@@ -68,9 +72,35 @@ def test_a_task_that_kills_its_worker_twice_is_reported_and_never_cached(trial, 
 def test_a_task_that_a_worker_cannot_read_fails_alone(trial, sweep):
     motion = trial.trajectory
     odd = replace(trial, trajectory=Unreadable(motion.ordered((*motion.names[1:], motion.names[0]))))
-    outcomes = simulate_many([WalkCase(trial=odd), *sweep(2)], workers=2)
+    with processes.ProcessWorkers(2) as pool:
+        outcomes = simulate_many([WalkCase(trial=odd), *sweep(2)], executor=pool, workers=2)
     assert [o.ok for o in outcomes] == [False, True, True]
     assert "cannot be read here" in outcomes[0].failure
+
+
+@pytest.mark.slow
+def test_this_process_works_before_the_others_are_ready_and_leaves_the_work_to_them_after_a_death():
+    with processes.ProcessWorkers(2, here=True) as pool:
+        assert pool.submit(os.getpid).result() == os.getpid()
+        while (other := pool.submit(os.getpid).result()) == os.getpid():
+            time.sleep(0.01)
+        with pytest.raises(processes.WorkerLostError, match="SIGKILL"):
+            kill_one_that_is_not(os.getpid(), pool)
+        after = {pool.submit(os.getpid).result() for _ in range(6)}
+    assert len(after) == 2 and not after & {os.getpid(), other}
+
+
+def kill_one_that_is_not(own: int, pool: processes.ProcessWorkers) -> None:
+    """Lets tasks kill the process they run in, unless it is `own`, until one has."""
+    while True:
+        pool.submit(exec, f"import os, signal\nif os.getpid() != {own}: os.kill(os.getpid(), signal.SIGKILL)").result()
+
+
+def test_a_sweep_that_is_over_does_not_wait_for_workers_that_still_start(monkeypatch, sweep):
+    before = children()
+    monkeypatch.setattr(processes, "_CODE", "import time; time.sleep(60)  # {path} {descriptor}")
+    assert all(outcome.ok for outcome in simulate_many(sweep(3), workers=2))
+    assert children() == before
 
 
 @pytest.mark.slow
@@ -91,7 +121,7 @@ def test_one_pool_serves_many_sweeps_with_the_same_processes(sweep, assert_same)
 def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, sweep, capfd):
     monkeypatch.setattr(processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}")
     with pytest.raises(processes.WorkerStartError, match="exit code 1"):
-        simulate_many(sweep(3), workers=2)
+        simulate_many(sweep(2000), workers=2)
     assert "no such library" in capfd.readouterr().err
 
 

@@ -30,7 +30,7 @@ def chosen(workers: int | None, executor: Any) -> Iterator[tuple[Any, int]]:
     """The executor and how many tasks to keep submitted; ends what it has started, also after an interruption.
 
     Args:
-        workers: 1 for this process, more for as many processes, None for one a core; beside `executor` its size.
+        workers: 1 for this process, more for this and others, None for one a core; beside `executor` its size.
         executor: of the caller, who also ends it; None for one of our own.
 
     Raises:
@@ -46,13 +46,11 @@ def chosen(workers: int | None, executor: Any) -> Iterator[tuple[Any, int]]:
     if count == 1:
         yield InProcess(), 1
         return
-    own = ProcessWorkers(count)
-    finished = False
+    own = ProcessWorkers(count, here=True)
     try:
         yield own, 2 * count
-        finished = True
     finally:
-        own.shutdown(cancel_futures=not finished)
+        own.shutdown(cancel_futures=True)  # at once: whoever leaves in good order waits for no task
 
 
 def cores() -> int:

@@ -29,6 +29,7 @@ _CODE = """\
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
 sys.path[:] = {path!r}
+import vsf_drake.systems  # first: for each of its templates Drake looks through all modules that there are
 from vsf_drake.simulation.many.processes import serve
 serve({descriptor})
 """
@@ -46,22 +47,30 @@ class WorkerStartError(VsfError):
 class ProcessWorkers(Executor):
     """As many processes as `workers`, each started with its first task and again after its death.
 
-    They take some two seconds to start: with many sweeps in a row, use one for all of them.
+    They take more than a second to start: with many sweeps in a row, use one for all of them.
+
+    Args:
+        workers: how many.
+        here: whether a thread of this process is one of them, which works while the others start. After the first
+            death of a worker it is one more process instead, because a task may be the cause.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, *, here: bool = False) -> None:
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
-        self._places: queue.SimpleQueue[_Process | None] = queue.SimpleQueue()
-        for _ in range(workers):
-            self._places.put(None)
+        self._places: queue.SimpleQueue[_Process | _Here | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._alive: set[_Process] = set()
-        self._closed = False
+        self._closed = self._lost = False
+        for _ in range(workers - here):
+            self._places.put(None)
+        if here:
+            self.start()
+            self._places.put(_Here())
 
     def start(self) -> None:
         """Starts all processes now, and returns at once: they get ready while the caller prepares its work."""
         for _ in range(self._places.qsize()):
-            self._threads.submit(self._call, None)
+            self._threads.submit(self._open, self._places.get())
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """As `Executor.submit`; the future of a task whose process ends raises WorkerLostError."""
@@ -78,15 +87,23 @@ class ProcessWorkers(Executor):
             self._end(process)
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
 
-    def _call(self, job: tuple | None) -> Any:
+    def _open(self, place: _Process | _Here | None) -> None:
+        """Fills an empty place. If that fails, the next task tries again, and says so."""
+        try:
+            place = place or self._start()
+        finally:
+            self._places.put(place)
+
+    def _call(self, job: tuple) -> Any:
         process = self._places.get()
         try:
-            process = process or self._start()
-            if job is None:
-                return None
+            if process is None or (self._lost and isinstance(process, _Here)):
+                process = None
+                process = self._start()
             returned, result = process.call(job)
         except (EOFError, ConnectionError):
-            assert process is not None
+            assert isinstance(process, _Process)
+            self._lost = True
             cause = self._end(process)
             process = None
             raise WorkerLostError(f"the worker process {cause} in the middle of it") from None
@@ -150,6 +167,15 @@ class _Process:
         if code < 0:
             return f"was killed by {signal.Signals(-code).name}"
         return f"ended with exit code {code}"
+
+
+class _Here:
+    """This process in the place of another. What a task raises is the task's, as in any executor."""
+
+    def call(self, job: tuple) -> tuple[bool, Any]:
+        """As `_Process.call`."""
+        fn, args, kwargs = job
+        return True, fn(*args, **kwargs)
 
 
 def serve(descriptor: int) -> None:

@@ -8,9 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
 LINE_EVERY_S = 30.0
 
 
@@ -84,6 +81,9 @@ class Lines:
 
 @contextmanager
 def _bar() -> Iterator[Report]:
+    from rich.console import Console  # noqa: PLC0415 (workers import this module, and show nothing)
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
     columns = (TextColumn("walks"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
                TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:

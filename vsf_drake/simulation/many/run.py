@@ -39,11 +39,12 @@ def simulate_many(
     Args:
         cases: what to walk. Equal ones are walked once.
         keep: arrays of `WalkResult` to bring back, by name. `energy_j` doubles the time.
-        workers: 1 for this process; more for as many worker processes; None for one a core.
+        workers: 1 for this process; more for as many, of which this one is the first; None for one a core.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
             `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known. Processes take
-            some two seconds to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each. A
-            `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
+            more than a second to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each.
+            It also keeps every walk out of this process, should one be able to kill it. A `ThreadPoolExecutor` starts
+            at once and is nearly as fast, but what kills a thread kills the sweep.
         cache: folder of finished walks, see `vsf_drake.simulation.many.cache`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
