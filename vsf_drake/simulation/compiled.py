@@ -11,4 +11,5 @@ import numba
 compiled = numba.njit(cache=True, error_model="numpy")
 """For functions that Python calls too."""
 internal = numba.njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""For functions that only compiled ones call: half the time to compile."""
+"""For functions that only compiled ones call, which take half the time to compile: calling one from Python ends the
+interpreter."""

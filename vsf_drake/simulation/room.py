@@ -74,5 +74,5 @@ def step_room(tree: Tree, forces: Forces, split: Split) -> Room:
     return Room(
         motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
         delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f),
-        M=np.zeros((f, f)), L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(1),
-        keel=np.zeros(1, dtype=np.int64))
+        M=np.zeros((f, f)), L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)),
+        fulcrum=np.zeros(1), keel=np.zeros(1, dtype=np.int64))

@@ -26,7 +26,8 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.person import PELVIS_COORDINATES
 from vsf_drake.simulation.posture import LEAST_SHARE, ROTATIONS, TRANSLATIONS, Equilibrium, Posture
 from vsf_drake.simulation.standing_result import NUDGE_M, NUDGE_RAD, Standing
-from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker
+from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
+from vsf_drake.simulation.walk_notes import AT_REST
 
 LARGEST_SWAY_RAD = np.radians(1.0)
 """Turn of a free pelvis from its equilibrium after which the person counts as falling (a choice)."""

@@ -24,7 +24,7 @@ from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.dynamics import tree_arrays
 from vsf_drake.simulation.room import split_coordinates, step_room
-from vsf_drake.simulation.tree import Tree
+from vsf_drake.simulation.tree import Tree, tree_of
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""
@@ -128,12 +128,17 @@ class Stepper:
             from the plant, with one call a step from Python, which takes three times as long.
 
     Raises:
-        ValueError: `dynamics` is neither.
+        ValueError: `dynamics` is neither, or the plant's Context no longer holds what the mechanism was read from.
     """
 
     def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled") -> None:
         if dynamics not in DYNAMICS:
             raise ValueError(f"dynamics is {dynamics!r}, but must be one of {', '.join(DYNAMICS)}")
+        if dynamics == "drake":
+            now = tree_of(mechanism.plant, mechanism.context)
+            if not all(np.array_equal(getattr(now, name), getattr(mechanism.tree, name))
+                       for name in ("frames", "inertias", "gravity")):
+                raise ValueError("the plant's Context has changed since the mechanism was read from it; read it again")
         self.mechanism, self.dynamics = mechanism, dynamics
         self.tree = tree_arrays(mechanism.tree)
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.model_file import check_fulcrum, check_model, foam_under_load
+from vsf_drake.model_file import check_fulcrum, check_model
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
@@ -24,7 +24,6 @@ from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import (
-    LOADED_N,
     FootReaction,
     ReactionSensitivity,
     foot_reaction,
@@ -34,18 +33,13 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
 from vsf_drake.simulation.variables import added, check_names, check_values
+from vsf_drake.simulation.walk_notes import walk_notes
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
 
 DEFAULT_STEP_S = 1e-3
-PLAUSIBLE_PEAK_BW = (0.6, 2.5)
-"""Peak vertical force of walking, in body weights, with a wide margin."""
 MAX_STEP_S = 0.01
-FOAM_AGREEMENT = 0.05
-"""Share by which the foam may differ between bench and walk before a note says so (a choice)."""
-AT_REST = 1e-3
-"""Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +50,7 @@ class Walk:
         prosthetic, intact: resultants on the two feet.
         commanded: (n, prescribed) the motion at the ends of the steps.
         fulcrum_m: (n + 1,) from A, start included.
+        values: of the walker's variables that were asked for.
         sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
         rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
@@ -67,6 +62,7 @@ class Walk:
     sensitivity: ReactionSensitivity | None
     commanded: np.ndarray
     fulcrum_m: np.ndarray
+    values: Mapping[str, float]
     step_s: float
     wall_s: float
     compile_s: float
@@ -174,7 +170,8 @@ class Walker:
             mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
             sensitivity=reaction_sensitivity(record, prosthetic, tuple(with_respect_to)) if edits else None,
             intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            step_s=step_s, wall_s=wall, compile_s=compile_s, rest_speed=rest_speed)
+            values={name: float(value) for name, value in values.items()}, step_s=step_s, wall_s=wall,
+            compile_s=compile_s, rest_speed=rest_speed)
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
         """Packs a run with all that it takes to understand and repeat it.
@@ -189,23 +186,7 @@ class Walker:
         driven = np.zeros_like(record.load)
         columns = [tree.index(name) for name in self.gait.prescribed]
         driven[:, columns] = record.load[:, columns]
-        unconverged = int(np.sum(~record.converged))
-        notes = list(trial.notes)
-        if unconverged:
-            notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
-        refined = int(np.sum(record.parts > 1))
-        if refined:
-            notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
-        notes += implausible_load(walk.prosthetic.grf_W[:, 2], self.subject.mass_kg)
-        if walk.prosthetic.grf_W[0, 2] > LOADED_N:
-            notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
-                         "equilibrium and without shear: its first hundredths of a second are not the recording's.")
-        foam, series = foam_under_load(self.model.foot), self.model.foot.series_stiffness_n_per_m
-        if foam is not None and abs(foam / series - 1) > FOAM_AGREEMENT:
-            notes.append(f"The forefoot's spheres have {1e-3 * foam:.1f} N/mm where the bench's foam has "
-                         f"{1e-3 * series:.1f}: this model walks on another foam than it is tested with.")
-        if walk.rest_speed > AT_REST:
-            notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
+        unconverged, refined = int(np.sum(~record.converged)), int(np.sum(record.parts > 1))
         ledger = self._ledger(walk) if energy else {}
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
@@ -214,7 +195,7 @@ class Walker:
             free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
             intact_cop_W=walk.intact.cop_W, sphere_normal_n=record.site("normal_force")[:, :count],
             sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
-            socket_wrench=self._socket_wrench(walk, socket), fulcrum_m=walk.fulcrum_m[1:],
+            socket_wrench=_socket_wrench(walk, socket), fulcrum_m=walk.fulcrum_m[1:],
             prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
             energy_names=tuple(ledger),
             energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
@@ -225,30 +206,20 @@ class Walker:
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
             synthetic=trial.synthetic,
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
-                        "offsets": to_plain(offsets),
+                        "offsets": to_plain(offsets), "values": dict(walk.values),
                         "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
                         "stepper": used_numbers(walk.mechanism)},
-            provenance=provenance(trial.inputs), notes=tuple(notes))
+            provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
 
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
         keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
         return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
 
-    def _socket_wrench(self, walk: Walk, socket: list[int]) -> np.ndarray:
-        """(n, 6) force of the bushing on the socket, from its law at the ends of the steps."""
-        system = self.gait.bushing
-        context = system.GetMyContextFromRoot(self.context)
-        constants = {name: system.GetParameter(context, name) for name in system.parameter_names}
-        return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
 
-
-def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
-    """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
-    peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
-    if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
-        return []
-    return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
-            "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]
+def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:
+    """(n, 6) force of the bushing on the socket, from its law at the ends of the steps."""
+    constants = dict(zip(SPRING_COLUMNS, walk.mechanism.springs[-6:].T, strict=True))
+    return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
 
 
 def used_numbers(mechanism: Mechanism) -> dict[str, list]:

@@ -1,0 +1,51 @@
+"""What a reader of a walk's numbers has to know about the run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsf_drake.model_file import foam_under_load
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.simulation.reactions import LOADED_N
+
+if TYPE_CHECKING:
+    from vsf_drake.simulation.walk import Walk
+
+PLAUSIBLE_PEAK_BW = (0.6, 2.5)
+"""Peak vertical force of walking, in body weights, with a wide margin."""
+FOAM_AGREEMENT = 0.05
+"""Share by which the foam may differ between bench and walk before a note says so (a choice)."""
+AT_REST = 1e-3
+"""Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
+
+
+def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
+    """Sentences on convergence, plausibility and the start of `walk`."""
+    notes, record = [], walk.record
+    unconverged, refined = np.count_nonzero(~record.converged), np.count_nonzero(record.parts > 1)
+    if unconverged:
+        notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+    if refined:
+        notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
+    notes += implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg)
+    if walk.prosthetic.grf_W[0, 2] > LOADED_N:
+        notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
+                     "equilibrium and without shear: its first hundredths of a second are not the recording's.")
+    foam, series = foam_under_load(model.foot), model.foot.series_stiffness_n_per_m
+    if foam is not None and abs(foam / series - 1) > FOAM_AGREEMENT:
+        notes.append(f"The forefoot's spheres have {1e-3 * foam:.1f} N/mm where the bench's foam has "
+                     f"{1e-3 * series:.1f}: this model walks on another foam than it is tested with.")
+    if walk.rest_speed > AT_REST:
+        notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
+    return notes
+
+
+def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
+    """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
+    peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
+    if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
+        return []
+    return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
+            "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]
