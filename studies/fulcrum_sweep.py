@@ -3,14 +3,13 @@
 Without a manifest it walks the embedded trial at the middle setting, which is synthetic, with geometric offsets that
 were fitted to another trial, at the softest setting: no position of this one is favoured. `--quick` fits nothing.
 Finished walks are kept in the output folder: run it again after an interruption, or with more positions, and only what
-is missing is simulated.
+is missing is simulated. `vsf-drake sweep` does the same for any trials and variables.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,16 +17,15 @@ import numpy as np
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.series import rmse
+from vsf_drake.analysis.sweep_table import as_walk, scores
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report import style as look
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.many import WalkCase, simulate_many
 
 FIRST_MM, LAST_MM = 66.0, 151.0
-KEEP = ("time_s", "grf_W", "cop_W", "q")
 
 
 def main() -> None:
@@ -46,7 +44,7 @@ def main() -> None:
     offsets = trial.offsets if other is None else fit_offsets(load_trial(other)).offsets
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
     outcomes = simulate_many([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
-                             keep=KEEP, workers=arguments.workers or (1 if arguments.quick else None),
+                             workers=arguments.workers or (1 if arguments.quick else None),
                              cache=arguments.out / "walks", progress=True)
     rows: list[dict[str, Any]] = []
     compared = []
@@ -54,9 +52,8 @@ def main() -> None:
         if not outcome.ok:
             print(outcome.failure)
             continue
-        compared.append((float(position), comparison := against_plate(outcome, trial)))
-        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), "grf_rmse_bw": resultant_rmse(comparison, trial),
-                     "cop_rmse_fl": cop_rmse(comparison, trial), "unconverged_steps": outcome.unconverged_steps})
+        compared.append((float(position), compare(as_walk(outcome), trial.prosthetic_plate)))
+        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **scores(outcome)})
         print("  ".join(f"{key} {value:.4g}" for key, value in rows[-1].items()))
     best = min(rows, key=lambda row: row["grf_rmse_bw"])["fulcrum_mm"] if rows else None
     print(f"smallest resultant error at {best:g} mm; the fulcrum stood at {1e3 * trial.fulcrum_m:g} mm")
@@ -67,26 +64,6 @@ def main() -> None:
         "smallest_error_at_mm": best, "positions": rows, "failed": [o.failure for o in outcomes if not o.ok]})
     with look.style():
         look.save_figure(figure(trial, rows, compared), arguments.out / "fulcrum_sweep")
-
-
-def against_plate(outcome: WalkOutcome, trial: Trial) -> Comparison:
-    """The walk beside its force plate, filtered as in `metrics.json`."""
-    walk: Any = SimpleNamespace(**outcome.arrays, column=outcome.column)
-    return compare(walk, trial.prosthetic_plate)
-
-
-def resultant_rmse(c: Comparison, trial: Trial) -> float:
-    """BW, over the stances and their margins."""
-    model, measured = (np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured))
-    return rmse(model, measured) / (trial.subject.mass_kg * GRAVITY)
-
-
-def cop_rmse(c: Comparison, trial: Trial) -> float:
-    """Fore-aft, in foot lengths, where both feet carry load."""
-    model, measured = (np.concatenate([getattr(s, name)[:, 0] for s in c.stances])
-                       for name in ("model_cop", "measured_cop"))
-    both = np.isfinite(model) & np.isfinite(measured)
-    return rmse(model[both], measured[both]) / trial.model.foot.length_m
 
 
 def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Comparison]]) -> Any:

@@ -1,0 +1,181 @@
+"""`vsf-drake sweep`: many walks over trials, fulcrum positions and values of the model's variables."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vsf_drake.cli.app import app, console, errors, progress
+from vsf_drake.cli.sweep_axes import Axis, axis, check_axes, check_count, fulcrum_positions, with_bounds
+from vsf_drake.errors import InputError, SimulationError
+
+
+@app.command()
+def sweep(
+    trials: Annotated[list[Path], typer.Argument(metavar="TRIAL.yaml...", help="Trial manifests.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; created if needed.")] = None,
+    fulcrum_mm: Annotated[str | None, typer.Option(
+        metavar="LOW:HIGH:COUNT", help="Fulcrum positions from the keel's posterior end, or a list: 66,87,108. "
+        "Default: each trial's own.")] = None,
+    vary: Annotated[list[str] | None, typer.Option(
+        metavar="NAME=LOW:HIGH:COUNT", help="Values of a variable, or a list: NAME=A,B,C; repeat it for a grid. "
+        "With --sample: NAME, or NAME=LOW:HIGH.")] = None,
+    sample: Annotated[int | None, typer.Option(
+        help="Instead of a grid, so many sets of values that fill the bounds (Latin hypercube).")] = None,
+    seed: Annotated[int, typer.Option(help="Of the sample.")] = 0,
+    fit_offsets: Annotated[bool, typer.Option(
+        "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis, once a "
+        "trial.")] = False,
+    step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
+    workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Thousands of walks are meant.")] = False,
+    list_variables: Annotated[bool, typer.Option(
+        "--list", help="Only print the variables of the trials: name, unit, value, bounds.")] = False,
+) -> None:
+    """Walks every combination and compares each walk with its force plate.
+
+    Finished walks are kept in the folder's cache: after an interruption the same command goes on where it stopped,
+    and a larger sweep computes only what is new. Values are in the units that --list prints. A walk that fails is a
+    row that says why; the exit code is 3 only if all of them fail.
+    """
+    if list_variables:
+        _print_variables(trials)
+        return
+    from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep
+    from vsf_drake.simulation.many import WalkCase, simulate_many
+    from vsf_drake.simulation.walk import MAX_STEP_S
+
+    if out is None:
+        raise InputError("is missing", where="--out", right="Name the folder for the results")
+    if not 0.0 < 1e-3 * step_ms <= MAX_STEP_S:
+        raise InputError(f"{step_ms:g} ms is not a usable step", where="--step-ms",
+                         right=f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}")
+    if sample is not None and sample < 1:
+        raise InputError(f"{sample} sets of values are none", where="--sample")
+    positions = fulcrum_positions(fulcrum_mm)
+    axes = [axis(text, sampled=sample is not None) for text in vary or ()]
+    if not axes and (not positions or sample is not None):
+        raise InputError("there is nothing to vary", where="sweep",
+                         right="Give --vary, or --fulcrum-mm without --sample; --list prints the names")
+    count = len(trials) * max(1, len(positions)) * (sample or _product(axes))
+    check_count(count, meant=yes)
+    out = out.expanduser()
+    loaded, variables = _loaded(trials, axes, positions)
+    check_sweep_folder(out, list(loaded))
+    sets = _sets(axes, variables, sample, seed)
+    offsets = {name: _fitted(trial, name) if fit_offsets else trial.offsets for name, trial in loaded.items()}
+    cases = [WalkCase(trial=trial, values=values, fulcrum_m=None if mm is None else 1e-3 * mm,
+                      label="" if name == trial.name else name, offsets=offsets[name], step_s=1e-3 * step_ms)
+             for name, trial in loaded.items() for mm in positions or (None,) for values in sets]
+    try:
+        outcomes = simulate_many(cases, workers=workers, cache=out / "cache", progress=True)
+        with progress() as show:
+            table = write_sweep(
+                outcomes, loaded, out, variables={item.name: variables[item.name] for item in axes},
+                fulcrum=bool(positions), show=lambda f: show("comparing", f),
+                plan={"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
+                      "offsets": offsets, **_plan(axes, variables, sample, seed)})
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; the finished walks are in {out / 'cache'}: the same command goes on from them",
+                     highlight=False, soft_wrap=True, markup=False)
+        sys.exit(130)
+    _print_sweep(table)
+    console.print(f"written to {out}", highlight=False, markup=False)
+    if table["failed"] == table["walks"]:
+        sys.exit(SimulationError.exit_code)
+
+
+def _loaded(trials: list[Path], axes: list[Axis], positions: tuple[float, ...]) -> tuple[dict[str, Any], dict]:
+    """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
+    from vsf_drake.model_file import check_fulcrum
+    from vsf_drake.motion.trial import load_trial
+    from vsf_drake.simulation.walk import Walker
+
+    paths = [path.expanduser() for path in trials]
+    for i, path in enumerate(paths):
+        if path.resolve() in [other.resolve() for other in paths[:i]]:
+            raise InputError("the trial stands twice", file=path)
+    found = [load_trial(path) for path in paths]
+    names = [trial.name for trial in found]
+    variables: dict[str, Any] = {}
+    for path, trial in zip(paths, found, strict=True):
+        own = Walker(trial.subject, trial.model).variables
+        check_axes(axes, own, trial="" if len(paths) == 1 else str(path))
+        variables = variables or own
+        for mm in positions:
+            check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
+    return {name if names.count(name) == 1 else f"{name} ({path})": trial
+            for name, path, trial in zip(names, paths, found, strict=True)}, variables
+
+
+def _sets(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed: int) -> list[dict[str, float]]:
+    from vsf_drake.simulation.many import grid_values, sample_values
+
+    if sample is None:
+        return grid_values({item.name: item.values for item in axes})
+    if seed < 0:
+        raise InputError(f"{seed} is negative", where="--seed")
+    return sample_values(with_bounds(axes, variables), [item.name for item in axes], sample, seed)
+
+
+def _plan(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed: int) -> dict[str, Any]:
+    """What of a sweep's values is needed to repeat it."""
+    if sample is None:
+        return {"vary": {item.name: item.values for item in axes}, "sample": None}
+    return {"sample": {
+        "count": sample, "seed": seed, "method": "Latin hypercube, of the logarithm where the lower bound is above 0",
+        "bounds": {name: [v.low, v.high] for name, v in with_bounds(axes, variables).items()}}}
+
+
+def _fitted(trial: Any, name: str) -> Any:
+    from vsf_drake.analysis.offsets import fit_offsets
+
+    with progress() as show:
+        show(f"{name}: fitting the offsets", 0.0)
+        return fit_offsets(trial).offsets
+
+
+def _product(axes: list[Axis]) -> int:
+    count = 1
+    for item in axes:
+        count *= len(item.values)
+    return count
+
+
+def _print_variables(trials: list[Path]) -> None:
+    """A line a variable, in columns, for reading and for grep."""
+    from vsf_drake.motion.trial import load_trial
+    from vsf_drake.simulation.walk import Walker
+
+    for path in trials:
+        trial = load_trial(path.expanduser())
+        found = Walker(trial.subject, trial.model).variables.values()
+        rows = [("variable", "unit", "value", "low", "high", ""),
+                *((v.name, v.unit, f"{v.default:.6g}", f"{v.low:.6g}", f"{v.high:.6g}",
+                   "added to what is there" if v.added else "") for v in found)]
+        wide = [max(len(row[i]) for row in rows) for i in range(5)]
+        typer.echo(f"# {trial.name}, fulcrum at {1e3 * trial.fulcrum_m:g} mm")
+        for row in rows:
+            cells = [row[0].ljust(wide[0]), row[1].ljust(wide[1]), *(row[i].rjust(wide[i]) for i in (2, 3, 4)), row[5]]
+            typer.echo("  ".join(cells).rstrip())
+
+
+def _print_sweep(table: dict[str, Any]) -> None:
+    """What came out, in a few lines."""
+    lines = [f"{table['walks']} walks, {table['failed']} failed"]
+    for trial in table["trials"]:
+        best = trial["smallest_error"]
+        if best is not None:
+            varied = ", ".join(f"{name} {value:g}" for name, value in best["at"].items())
+            lines.append(f"{trial['name']}: resultant force within {best['grf_rmse_bw']:.3f} BW at best, at {varied}")
+    unconverged = f"{table['unconverged_steps']} steps unconverged"
+    lines.append(unconverged + (f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""))
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for failure in table["failures"][:3]:
+        console.print(f"! {failure}", style="bold yellow", highlight=False, markup=False, soft_wrap=True)
+    if table["failed"] > 3:
+        console.print(f"! and {table['failed'] - 3} more: see sweep.csv", style="bold yellow", highlight=False)

@@ -1,0 +1,107 @@
+"""What a sweep leaves on disk: a row a walk as CSV, what it was made of as JSON, a figure if one thing was varied."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.sweep_table import SCORES, measured_peak_bw, sweep_row
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.report.style import save_figure
+from vsf_drake.report.sweep_figure import sweep_figure
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import check_target
+from vsf_drake.simulation.many import WalkOutcome
+from vsf_drake.simulation.many.keys import software
+from vsf_drake.simulation.results import result_folder
+from vsf_drake.simulation.variables import Variable
+
+SWEEP = "sweep"
+
+
+def check_sweep_folder(out: Path, trials: Sequence[str]) -> None:
+    """Raises InputError unless a sweep of `trials` can go to `out`."""
+    check_target(out, SWEEP)
+    path = out / f"{SWEEP}.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["trials"] if path.exists() else None
+        names = None if found is None else [trial["name"] for trial in found]
+    except (OSError, ValueError, TypeError, KeyError):
+        raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
+    if names is not None and sorted(names) != sorted(trials):
+        raise InputError(f"holds a sweep of other trials ({', '.join(names)})", file=out,
+                         right="Choose another folder for this sweep")
+
+
+def write_sweep(
+    outcomes: Sequence[WalkOutcome], trials: Mapping[str, Trial], out: Path, *, variables: Mapping[str, Variable],
+    fulcrum: bool, plan: Mapping[str, Any], show: Callable[[float], None]
+) -> dict[str, Any]:
+    """Writes sweep.csv, sweep.json and for one varied quantity sweep.png and sweep.svg; returns the table.
+
+    Args:
+        outcomes: of walks of the `trials`, which are given by the names that the table shall have.
+        variables: that were varied; fulcrum: whether it was.
+        plan: what was asked for, for the table.
+        show: called with the finished fraction.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
+    rows, name_of = [], {id(trial): name for name, trial in trials.items()}
+    for i, outcome in enumerate(outcomes):
+        rows.append(sweep_row(outcome, name_of[id(outcome.case.trial)], list(variables)))
+        show((i + 1) / len(outcomes))
+    varied = [*(["fulcrum_mm"] if fulcrum else []), *variables]
+    failures = [row["failure"] for row in rows if row["failure"]]
+    table: dict[str, Any] = plain({
+        "kind": SWEEP, "walks": len(rows), "failed": len(failures), "failures": failures,
+        "unconverged_steps": sum(row["unconverged_steps"] or 0 for row in rows),
+        "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
+        "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": _columns(variables),
+        "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]})
+    figure = sweep_figure(rows, table, variables) if len(varied) == 1 else None
+    with result_folder(out) as folder:
+        _write_csv(folder / f"{SWEEP}.csv", rows)
+        write_json(folder / f"{SWEEP}.json", table)
+        if figure is not None:
+            save_figure(figure, folder / SWEEP)
+    if figure is None:
+        for suffix in (".png", ".svg"):  # of an earlier sweep in this folder
+            (out / f"{SWEEP}{suffix}").unlink(missing_ok=True)
+    return table
+
+
+def _columns(variables: Mapping[str, Variable]) -> dict[str, dict[str, Any]]:
+    return {
+        "trial": {"meaning": "name of the trial"},
+        "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum from the keel's posterior end"},
+        **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
+                  "in_the_model": v.default} for name, v in variables.items()},
+        **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
+        "failure": {"meaning": "why there are no scores; empty if there are"}}
+
+
+def _trial(name: str, trial: Trial, rows: Sequence[Mapping[str, Any]], varied: Sequence[str],
+           outcomes: Sequence[WalkOutcome]) -> dict[str, Any]:
+    own = [row for row in rows if row["trial"] == name and row["grf_rmse_bw"] is not None]
+    best = min(own, key=lambda row: row["grf_rmse_bw"], default=None)
+    return {"name": name, "file": str(trial.path), "synthetic": trial.synthetic, "inputs": trial.inputs,
+            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 9), "window_s": [trial.start_s, trial.end_s],
+            "mass_kg": trial.subject.mass_kg, "measured_peak_vertical_bw": measured_peak_bw(outcomes, trial),
+            "notes": list(trial.notes),
+            "smallest_error": None if best is None else {
+                "grf_rmse_bw": best["grf_rmse_bw"], "at": {key: best[key] for key in varied}}}
+
+
+def _write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    with replaced(path) as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
