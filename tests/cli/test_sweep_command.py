@@ -125,7 +125,7 @@ def test_the_names_are_listed_with_unit_value_and_bounds(run):
     (("--fulcrum-mm", "66:300:3"), "out of the carriage's reach"),
     (("--fulcrum-mm", "151:66:3"), "does not rise"),
     (("--vary", "contact.heel.stifness=1e4,2e4"), "Did you mean contact.heel.stiffness"),
-    (("--vary", "friction.mu_static=-1:1:3"), "--vary ['friction.mu_static']: -1.0 is not usable"),
+    (("--vary", "friction.mu_static=-1:1:3"), "--vary friction.mu_static: -1.0 is not usable"),
     (("--vary", "friction.mu_static=0.1", "--vary", "friction.mu_static=0.2"), "stands twice"),
     (("--vary", "offset.height=-1:1:20000"), "--yes"),
     (("--vary", "offset.height=0:1:9000", "--vary", "offset.fore_aft=0:1:9000", "--yes"), "at a time"),

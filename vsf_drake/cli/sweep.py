@@ -88,7 +88,9 @@ def sweep(
         sys.exit(SimulationError.exit_code)
 
 
-def _loaded(trials: list[Path], axes: list[Axis], positions: tuple[float, ...]) -> tuple[dict[str, Any], dict]:
+def _loaded(
+    trials: list[Path], axes: list[Axis], positions: tuple[float, ...]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
     from vsf_drake.model_file import check_fulcrum
     from vsf_drake.motion.trial import load_trial

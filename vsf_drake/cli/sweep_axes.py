@@ -70,8 +70,9 @@ def check_axes(axes: Sequence[Axis], variables: Mapping[str, Any], *, trial: str
             for value in (*item.values, *(item.bounds or ())):
                 check_values({item.name: value}, variables)
     except InputError as error:
-        where = f"--vary {error.where.removeprefix('values')}" if error.where != "--vary" else "--vary"
-        raise InputError(error.what, file=trial or None, where=where, right=error.right) from None
+        where = (error.where or "").removeprefix("values").strip("[]'")
+        raise InputError(error.what, file=trial or None, where="--vary" if where == "--vary" else f"--vary {where}",
+                         right=error.right) from None
 
 
 def with_bounds(axes: Sequence[Axis], variables: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ caller's script (`multiprocessing` would), so that it needs no `if __name__ == "
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import queue
@@ -26,7 +27,8 @@ READY = "ready"
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
                                       "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
 _CODE = """\
-import signal, sys
+import gc, signal, sys
+gc.disable()  # nothing of what is imported will be given back: looking for it takes a twentieth of the time
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
 sys.path[:] = {path!r}
 import vsf_drake.systems  # first: for each of its templates Drake looks through all modules that there are
@@ -94,7 +96,7 @@ class ProcessWorkers(Executor):
         finally:
             self._places.put(place)
 
-    def _call(self, job: tuple) -> Any:
+    def _call(self, job: tuple[Any, ...]) -> Any:
         process = self._places.get()
         try:
             if process is None or (self._lost and isinstance(process, _Here)):
@@ -150,7 +152,7 @@ class _Process:
         except (EOFError, ConnectionError):
             return False
 
-    def call(self, job: tuple) -> tuple[bool, Any]:
+    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
         """Whether the job returned, and what; else the exception as text.
 
         Raises:
@@ -172,7 +174,7 @@ class _Process:
 class _Here:
     """This process in the place of another. What a task raises is the task's, as in any executor."""
 
-    def call(self, job: tuple) -> tuple[bool, Any]:
+    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
         """As `_Process.call`."""
         fn, args, kwargs = job
         return True, fn(*args, **kwargs)
@@ -182,6 +184,7 @@ def serve(descriptor: int) -> None:
     """The life of a worker process: takes jobs from the pipe until its other end is closed, by will or by death."""
     from vsf_drake.simulation.many import worker  # noqa: F401, PLC0415 (all that takes time, before it is ready)
 
+    gc.enable()
     with Connection(descriptor) as pipe:
         try:
             pipe.send(READY)
