@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.offsets import NAMES, fit_offsets
+from vsf_drake.analysis.offsets import BOUNDS, ENOUGH, NAMES, OffsetProblem, fit_offsets, minimise
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -45,6 +45,55 @@ def test_offsets_that_made_the_data_are_found_again(trial, walker):
         found, truth, error = (getattr(item, name) for item in (fit.offsets, TRUTH, fit.standard_error))
         assert abs(found - truth) < 2 * error, name
     assert calls[-1][0] <= fit.evaluations
+    assert len({count for count, _ in calls}) == len(calls)
+
+
+def by_differences(residuals, steps):
+    """Jacobian of `residuals` by central differences with `steps`, inside the bounds."""
+    def jacobian(x):
+        columns = []
+        for i, step in enumerate(steps):
+            ends = np.repeat(x[None], 2, axis=0)
+            ends[:, i] = np.clip(x[i] + np.array([-step, step]), -BOUNDS[i], BOUNDS[i])
+            columns.append((residuals(ends[1]) - residuals(ends[0])) / (ends[1, i] - ends[0, i]))
+        return np.column_stack(columns)
+
+    return jacobian
+
+
+WIDE = np.array([5e-4, 1e-3, np.radians(0.25)])
+"""Steps (m, m, rad) well above the scatter of contact events; a thousandth of them passes none."""
+
+
+@pytest.mark.parametrize("number", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (3, 6))])
+@pytest.mark.parametrize("share", [1.0, 1e-3])
+def test_exact_jacobian_leads_to_the_minimum_that_differences_lead_to(number, share):
+    """Gauss-Newton from the same start. With narrow differences, which are exact but for 1e-4, the path is the same;
+    with wide ones the end is, within the half of a standard error that a fit may be off when it stops (ENOUGH)."""
+    one = load_trial(embedded_trials()[number])
+    problems = [OffsetProblem(Walker(one.subject, one.model), one) for _ in range(2)]
+    start = np.array([5e-3, 0.0, 0.0])
+    exact = minimise(problems[0].residuals, problems[0].jacobian, start)
+    other = minimise(problems[1].residuals, by_differences(problems[1].residuals, share * WIDE), start)
+    assert exact.success and other.success
+    apart = exact.jac @ (exact.x - other.x)
+    assert np.linalg.norm(apart) < (0.5 if share == 1.0 else 0.01)
+    if share < 1.0:
+        assert exact.cost == pytest.approx(other.cost, rel=ENOUGH)
+        assert exact.nfev == other.nfev
+    assert problems[0].simulations == exact.nfev
+    assert problems[1].simulations >= 7 * other.njev
+
+
+def test_jacobian_is_the_derivative_of_the_residuals(trial, walker):
+    """At a point with all three offsets: central differences that pass no event."""
+    problem, x = OffsetProblem(walker, trial), np.array([5e-3, 0.01, 0.02])
+    exact = problem.jacobian(x)
+    problem.residuals(x)
+    assert problem.simulations == 1
+    other = by_differences(problem.residuals, 1e-3 * WIDE)(x)
+    assert exact.shape == other.shape
+    assert np.all(np.abs(exact - other) < 1e-3 * np.abs(other).max(axis=0))
 
 
 def test_fit_does_not_make_the_agreement_worse(trial, walker):

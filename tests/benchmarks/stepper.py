@@ -18,6 +18,14 @@ from vsf_drake.simulation.walk import Walk
 STEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4)
 SECOND_EXACT_STEP_S = 1.25e-4
 REPEATS = 10
+ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")
+BY = (*(f"contact.{zone}.{number}" for zone in ZONES for number in ("stiffness", "damping", "rise")),
+      "friction.mu_static", "friction.threshold_velocity", "keel.flexural_modulus", "fulcrum.stiffness",
+      "fulcrum.shift", "socket.ty.stiffness", "socket.flexion.stiffness", "offset.height", "offset.fore_aft",
+      "offset.alignment")
+"""Variables such as a fit of the contact would have."""
+INSIDE_M = 0.108
+"""A position (m from A) from which the fulcrum can shift both ways."""
 COLD_START = """
 import time
 started = time.perf_counter()
@@ -33,7 +41,7 @@ print(time.perf_counter() - started)
 
 def rows(quick: bool = False) -> list[Row]:
     """Without the compilations in the quick form."""
-    return [*([] if quick else _starts()), *_walks(), _bench()]
+    return [*([] if quick else _starts()), *_walks(), _sensitivities(), _bench()]
 
 
 def _starts() -> list[Row]:
@@ -64,6 +72,31 @@ def _walks() -> list[Row]:
             f"{difference(force, step_s, exact, EXACT_STEP_S):.3f} from 0.0625 ms; {record.iterations.mean():.2f} "
             f"iterations a step, {cut} cut into smaller ones, {failed} unconverged")))
     return made
+
+
+def _sensitivities() -> Row:
+    """The same walk with exact derivatives of the prosthetic foot's reaction, and how near central differences come."""
+    walker = the_walker()
+    options = {"trajectory": the_trial().trajectory, "step_s": 1e-3, **span(WALK_S), "fulcrum_m": INSIDE_M}
+
+    def wall_s(walk: Walk) -> float:
+        return walk.wall_s
+
+    plain = best(lambda: walker.walk(**options), wall_s, REPEATS)
+    walk = best(lambda: walker.walk(**options, with_respect_to=BY), wall_s, REPEATS)
+    medians, largest = [], []
+    for i, name in enumerate(BY):
+        variable = walker.variables[name]
+        change = 3e-6 * (abs(variable.default) or variable.high)
+        low, high = (walker.walk(**options, values={name: variable.default + sign * change}).prosthetic.grf_W
+                     for sign in (-1.0, 1.0))
+        exact = walk.sensitivity.grf_W[:, :, i]
+        error = np.abs(exact - (high - low) / (2.0 * change)).max(axis=1) / np.abs(exact).max()
+        medians.append(float(np.median(error)))
+        largest.append(float(error.max()))
+    return Row(f"{len(BY)} sensitivities, 1 ms", WALK_S, walk.wall_s, (
+        f"{walk.wall_s / plain.wall_s:.2f} times the walk without them; force from central differences: median "
+        f"{max(medians):.0e}, at most {max(largest):.0e} of its largest, the worst variable of each"))
 
 
 def _bench() -> Row:

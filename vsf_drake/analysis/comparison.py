@@ -115,7 +115,7 @@ def compare(result: WalkResult, plate: Plate, *, force_cutoff_hz: float = FORCE_
     grid = uniform_grid(result.time_s)
     step = float(grid[1] - grid[0])
     heading = walking_direction(result)
-    raw = _resample(grid, result.time_s, _to_walk_axes(result.grf_W, heading))
+    raw = resample(grid, result.time_s, _to_walk_axes(result.grf_W, heading))
     model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=force_cutoff_hz)
     plate_force = _to_walk_axes(plate.force_W, heading)
     kept = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
@@ -128,10 +128,12 @@ def compare(result: WalkResult, plate: Plate, *, force_cutoff_hz: float = FORCE_
     model_stances = find_stances(grid, raw[:, 2], threshold_n=threshold_n)
     stances = []
     for stance in (s for s in found if s.end_s > time[0] and s.start_s < time[-1]):
-        instants = stance.start_s + PERCENT / 100.0 * (stance.end_s - stance.start_s)
-        cop = [_cop(t, force, _to_walk_axes(p, heading)[:, :2], instants, threshold_n, force_cutoff_hz, cop_cutoff_hz)
-               for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
-                                   (result.time_s, result.grf_W[:, 2], result.cop_W))]
+        instants = percent_instants(stance)
+        cop = [filtered_while_loaded(
+            _to_walk_axes(p, heading)[:, :2], t, force, p, instants, threshold_n=threshold_n,
+            force_cutoff_hz=force_cutoff_hz, cutoff_hz=cop_cutoff_hz)
+            for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
+                                (result.time_s, result.grf_W[:, 2], result.cop_W))]
         cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
         wanted = (stance.start_s - margin_s, stance.end_s + margin_s)
         stances.append(StanceComparison(
@@ -155,14 +157,24 @@ def walking_direction(result: WalkResult) -> np.ndarray:
     return travelled / distance if distance > _MINIMUM_PATH_M else np.array([1.0, 0.0])
 
 
+def walk_axes(heading: np.ndarray) -> np.ndarray:
+    """(3, 3) unit vectors in W as rows: fore-aft, lateral (left), vertical."""
+    return np.array([[*heading, 0.0], [-heading[1], heading[0], 0.0], [0.0, 0.0, 1.0]])
+
+
+def percent_instants(stance: Stance) -> np.ndarray:
+    """(101,) instants (s) of 0-100 % of a stance."""
+    return np.asarray(stance.start_s + PERCENT / 100.0 * (stance.end_s - stance.start_s))
+
+
+def resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n, m) values at `time` -> at `grid`, on straight lines."""
+    return np.column_stack([np.interp(grid, time, column) for column in values.T])
+
+
 def _to_walk_axes(vectors_W: np.ndarray, heading: np.ndarray) -> np.ndarray:
     """(n, 3) vectors in W -> fore-aft, lateral (left), vertical."""
-    forward, left = np.array([*heading, 0.0]), np.array([-heading[1], heading[0], 0.0])
-    return np.asarray(vectors_W @ np.array([forward, left, [0.0, 0.0, 1.0]]).T)
-
-
-def _resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.interp(grid, time, column) for column in values.T])
+    return np.asarray(vectors_W @ walk_axes(heading).T)
 
 
 def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarray, cutoff_hz: float,
@@ -170,16 +182,27 @@ def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarr
     before = int(min(margin_s, time[0] - plate.time_s[0]) / step + 1e-6)
     after = int(min(margin_s, plate.time_s[-1] - time[-1]) / step + 1e-6)
     wide = time[0] + step * np.arange(-before, len(time) + after)
-    return low_pass(_resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)[
+    return low_pass(resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)[
         before:before + len(time)]
 
 
-def _cop(time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray, threshold_n: float,
-         force_cutoff_hz: float, cop_cutoff_hz: float) -> np.ndarray:
-    """(101, 2) centre of pressure at `instants`, filtered inside each loaded run; NaN elsewhere."""
+def filtered_while_loaded(
+    series: np.ndarray, time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray, *,
+    threshold_n: float, force_cutoff_hz: float, cutoff_hz: float
+) -> np.ndarray:
+    """A series at other instants, low-passed inside each interval in which the foot is loaded; NaN elsewhere.
+
+    Args:
+        series: (n, m) the centre of pressure, or what is as linear as it: a derivative of it.
+        time, vertical, cop: (n,) s, (n,) N and (n, 2 or 3) m, which tell when the foot is loaded.
+        instants: (k,) s.
+
+    Returns:
+        (k, m).
+    """
     grid = uniform_grid(time)
     rate = 1.0 / float(grid[1] - grid[0])
-    curve = np.full((len(instants), 2), np.nan)
+    curve = np.full((len(instants), series.shape[1]), np.nan)
     smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(force_cutoff_hz, 0.45 * rate))
     valid = (vertical > threshold_n) & np.isfinite(cop).all(axis=1)
     for start, stop in runs(smooth > threshold_n):
@@ -190,9 +213,9 @@ def _cop(time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.n
         points = grid[(grid >= first - 1e-9) & (grid <= last + 1e-9)]
         if last - first < _SHORTEST_RUN_S or len(points) < 2:
             continue
-        filtered = low_pass(_resample(points, time[own], cop[own]), rate_hz=rate, cutoff_hz=cop_cutoff_hz)
+        filtered = low_pass(resample(points, time[own], series[own]), rate_hz=rate, cutoff_hz=cutoff_hz)
         here = (instants >= points[0]) & (instants <= points[-1])
-        curve[here] = _resample(instants[here], points, filtered)
+        curve[here] = resample(instants[here], points, filtered)
     return curve
 
 

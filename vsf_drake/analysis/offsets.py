@@ -4,25 +4,29 @@ No recording tells how high the person's pelvis stood over the ground to a milli
 under its pylon, and 1 mm or 1 degree moves the force by several percent of body weight. The fit
 sets these three by weighted nonlinear least squares (trust region, bounded; scipy) on the
 components of the ground reaction force in the sagittal plane and the fore-aft centre of pressure,
-with weak priors that keep what the data do not tell near zero.
+with weak priors that keep what the data do not tell near zero. Each simulation brings its own exact
+derivatives, so that residuals and Jacobian at one point are one run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.linear_comparison import compare_sensitivity
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import Walk, Walker
 
 NAMES = ("height_m", "fore_aft_m", "alignment_rad")
+VARIABLES = ("offset.height", "offset.fore_aft", "offset.alignment")
+"""The same among the variables of a walk."""
 BOUNDS = np.array([0.10, 0.06, np.radians(15.0)])
 """Largest offsets (m, m, rad), both ways."""
 PRIOR = np.array([0.05, 0.03, np.radians(8.0)])
@@ -35,7 +39,6 @@ ENOUGH = 1e-4
 """The fit ends when a step betters the cost by less than this part: what is left is below half a standard error."""
 FIT_STEP_S = 2e-3
 SCAN_STEP_S = 4e-3
-DIFFERENCE = np.array([5e-4, 1e-3, np.radians(0.25)])
 STRIDE = 4
 """Every fourth instant of the 40 Hz force series is a residual: they are no more independent than that."""
 
@@ -49,7 +52,8 @@ class OffsetFit:
         standard_error: of each, from the Jacobian and the assumed noise (m, m, rad).
         cost_before, cost: half the sum of squared weighted residuals at zero offsets (None if the walk diverges there)
             and at the end.
-        evaluations: simulations run. success: the optimiser's own verdict; message: in its words.
+        evaluations: simulations run, those of the scan of heights included.
+        success: the optimiser's own verdict; message: in its words.
         at_bound: names of offsets that ended on a bound.
     """
 
@@ -79,69 +83,106 @@ def fit_offsets(
         InputError: at no height within the bounds does the foot meet the ground as the plate says.
         SimulationError: a run diverges, wherever the search has got to.
     """
-    walker = walker or Walker(trial.subject, trial.model)
-    plate = trial.prosthetic_plate
-    weight = trial.subject.mass_kg * GRAVITY
-    count = 0
-
-    def residuals(x: np.ndarray) -> np.ndarray:
-        nonlocal count
-        offsets = GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
-        walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                           step_s=FIT_STEP_S, offsets=offsets)
-        count += 1
-        c = compare(walker.result(walk, trial, offsets, energy=False), plate)
-        rows = np.flatnonzero(c.scored)[::STRIDE]
-        force = (c.model - c.measured)[rows][:, [0, 2]].ravel() / (weight * FORCE_NOISE_BW)
-        cop = [np.nan_to_num((s.model_cop - s.measured_cop)[::STRIDE, 0]) for s in c.stances] if plate.has_cop else []
-        apart = np.concatenate([*cop, np.zeros(0)]) / (trial.model.foot.length_m * COP_NOISE_FL)
-        out = np.concatenate([force, apart, x / PRIOR])
-        if progress:
-            progress(count, 0.5 * float(out @ out))
-        return out
-
-    start = np.array([_height_by_impulse(walker, trial), 0.0, 0.0])
+    problem = OffsetProblem(walker or Walker(trial.subject, trial.model), trial, progress)
+    start = np.array([_height_by_impulse(problem), 0.0, 0.0])
     try:
-        first = residuals(np.zeros(3))
+        first = problem.residuals(np.zeros(3))
         cost_before = 0.5 * float(first @ first)
     except SimulationError:
         cost_before = None
-    solution = least_squares(
-        residuals, start, jac=lambda x: _jacobian(residuals, x), bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR,
-        xtol=1e-4, ftol=ENOUGH, max_nfev=30)
+    solution = minimise(problem.residuals, problem.jacobian, start)
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     values = dict(zip(NAMES, map(float, solution.x), strict=True))
     errors = dict(zip(NAMES, map(float, np.sqrt(np.diag(covariance))), strict=True))
     at_bound = tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active)
     return OffsetFit(
         offsets=GeometricOffsets(**values), standard_error=GeometricOffsets(**errors),
-        cost_before=cost_before, cost=float(solution.cost), evaluations=count,
+        cost_before=cost_before, cost=float(solution.cost), evaluations=problem.simulations,
         success=bool(solution.success), message=str(solution.message), at_bound=at_bound)
 
 
-def _jacobian(residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Central differences with steps well above the scatter of contact events, inside the bounds."""
-    columns = []
-    for i, step in enumerate(DIFFERENCE):
-        ends = np.repeat(x[None], 2, axis=0)
-        ends[:, i] = np.clip(x[i] + np.array([-step, step]), -BOUNDS[i], BOUNDS[i])
-        columns.append((residuals(ends[1]) - residuals(ends[0])) / (ends[1, i] - ends[0, i]))
-    return np.column_stack(columns)
+class OffsetProblem:
+    """Weighted residuals of a trial and their derivatives, as functions of the three offsets x (m, m, rad).
+
+    Residuals: every STRIDE-th scored instant of fore-aft and vertical force, every STRIDE-th percent of each stance
+    of the fore-aft centre of pressure, the offsets themselves over PRIOR.
+
+    Args:
+        progress: called with the number of simulations so far and the current cost.
+
+    Attributes:
+        simulations: how many were run.
+    """
+
+    def __init__(self, walker: Walker, trial: Trial, progress: Callable[[int, float], None] | None = None) -> None:
+        self.walker, self.trial, self.simulations = walker, trial, 0
+        self._progress = progress
+        self._at: np.ndarray | None = None
+        self._residuals, self._jacobian = np.zeros(0), np.zeros((0, 3))
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """(m,) at `x`. Raises SimulationError if the run diverges."""
+        self._evaluate(x)
+        return self._residuals
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """(m, 3) at `x`, without a simulation where the last residuals were asked for."""
+        self._evaluate(x)
+        return self._jacobian
+
+    def walk(self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()) -> Walk:
+        """The trial's walk with these offsets."""
+        trial = self.trial
+        walk = self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                                step_s=step_s, offsets=offsets, with_respect_to=with_respect_to)
+        self.simulations += 1
+        return walk
+
+    def _evaluate(self, x: np.ndarray) -> None:
+        if self._at is not None and np.array_equal(x, self._at):
+            return
+        trial = self.trial
+        plate = trial.prosthetic_plate
+        offsets = GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
+        walk = self.walk(offsets, FIT_STEP_S, VARIABLES)
+        assert walk.sensitivity is not None
+        result = self.walker.result(walk, trial, offsets, energy=False)
+        c = compare(result, plate)
+        by = compare_sensitivity(c, result, walk.sensitivity)
+        rows = np.flatnonzero(c.scored)[::STRIDE]
+        noise_n, noise_m = trial.subject.mass_kg * GRAVITY * FORCE_NOISE_BW, trial.model.foot.length_m * COP_NOISE_FL
+        values = [(c.model - c.measured)[rows][:, [0, 2]].ravel() / noise_n]
+        slopes = [by.model[rows][:, [0, 2]].reshape(-1, 3) / noise_n]
+        if plate.has_cop:
+            for stance, cop_by in zip(c.stances, by.cop, strict=True):
+                values.append(np.nan_to_num((stance.model_cop - stance.measured_cop)[::STRIDE, 0]) / noise_m)
+                slopes.append(np.nan_to_num(cop_by[::STRIDE, 0]) / noise_m)
+        self._residuals, self._jacobian = np.concatenate([*values, x / PRIOR]), np.vstack([*slopes, np.diag(1 / PRIOR)])
+        self._at = np.array(x)
+        if self._progress:
+            self._progress(self.simulations, 0.5 * float(self._residuals @ self._residuals))
 
 
-def _height_by_impulse(walker: Walker, trial: Trial) -> float:
+def minimise(
+    residuals: Callable[[np.ndarray], np.ndarray], jacobian: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+) -> OptimizeResult:
+    """The least squares from `start` on, within BOUNDS."""
+    return least_squares(residuals, start, jac=jacobian, bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR, xtol=1e-4,
+                         ftol=ENOUGH, max_nfev=30)
+
+
+def _height_by_impulse(problem: OffsetProblem) -> float:
     """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height.
 
     A walk that diverges counts as one with the foot too deep in the ground, except at the very top.
     """
-    plate = trial.prosthetic_plate
+    trial, plate = problem.trial, problem.trial.prosthetic_plate
     inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
     wanted = float(np.trapezoid(plate.force_W[inside, 2], plate.time_s[inside]))
 
     def surplus(height: float) -> float:
         try:
-            walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                               step_s=SCAN_STEP_S, offsets=GeometricOffsets(height_m=height))
+            walk = problem.walk(GeometricOffsets(height_m=height), SCAN_STEP_S)
         except SimulationError:
             if height >= BOUNDS[0]:
                 raise

@@ -50,7 +50,7 @@ def validate_walk(
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:
-        typical = 80
+        typical = 25
         fit = fit_offsets(trial, walker=walker,
                           progress=progress and (lambda n, _: progress("fitting offsets", min(0.99, n / typical))))
     offsets = fit.offsets if fit else trial.offsets

@@ -1,0 +1,192 @@
+"""The linearised step is the derivative of the step's equations: Drake's own by AutoDiffXd, differences of the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDiff
+from pydrake.math import RigidTransform_, RotationMatrix_
+from pydrake.multibody.tree import MultibodyForces_
+
+from vsf_drake.plants.foot import mount_pose, set_mount
+from vsf_drake.simulation.assembly import find_sites, find_support
+from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
+from vsf_drake.simulation.linearise import linearise
+from vsf_drake.simulation.mechanism import edited, gait_mechanism
+from vsf_drake.simulation.newton import _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.room import split_coordinates, step_room
+from vsf_drake.simulation.variables import added
+from vsf_drake.simulation.ways import make_ways, tangent_room
+
+STEP_S, FULCRUM_M = 1e-3, 0.11
+HELD = ("pelvis_tx", "pelvis_ty", "pelvis_tilt", "pelvis_rotation", "knee_angle_r", "fulcrum")
+MOUNT = (2e-3, 5e-3, 0.03)
+"""Height, fore-aft (m), alignment (rad) about which things are varied."""
+
+
+@numba.njit
+def _residual_at(tree, forces, split, room, ground, fulcrum, q, v0, a, v, sites, support):
+    """The residual of a step from q, v0 to v, held coordinates accelerated by a: parts have no Python wrapper."""
+    place(tree, q, room.motion)
+    find_sites(STEP_S, forces, room.motion, ground, room.contact, sites)
+    deflection = 0.0
+    if forces.fulcrum[0] > 0.0:
+        _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
+    room.v0[:] = v0
+    room.trial[:] = v
+    inverse_dynamics(tree, v0, a, room.motion, room.bias)
+    mass_matrix(tree, room.motion, split.free, split.above, split.counts, room.M)
+    _velocities(tree.links, room.motion.S, v, room.contact.V)
+    _residual(STEP_S, tree.links, forces, split, room, deflection, 0.0, q, sites, support)
+
+
+class Instant:
+    """One step of a person at random q0, v0, and its linearisation.
+
+    Args:
+        depth: how far (m) the lowest sphere is in the ground at the start; negative: above it.
+        names: variables.
+    """
+
+    def __init__(self, walker, seed, names, *, depth, speed, forces=True):
+        self.walker, self.names, rng = walker, names, np.random.default_rng(seed)
+        mechanism = self._mechanism(np.zeros(3))
+        if not forces:
+            mechanism = dataclasses.replace(mechanism, springs=np.zeros_like(mechanism.springs), fulcrum=np.zeros(2))
+        self.mechanism, tree = mechanism, mechanism.tree
+        n = tree.num_coordinates
+        self.held = np.array([tree.index(name) for name in HELD])
+        self.split = split_coordinates(tree, mechanism.forces, self.held)
+        self.q = rng.uniform(-0.05, 0.05, n) * np.where(np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1)
+        self.q[tree.index("fulcrum")] = FULCRUM_M
+        self.v0 = rng.uniform(-speed, speed, n)
+        self.room = step_room(tree, mechanism.forces, self.split)
+        arrays = tree_arrays(tree)
+        place(arrays, self.q, self.room.motion)
+        R, p, b = self.room.motion.R, self.room.motion.p, mechanism.site_bodies
+        bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[:, 2] - mechanism.sites[:, 3]
+        self.ground = bottoms.min() + depth
+        held_v = self.v0[self.held] + STEP_S * rng.uniform(-3.0, 3.0, len(self.held))
+        q, self.v = self.q.copy(), self.v0.copy()
+        sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
+        _, self.converged = step(
+            STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, FULCRUM_M,
+            self.q[self.held] + STEP_S * held_v, False, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
+            support)
+        edits = tuple(walker.variables[name].edit for name in names)
+        ways = make_ways(tree, mechanism.forces, self.split, edits, measured=np.zeros(len(sites), dtype=bool))
+        self.tangent = tangent_room(tree, self.split, ways)
+        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, True, sites)
+        linearise(STEP_S, arrays, mechanism.forces, self.split, ways, self.room, self.tangent, self.q, self.v, sites,
+                  support)
+        count = len(self.split.free)
+        self.by_variable = self.tangent.Gq[:, count:] @ ways.unit[count:] + self.tangent.E
+        self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv.copy()
+
+    def _mechanism(self, change):
+        """With the foot at MOUNT and `change` (3,); the Context is as it was afterwards."""
+        gait, context = self.walker.gait, self.walker.context
+        plant_context, foot = gait.plant_context(context), gait.person.foot
+        height, fore_aft, alignment = MOUNT + np.asarray(change)
+        set_mount(plant_context, foot, height=height, fore_aft=fore_aft, alignment=alignment)
+        mechanism = gait_mechanism(gait, context)
+        set_mount(plant_context, foot)
+        return mechanism
+
+    def residual(self, *, dq=0.0, dv0=0.0, values=None):
+        """r / h at the same end velocity, and which branch of its law each site is on."""
+        values = values or {}
+        geometry, slide, shift = added(self.walker.variables, values, self.walker.gait.prescribed)
+        mechanism = self.mechanism
+        if geometry.any():
+            mechanism = dataclasses.replace(mechanism, tree=self._mechanism(geometry).tree)
+        mechanism = edited(mechanism, self.walker.variables, values)
+        tree, forces, room = mechanism.tree, mechanism.forces, step_room(mechanism.tree, mechanism.forces, self.split)
+        q, v0, a = self.q + dq, self.v0 + dv0, np.zeros(len(self.q))
+        for name, change in zip(self.walker.gait.prescribed, shift, strict=True):
+            q[tree.index(name)] += change
+        q[tree.index("fulcrum")] += slide
+        sites = np.zeros((len(mechanism.sites), 9))
+        a[self.held] = (self.v - self.v0)[self.held] / STEP_S
+        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, FULCRUM_M + slide, q, v0, a, self.v,
+                     sites, np.zeros(3))
+        loaded, law = sites[:, 1] > 0.0, mechanism.sites
+        speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
+        kinds = [loaded, loaded & (sites[:, 4] > 0.0), loaded & (sites[:, 0] > law[:, 7]), loaded & (speed > 1.0),
+                 loaded & (speed > 1.5)]
+        return room.r / STEP_S, np.array(kinds)
+
+    def difference(self, change, **unit):
+        """Central difference of the residual along `unit`, and whether nothing changes its branch on the way."""
+        ends = [self.residual(**{key: {n: sign * change * x for n, x in value.items()} if key == "values"
+                                 else sign * change * value for key, value in unit.items()}) for sign in (1.0, -1.0)]
+        return (ends[0][0] - ends[1][0]) / (2.0 * change), np.array_equal(ends[0][1], ends[1][1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed):
+    """In the air, without springs: rows of free coordinates, by all of these, by held ones and by the mount."""
+    person = walker(side)
+    variables = [f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables]
+    variables += ["offset.height", "offset.fore_aft", "offset.alignment", "fulcrum.shift"]
+    at = Instant(person, seed, variables, depth=-1.0, speed=2.0, forces=False)
+    tree, free, n = at.mechanism.tree, at.split.free, len(at.q)
+    x = InitializeAutoDiff(np.concatenate([at.q, at.v0, MOUNT])[:, None])[:, 0]
+    q, v0, (height, fore_aft, alignment) = x[:n], x[n : 2 * n], x[2 * n :]
+    plant = person.gait.plant.ToAutoDiffXd()
+    context = plant.CreateDefaultContext()
+    level = mount_pose(person.gait.person.foot.parameters).translation()
+    plant.GetFrameByName("vsf_mount").SetPoseInParentFrame(context, RigidTransform_[AutoDiffXd](
+        RotationMatrix_[AutoDiffXd].MakeYRotation(alignment), level - np.array([fore_aft, AutoDiffXd(0.0), height])))
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v0)
+    gravity = MultibodyForces_[AutoDiffXd](plant)
+    plant.CalcForceElementsContribution(context, gravity)
+    acceleration = (at.v - v0) / STEP_S
+    acceleration[at.held] = (at.v - at.v0)[at.held] / STEP_S
+    wanted = ExtractGradient(plant.CalcInverseDynamics(context, acceleration, gravity))[free]
+    assert at.converged
+    scale = np.abs(wanted[:, :n]).max()
+    np.testing.assert_allclose(at.by_q, wanted[:, free], rtol=0.0, atol=1e-10 * scale)
+    np.testing.assert_allclose(at.by_v, wanted[:, n + free], rtol=0.0, atol=1e-10 * np.abs(wanted[:, n + free]).max())
+    columns = [2 * n, 2 * n + 1, 2 * n + 2, tree.index("fulcrum")]
+    columns = [*(tree.index(name[11:]) for name in variables[:-4]), *columns]
+    assert np.abs(wanted[:, columns]).max() > 1.0
+    np.testing.assert_allclose(at.by_variable, wanted[:, columns], rtol=0.0,
+                               atol=1e-10 * np.abs(wanted[:, columns]).max())
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_contact_springs_and_support_are_differentiated_too(walker, side, speed):
+    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start and every variable."""
+    person, checked, total = walker(side), 0, 0
+    variables = [name for name in person.variables if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)]
+    variables = [name for name in variables if not name.endswith("exponent")]
+    for seed in range(4):
+        at = Instant(person, seed, variables, depth=0.012, speed=speed)
+        assert at.converged and at.residual()[1][0].sum() > 3
+        directions = [(at.by_q[:, i], {"dq": e}) for i, e in enumerate(np.eye(len(at.q))[at.split.free])]
+        directions += [(at.by_v[:, i], {"dv0": e}) for i, e in enumerate(np.eye(len(at.q))[at.split.free])]
+        for exact, unit in directions:
+            found, smooth = at.difference(1e-6, **unit)
+            total, checked = total + 1, checked + smooth
+            if smooth:
+                np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-5 * np.abs(at.by_q).max())
+        for p, name in enumerate(variables):
+            variable = person.variables[name]
+            if variable.added:
+                found, smooth = at.difference(1e-6, values={name: 1.0})
+            else:
+                default, change = variable.default, 1e-5 * variable.default
+                ends = [at.residual(values={name: default + sign * change}) for sign in (1.0, -1.0)]
+                found, smooth = (ends[0][0] - ends[1][0]) / (2.0 * change), np.array_equal(ends[0][1], ends[1][1])
+            total, checked = total + 1, checked + smooth
+            if smooth:
+                scale = max(np.abs(at.by_variable[:, p]).max(), 1.0 / (abs(variable.default) or 0.01))
+                np.testing.assert_allclose(at.by_variable[:, p], found, rtol=0.0, atol=1e-5 * scale, err_msg=name)
+    assert checked > 0.9 * total
