@@ -133,10 +133,9 @@ class OffsetProblem:
     def walk(self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()) -> Walk:
         """The trial's walk with these offsets."""
         trial = self.trial
-        walk = self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                                step_s=step_s, offsets=offsets, with_respect_to=with_respect_to)
         self.simulations += 1
-        return walk
+        return self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                                step_s=step_s, offsets=offsets, with_respect_to=with_respect_to)
 
     def _evaluate(self, x: np.ndarray) -> None:
         if self._at is not None and np.array_equal(x, self._at):
