@@ -15,8 +15,8 @@ class Split(NamedTuple):
     """Which coordinates are free and what they move.
 
     prescribed, free: indices. above (f, f), counts (f,): see `dynamics.chains`, over the free ones. place: (n,)
-    place among the free ones, or -1. moving: links whose body a free coordinate moves, parents first.
-    site_moves: (S,) whether one moves the site.
+    place among the free ones, or -1. body_moves (B,), site_moves (S,): whether a free coordinate moves it.
+    moving, still: links whose body one moves, parents first, and the others.
     """
 
     prescribed: np.ndarray

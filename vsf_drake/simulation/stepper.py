@@ -92,7 +92,8 @@ class Record:
     """What a run leaves: one row for the end of each step.
 
     Attributes:
-        q0, v0: state at the start. q, v, load: (n, coordinates); load holds the prescribed coordinates.
+        q0, v0: state at the start. q, v, load: (n, coordinates); load holds the prescribed coordinates. That of a step
+            in several parts is its last part's: the prescribed masses are accelerated in the first one, and not in it.
         sites: (n, S, 9) columns SITE_RECORD.
         fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
         iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
@@ -125,7 +126,7 @@ class Stepper:
     Args:
         mechanism: what to advance.
         dynamics: where mass matrix, Coriolis and gravity terms come from: "compiled", or "drake" to have them
-            from the plant, with one call a step from Python, which takes three times as long.
+            from the plant, with calls from Python in every step, which takes about four times as long.
 
     Raises:
         ValueError: `dynamics` is neither, or the plant's Context no longer holds what the mechanism was read from.

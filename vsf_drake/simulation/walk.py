@@ -72,7 +72,8 @@ class Walk:
 class Walker:
     """A subject with a prosthesis on the ground: built once, walked often.
 
-    Parameters live in `context` (the diagram's): change them there between runs.
+    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it,
+    so that one person is for one thread at a time.
 
     Args:
         subject, model: the person and the devices.
@@ -117,8 +118,8 @@ class Walker:
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
             values: of `variables`, for this walk only; what is not named stays as the Context has it.
-            with_respect_to: names of `variables` by which the prosthetic foot's reaction is differentiated, exactly,
-                at a fraction of a walk each: see `Walk.sensitivity`.
+            with_respect_to: names of `variables` by which the prosthetic foot's reaction is differentiated, exactly
+                if the start is at rest. One costs as much as a walk, each further one a few percent of that.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says.
             progress: called with the finished fraction.

@@ -60,6 +60,7 @@ class Tangent(NamedTuple):
             acceleration of what it carries, at the start of the step; to the velocity at its end.
         coriolis, shift (B, 6, 6): composites; derivative of inertial forces by velocity, of contact by displacement.
         out_shift, out_K (B, 6, 6): the same of the measured wrench, by displacement and by minus the velocity.
+        touched: (B,) whether the body, or one that it carries, has a loaded site.
         dF (B, P, 6), dT (P, 6): what parameters change directly in the wrenches, and in the measured one.
         Gq (f, C), Gv (f, f), E (f, P): derivatives of the residual / h by displacement, initial velocity, parameters.
         q, v (C, P): sensitivities of the state. rhs (f, P).
