@@ -30,7 +30,7 @@ class Drive(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Where n steps are written: q, v, load (n, coordinates); sites (n, S, 9); support (n, 3); iterations,
+    """Where n steps are written: q, v, load (n, coordinates), the latter the mean over its pieces; sites (n, S, 9); support (n, 3); iterations,
     parts (n,): accepted pieces of the step, 1 if it was not halved; converged (n,)."""
 
     q: np.ndarray
@@ -90,22 +90,26 @@ def advance(
     at the end of each step are written to wrenches (n, 6, P).
     """
     none, nothing = np.empty((0, 0)), np.empty(0)
-    q0, v0, q_next = q.copy(), v.copy(), np.empty(split.prescribed.shape[0])
+    q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(split.prescribed.shape[0])
     for k in range(first, last):
         done, size = 0, PARTS
         rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
+        rows.load[k] = 0.0
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             copy(q, q0)
             copy(v, v0)
             iterations, converged = step(
-                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, False, none, nothing, q, v,
-                rows.load[k], rows.sites[k], rows.support[k])
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, none, nothing, q, v,
+                load, rows.sites[k], rows.support[k])
+            share = size / PARTS
             done, size, accepted = next_piece(done, size, converged)
             rows.iterations[k] += iterations
             if accepted:
                 rows.parts[k] += 1
                 rows.converged[k] &= converged
+                for i in range(q.shape[0]):
+                    rows.load[k, i] += share * load[i]
                 if ways is not None:
                     carry(h, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k], rows.support[k],
                           wrenches[k])

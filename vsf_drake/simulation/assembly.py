@@ -146,23 +146,23 @@ def add_sites(h, forces, contact, ground_rate, wanted, which, record):
 
 
 @internal
-def site_tangent(sites, s, gain, record, exact):
+def site_tangent(sites, s, gain, record, least_slope):
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
-    A falling friction curve counts as flat unless `exact`.
+    A friction curve that falls more steeply counts as `least_slope` (s/m).
     """
     fn, vx, vy = record[s, 1], record[s, 5], record[s, 6]
     speed = math.sqrt(vx * vx + vy * vy)
     ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
     xx, xy, yy = ratio * fn, 0.0, ratio * fn
     if speed > sites[s, 10]:
-        along = ((slope if exact else max(slope, 0.0)) - ratio) * fn / (speed * speed)
+        along = (max(slope, least_slope) - ratio) * fn / (speed * speed)
         xx, xy, yy = xx + along * vx * vx, along * vx * vy, yy + along * vy * vy
     return xx, xy, yy, -ratio * vx * gain, -ratio * vy * gain, gain
 
 
 @internal
-def tangents(forces, contact, links, split, exact, record):
+def tangents(forces, contact, links, split, least_slope, record):
     """K of every moving body with all that it carries (`split`: see `room.Split`)."""
     K, moving = contact.K, split.moving
     for k in range(moving.shape[0]):
@@ -175,7 +175,7 @@ def tangents(forces, contact, links, split, exact, record):
             continue
         b = forces.site_bodies[s]
         contact.loaded[b] = True
-        xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, exact)
+        xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, least_slope)
         x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - forces.sites[s, 3]
         rows = ((xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
                 (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),

@@ -9,7 +9,7 @@ import numpy as np
 from vsf_drake.simulation.assembly import SITE_RECORD, Forces
 from vsf_drake.simulation.dynamics import tree_arrays
 from vsf_drake.simulation.linearise import linearise
-from vsf_drake.simulation.newton import step, tangent_matrix
+from vsf_drake.simulation.newton import EXACT, step, tangent_matrix
 from vsf_drake.simulation.room import Split, split_coordinates, step_room
 from vsf_drake.simulation.tree import Tree
 from vsf_drake.simulation.variables import Edit
@@ -54,11 +54,11 @@ def rest_sensitivity(
     ways = make_ways(tree, forces, split, edits, measured=np.zeros(len(forces.sites), dtype=bool))
     tangent = tangent_room(tree, split, ways)
     end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
-    step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], False, np.zeros((0, 0)), np.zeros(0),
+    step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
          end, v, np.zeros_like(q), sites, support)
     for column in ("depth_rate", "slip_x", "slip_y"):  # Settling leaves some 1e-9 m/s, which are no part of a rest.
         sites[:, SITE_RECORD.index(column)] = 0.0
-    tangent_matrix(h, arrays, forces, split, room, True, sites)
+    tangent_matrix(h, arrays, forces, split, room, EXACT, sites)
     linearise(h, arrays, forces, split, ways, room, tangent, q, v, sites, support)
     count = len(split.free)
     by = np.zeros((len(q), len(edits)))

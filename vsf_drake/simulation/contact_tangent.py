@@ -72,7 +72,7 @@ def _site(h, s, forces, ways, room, tangent, sites):
     vz = V[b, 5] + wx * y - wy * x
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
-    xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], sites, True)
+    xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
     x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]

@@ -20,10 +20,11 @@ def advance_with_drake(
 ) -> tuple[int, int]:
     """As `advance.advance`; the state in the plant's `context` is overwritten."""
     own = MultibodyForces(plant)
-    q_next = np.zeros(len(split.prescribed))
+    q_next, load = np.zeros(len(split.prescribed)), np.zeros_like(q)
     for k in range(first, last):
         done, size = 0, PARTS
         rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
+        rows.load[k] = 0.0
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
@@ -32,13 +33,15 @@ def advance_with_drake(
             C = plant.CalcInverseDynamics(context, np.zeros_like(v), own)
             q0, v0 = q.copy(), v.copy()
             iterations, converged = step(
-                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, True, M, C, q, v,
-                rows.load[k], rows.sites[k], rows.support[k])
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v,
+                load, rows.sites[k], rows.support[k])
+            share = size / PARTS
             done, size, accepted = next_piece(done, size, converged)
             rows.iterations[k] += iterations
             if accepted:
                 rows.parts[k] += 1
                 rows.converged[k] &= converged
+                rows.load[k] += share * load
             else:
                 q[:], v[:] = q0, v0
         rows.q[k], rows.v[k] = q, v

@@ -18,6 +18,8 @@ a flattened one converges linearly only.
 
 from __future__ import annotations
 
+import math
+
 from vsf_drake.simulation.assembly import add_sites, add_springs, add_support, find_sites, find_support, tangents
 from vsf_drake.simulation.compiled import compiled, internal
 from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place
@@ -30,20 +32,21 @@ MAX_TRIALS = 12
 OVERSHOOT = 0.5
 """Uphill slope after a step, relative to the downhill one before it, that is accepted."""
 EXACT_FROM = 4
+EXACT, FLAT = -math.inf, 0.0
+"""Least slope of the friction curve in a tangent: any, or none that falls."""
 LENGTHEN = 4.0
 TOLERANCE = 1e-7
 """Converged when sqrt(r^T M^-1 r) is below this, in sqrt(kg) m/s."""
 
 
 @compiled
-def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, given, M, C, q, v, load, sites, support):
+def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v, load, sites, support):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
     Args:
         ground, ground_rate: height (m) of the ground at the end and its rate. fulcrum: position (m from A).
         q_next: values of the prescribed coordinates at the end.
-        given: whether M (n, n), mass matrix, and C (n,) = C(q0, v0) v0 - tau_g(q0) are given; else they are
-            worked out and the arguments not looked at.
+        M, C: mass matrix (n, n) and C(q0, v0) v0 - tau_g(q0) (n,); worked out here where M is (0, 0).
         load: (n,) out, forces that hold the prescribed coordinates (the residual in the others).
         sites (S, 9), support (3,): out, see `assembly`.
     """
@@ -60,6 +63,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
         c = prescribed[k]
         v[c] = (q_next[k] - q[c]) / h
         room.acceleration[c] = (v[c] - room.v0[c]) / h
+    given = M.shape[0] > 0
     if given:
         for i in range(q.shape[0]):
             bias[i] = C[i]
@@ -98,10 +102,10 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, giv
         if converged:
             break
         slope0 = 0.0
-        for exact in (True, False):
-            if exact and iterations < EXACT_FROM:
+        for least_slope in (EXACT, FLAT):
+            if least_slope == EXACT and iterations < EXACT_FROM:
                 continue
-            tangent_matrix(h, tree, forces, split, room, exact, sites)
+            tangent_matrix(h, tree, forces, split, room, least_slope, sites)
             for i in range(nf):
                 dx[i, 0] = -r[i]
             solve_columns(room.A, dx)
@@ -160,10 +164,10 @@ def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, 
 
 
 @compiled
-def tangent_matrix(h, tree, forces, split, room, exact, sites):
-    """Writes A (f, f) = dr/dv at the last residual; the falling branch of friction enters if `exact`."""
+def tangent_matrix(h, tree, forces, split, room, least_slope, sites):
+    """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m)."""
     contact, S, A, free = room.contact, room.motion.S, room.A, split.free
-    tangents(forces, contact, tree.links, split, exact, sites)
+    tangents(forces, contact, tree.links, split, least_slope, sites)
     for i in range(free.shape[0]):
         copy(room.M[i], A[i])
     for i in range(free.shape[0]):

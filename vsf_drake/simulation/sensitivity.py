@@ -14,7 +14,7 @@ from __future__ import annotations
 from vsf_drake.simulation.compiled import internal
 from vsf_drake.simulation.linear import solve_columns
 from vsf_drake.simulation.linearise import linearise
-from vsf_drake.simulation.newton import tangent_matrix
+from vsf_drake.simulation.newton import EXACT, tangent_matrix
 from vsf_drake.simulation.spatial import plus, six, times
 
 
@@ -27,7 +27,7 @@ def carry(h, tree, forces, split, ways, room, tangent, q0, v, sites, support, wr
         wrench: (6, P) out, of the measured sites: moment about W's origin, force; the points are those of the end.
     """
     nf, (C, P) = split.free.shape[0], ways.unit.shape
-    tangent_matrix(h, tree, forces, split, room, True, sites)
+    tangent_matrix(h, tree, forces, split, room, EXACT, sites)
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support)
     rhs = tangent.rhs
     for i in range(nf):

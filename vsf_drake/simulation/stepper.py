@@ -13,23 +13,27 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.advance import Drive, Rows, advance
-from vsf_drake.simulation.assembly import SITE_RECORD, Forces
+from vsf_drake.simulation.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS, Forces
 from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.dynamics import tree_arrays
 from vsf_drake.simulation.room import split_coordinates, step_room
 from vsf_drake.simulation.tree import Tree, tree_of
+from vsf_drake.simulation.variables import Edit
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""
 MAX_SPEED = 1e3
 """Coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged."""
+TANGENT_ARGUMENT = -2
+"""Where `advance` takes what carries sensitivities along: by its type the compiled variants are told apart."""
 DYNAMICS = ("compiled", "drake")
 
 
@@ -92,8 +96,8 @@ class Record:
     """What a run leaves: one row for the end of each step.
 
     Attributes:
-        q0, v0: state at the start. q, v, load: (n, coordinates); load holds the prescribed coordinates. That of a step
-            in several parts is its last part's: the prescribed masses are accelerated in the first one, and not in it.
+        q0, v0: state at the start. q, v, load: (n, coordinates); load holds the prescribed coordinates, on
+            average over the step.
         sites: (n, S, 9) columns SITE_RECORD.
         fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
         iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
@@ -195,15 +199,21 @@ class Stepper:
         self._check_limits(record)
         return record
 
-    def warm_up(self) -> float:
-        """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was."""
-        if advance.signatures and self.dynamics == "compiled":
+    def warm_up(self, edits: tuple[Edit, ...] = ()) -> float:
+        """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was.
+
+        Args:
+            edits: if any, what carries sensitivities along is compiled too.
+        """
+        if any((signature[TANGENT_ARGUMENT] == numba.types.none) != bool(edits) for signature in advance.signatures):
             return 0.0
         started = time.perf_counter()
         n = self.mechanism.tree.num_coordinates
         held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
                       fulcrum=np.zeros(2), ground=np.zeros(2))
-        self.run(held, np.zeros(n), np.zeros(n))
+        carried = Carried(edits=edits, measured=np.ones(len(self.mechanism.sites), dtype=bool),
+                          q0=np.zeros((n, len(edits)))) if edits else None
+        self.run(held, np.zeros(n), np.zeros(n), carried=carried)
         return time.perf_counter() - started
 
     def settle(
@@ -211,12 +221,15 @@ class Stepper:
     ) -> tuple[np.ndarray, float]:
         """Rest position with everything prescribed held at the first row of `inputs`, and the largest speed left.
 
-        Large implicit steps without the contact's damping, which would only delay the same equilibrium,
-        until no coordinate is faster than `at_rest` (m/s, rad/s), at most `steps` of them.
+        Large implicit steps without damping and friction, which would only delay the same equilibrium, until no
+        coordinate is faster than `at_rest` (m/s, rad/s), at most `steps` of them.
         """
-        undamped = np.array(self.mechanism.sites)
-        undamped[:, 6] = 0.0
-        stepper = Stepper(dataclasses.replace(self.mechanism, sites=undamped), dynamics=self.dynamics)
+        m = self.mechanism
+        sites, springs, fulcrum = m.sites.copy(), m.springs.copy(), m.fulcrum.copy()
+        columns = [SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
+        sites[:, columns], springs[:, SPRING_COLUMNS.index("damping")], fulcrum[1] = 0.0, 0.0, 0.0
+        undamped = dataclasses.replace(m, sites=sites, springs=springs, fulcrum=fulcrum)
+        stepper = Stepper(undamped, dynamics=self.dynamics)
         held = Inputs(
             time_s=step_s * np.arange(steps + 1), prescribed=inputs.prescribed,
             prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),

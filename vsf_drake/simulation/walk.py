@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,17 +23,13 @@ from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
-from vsf_drake.simulation.reactions import (
-    FootReaction,
-    ReactionSensitivity,
-    foot_reaction,
-    reaction_sensitivity,
-)
+from vsf_drake.simulation.reactions import foot_reaction, reaction_sensitivity
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.start import start_state
-from vsf_drake.simulation.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepper import Inputs, Mechanism, Stepper
 from vsf_drake.simulation.variables import added, check_names, check_values
 from vsf_drake.simulation.walk_notes import walk_notes
+from vsf_drake.simulation.walk_run import Walk
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
@@ -42,45 +38,19 @@ DEFAULT_STEP_S = 1e-3
 MAX_STEP_S = 0.01
 
 
-@dataclass(frozen=True)
-class Walk:
-    """One run of a `Walker`, before it is packed as a result.
-
-    Attributes:
-        prosthetic, intact: resultants on the two feet.
-        commanded: (n, prescribed) the motion at the ends of the steps.
-        fulcrum_m: (n + 1,) from A, start included.
-        values: of the walker's variables that were asked for.
-        sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
-        rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
-    """
-
-    mechanism: Mechanism
-    record: Record
-    prosthetic: FootReaction
-    intact: FootReaction
-    sensitivity: ReactionSensitivity | None
-    commanded: np.ndarray
-    fulcrum_m: np.ndarray
-    values: Mapping[str, float]
-    step_s: float
-    wall_s: float
-    compile_s: float
-    rest_speed: float
-
-
 class Walker:
     """A subject with a prosthesis on the ground: built once, walked often.
 
-    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it,
-    so that one person is for one thread at a time.
+    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it, under a
+    lock: several threads may share a walker, but not while one of them changes the Context.
 
     Args:
         subject, model: the person and the devices.
         free: anatomical coordinates that are not prescribed.
 
     Attributes:
-        variables: the numbers that `walk` takes by name (`values`), with units and bounds.
+        variables: the numbers that `walk` takes by name (`values`), with units, bounds and what they were at first. One
+            that is named replaces what the Context holds.
 
     Raises:
         InputError: a parameter is out of range or the segments do not fit.
@@ -93,6 +63,7 @@ class Walker:
         self.gait = make_gait(subject, model, free=free)
         self.context = self.gait.diagram.CreateDefaultContext()
         self.free = tuple(free)
+        self._reading = threading.Lock()
         self.variables = gait_variables(self.gait, gait_mechanism(self.gait, self.context))
 
     def walk(
@@ -128,6 +99,7 @@ class Walker:
             InputError: a number is out of range, or the trajectory lacks a coordinate or the time.
             SimulationError: the run diverges.
         """
+        started = time.perf_counter()
         if not 0.0 < step_s <= MAX_STEP_S:
             raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
                              right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
@@ -142,12 +114,14 @@ class Walker:
         check_names(with_respect_to, self.variables, where="with_respect_to")
         edits = tuple(self.variables[name].edit for name in with_respect_to)
         geometry, slide, shift = added(self.variables, values, self.gait.prescribed)
-        fulcrum = slide + np.broadcast_to(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, moments.shape)
+        fulcrum = slide + _on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
-        set_mount(self.gait.plant_context(self.context), self.gait.person.foot, height=offsets.height_m + geometry[0],
-                  fore_aft=offsets.fore_aft_m + geometry[1], alignment=offsets.alignment_rad + geometry[2])
-        mechanism = edited(gait_mechanism(self.gait, self.context), self.variables, values)
+        with self._reading:
+            set_mount(self.gait.plant_context(self.context), self.gait.person.foot,
+                      height=offsets.height_m + geometry[0], fore_aft=offsets.fore_aft_m + geometry[1],
+                      alignment=offsets.alignment_rad + geometry[2])
+            mechanism = edited(gait_mechanism(self.gait, self.context), self.variables, values)
         stepper = Stepper(mechanism)
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
@@ -155,8 +129,7 @@ class Walker:
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
                         fulcrum=np.array(fulcrum), ground=np.full(steps + 1, mechanism.ground_height))
-        compile_s = stepper.warm_up()
-        started = time.perf_counter()
+        compile_s = stepper.warm_up(edits[:1])
         q0, v0, rest_speed, by = start_state(
             stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {},
             edits=edits)
@@ -164,15 +137,15 @@ class Walker:
         measured = np.arange(len(mechanism.sites)) < count
         carried = Carried(edits=edits, measured=measured, q0=by) if edits else None
         record = stepper.run(inputs, q0, v0, carried=carried, progress=progress)
-        wall = time.perf_counter() - started
         ground = stepper.mechanism.ground_height
         prosthetic = foot_reaction(record, slice(0, count), ground)
+        intact = foot_reaction(record, slice(count, None), ground)
         return Walk(
             mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
             sensitivity=reaction_sensitivity(record, prosthetic, tuple(with_respect_to)) if edits else None,
-            intact=foot_reaction(record, slice(count, None), ground), commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            values={name: float(value) for name, value in values.items()}, step_s=step_s, wall_s=wall,
-            compile_s=compile_s, rest_speed=rest_speed)
+            intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
+            values={name: float(value) for name, value in values.items()}, step_s=step_s,
+            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
         """Packs a run with all that it takes to understand and repeat it.
@@ -215,6 +188,15 @@ class Walker:
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
         keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
         return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
+
+
+def _on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
+    """Positions (n,) at the moments (n,)."""
+    position = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, dtype=float)
+    if position.shape not in ((), moments.shape):
+        raise InputError(f"gives {position.shape} positions for {moments.shape} times", where="fulcrum_m",
+                         right="It must return one for each")
+    return np.broadcast_to(position, moments.shape)
 
 
 def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:

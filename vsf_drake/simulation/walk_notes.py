@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from vsf_drake.model_file import foam_under_load
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.simulation.reactions import LOADED_N
-
-if TYPE_CHECKING:
-    from vsf_drake.simulation.walk import Walk
+from vsf_drake.simulation.walk_run import Walk
 
 PLAUSIBLE_PEAK_BW = (0.6, 2.5)
 """Peak vertical force of walking, in body weights, with a wide margin."""

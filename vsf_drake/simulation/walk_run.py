@@ -1,0 +1,38 @@
+"""One run of a walking person, as the stepper left it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.simulation.reactions import FootReaction, ReactionSensitivity
+from vsf_drake.simulation.stepper import Mechanism, Record
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One run of a `Walker`, before it is packed as a result.
+
+    Attributes:
+        prosthetic, intact: resultants on the two feet.
+        commanded: (n, prescribed) the motion at the ends of the steps.
+        fulcrum_m: (n + 1,) from A, start included.
+        values: of the walker's variables that were asked for.
+        sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
+        rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
+    """
+
+    mechanism: Mechanism
+    record: Record
+    prosthetic: FootReaction
+    intact: FootReaction
+    sensitivity: ReactionSensitivity | None
+    commanded: np.ndarray
+    fulcrum_m: np.ndarray
+    values: Mapping[str, float]
+    step_s: float
+    wall_s: float
+    compile_s: float
+    rest_speed: float
