@@ -16,7 +16,7 @@ from vsf_drake.simulation.assembly import find_sites, find_support
 from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.linearise import linearise
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.newton import _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.newton import EXACT, _residual, _velocities, step, tangent_matrix
 from vsf_drake.simulation.room import split_coordinates, step_room
 from vsf_drake.simulation.variables import added
 from vsf_drake.simulation.ways import make_ways, tangent_room
@@ -74,12 +74,12 @@ class Instant:
         sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
         _, self.converged = step(
             STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, FULCRUM_M,
-            self.q[self.held] + STEP_S * held_v, False, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
+            self.q[self.held] + STEP_S * held_v, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
             support)
         edits = tuple(walker.variables[name].edit for name in names)
         ways = make_ways(tree, mechanism.forces, self.split, edits, measured=np.zeros(len(sites), dtype=bool))
         self.tangent = tangent_room(tree, self.split, ways)
-        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, True, sites)
+        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, EXACT, sites)
         linearise(STEP_S, arrays, mechanism.forces, self.split, ways, self.room, self.tangent, self.q, self.v, sites,
                   support)
         count = len(self.split.free)

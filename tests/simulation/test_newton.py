@@ -15,7 +15,7 @@ from vsf_drake.simulation.assembly import SPRING_COLUMNS, find_sites, find_suppo
 from vsf_drake.simulation.dynamics import energies, inverse_dynamics, mass_matrix, place, tree_arrays, work_space
 from vsf_drake.simulation.linear import copy
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.newton import TOLERANCE, _residual, _velocities, tangent_matrix
+from vsf_drake.simulation.newton import EXACT, FLAT, TOLERANCE, _residual, _velocities, tangent_matrix
 from vsf_drake.simulation.room import split_coordinates, step_room
 from vsf_drake.simulation.stepper import Inputs, Stepper
 
@@ -44,9 +44,9 @@ def residual(tree, forces, split, room, deflection, q, trial, sites, support):
 
 
 @numba.njit
-def tangent(tree, forces, split, room, exact, sites):
+def tangent(tree, forces, split, room, least_slope, sites):
     """Leaves A (f, f) at the last residual in the room."""
-    tangent_matrix(STEP_S, tree, forces, split, room, exact, sites)
+    tangent_matrix(STEP_S, tree, forces, split, room, least_slope, sites)
 
 
 @numba.njit
@@ -89,7 +89,7 @@ class Standing:
 
     def tangent(self, *, exact):
         self.residual(self.trial)
-        tangent(self.tree, self.forces, self.split, self.room, exact, self.sites)
+        tangent(self.tree, self.forces, self.split, self.room, EXACT if exact else FLAT, self.sites)
         return self.room.A.copy()
 
     def speeds(self):

@@ -107,7 +107,7 @@ def pieces_of(mechanism, inputs, q0, v0):
         def tried(done, size, k=k):
             h, fulcrum, ground, rate = piece(drive, k, done, size, q_next)
             before = q.copy(), v.copy()
-            _, converged = step(h, stepper.tree, forces, split, room, ground, rate, fulcrum, q_next, False, none,
+            _, converged = step(h, stepper.tree, forces, split, room, ground, rate, fulcrum, q_next, none,
                                 nothing, q, v, *out)
             if not converged and size > 1:
                 q[:], v[:] = before

@@ -30,8 +30,11 @@ class Drive(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Where n steps are written: q, v, load (n, coordinates), the latter the mean over its pieces; sites (n, S, 9); support (n, 3); iterations,
-    parts (n,): accepted pieces of the step, 1 if it was not halved; converged (n,)."""
+    """Where n steps are written.
+
+    q, v, load (n, coordinates), load on average over the step; sites (n, S, 9); support (n, 3); iterations, parts
+    (n,): accepted pieces of the step, 1 if it was not halved; converged (n,).
+    """
 
     q: np.ndarray
     v: np.ndarray

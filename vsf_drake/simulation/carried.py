@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.errors import InputError
 from vsf_drake.simulation.assembly import SITE_RECORD, Forces
 from vsf_drake.simulation.dynamics import tree_arrays
 from vsf_drake.simulation.linearise import linearise
@@ -48,6 +49,9 @@ def rest_sensitivity(
         prescribed: indices of the coordinates that are held.
         q: (n,) coordinates at rest.
         fulcrum: its position (m from A). ground: its height (m).
+
+    Raises:
+        InputError: no force holds one of the coordinates at rest, so that its rest has no derivative.
     """
     h, split = 1e-3, split_coordinates(tree, forces, prescribed)
     room, arrays = step_room(tree, forces, split), tree_arrays(tree)
@@ -56,13 +60,16 @@ def rest_sensitivity(
     end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
     step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
          end, v, np.zeros_like(q), sites, support)
-    for column in ("depth_rate", "slip_x", "slip_y"):  # Settling leaves some 1e-9 m/s, which are no part of a rest.
-        sites[:, SITE_RECORD.index(column)] = 0.0
     tangent_matrix(h, arrays, forces, split, room, EXACT, sites)
     linearise(h, arrays, forces, split, ways, room, tangent, q, v, sites, support)
     count = len(split.free)
     by = np.zeros((len(q), len(edits)))
-    by[split.free] = -np.linalg.solve(tangent.Gq[:, :count], tangent.Gq[:, count:] @ ways.unit[count:] + tangent.E)
+    try:
+        by[split.free] = -np.linalg.solve(tangent.Gq[:, :count], tangent.Gq[:, count:] @ ways.unit[count:] + tangent.E)
+    except np.linalg.LinAlgError:
+        loose = split.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
+        raise InputError(f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
+                         where="with_respect_to", right="Let the recording say where it starts") from None
     shifted = ways.coordinate[count:] >= 0
     np.add.at(by, ways.coordinate[count:][shifted], ways.unit[count:][shifted])
     return by

@@ -3,7 +3,7 @@
 Springs, foam and friction work over the displacement of each step with the force at its end; the driver's
 load, which accelerates the prescribed masses from one step's velocity to the next, works over the
 mean of the two. What remains is the numerical dissipation of an implicit first-order step: it
-shrinks with the step. Of a step that was cut into pieces only the last piece's rates and forces are known and
+shrinks with the step. Of a step that was cut into pieces only the last piece's rates and contact forces are known and
 stand for all of it: its share of the remainder says nothing. All terms are cumulative (J) from the start.
 """
 

@@ -114,7 +114,9 @@ def walk_variables(
 
 
 def check_names(names: Sequence[str], variables: Mapping[str, Variable], *, where: str) -> None:
-    """Raises InputError for a name that is not in `variables`, or comes twice."""
+    """Raises InputError for a name that is not in `variables`, or comes twice, or one name in place of several."""
+    if isinstance(names, str):
+        raise InputError(f"{names!r} is one name", where=where, right=f"A list is meant: [{names!r}]")
     for i, name in enumerate(names):
         if name not in variables:
             near = difflib.get_close_matches(name, variables, n=1)

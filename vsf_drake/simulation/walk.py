@@ -41,8 +41,8 @@ MAX_STEP_S = 0.01
 class Walker:
     """A subject with a prosthesis on the ground: built once, walked often.
 
-    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it, under a
-    lock: several threads may share a walker, but not while one of them changes the Context.
+    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it,
+    under a lock: threads may share a walker as long as none of them changes the Context.
 
     Args:
         subject, model: the person and the devices.

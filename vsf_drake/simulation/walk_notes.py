@@ -13,7 +13,7 @@ PLAUSIBLE_PEAK_BW = (0.6, 2.5)
 """Peak vertical force of walking, in body weights, with a wide margin."""
 FOAM_AGREEMENT = 0.05
 """Share by which the foam may differ between bench and walk before a note says so (a choice)."""
-AT_REST = 1e-3
+AT_REST = 1e-5
 """Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
 
 
