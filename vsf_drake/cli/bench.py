@@ -21,6 +21,7 @@ def bench(
     heel: Annotated[bool, typer.Option(help="Test the heel too.")] = True,
 ) -> None:
     """Presses the foot in the testing machine: stiffness at each fulcrum position and at the heel."""
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.outputs import write_bench
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 

@@ -23,6 +23,7 @@ def stand(
         "--upright", help="Hold the pelvis's angles in any case; without it they are as free as stays up.")] = False,
 ) -> None:
     """Stands the person at anatomically neutral angles: does the ground carry the weight, and which foot how much?"""
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.motion.subject_file import load_subject
     from vsf_drake.report.standing_output import write_standing
     from vsf_drake.simulation.standing import simulate_standing

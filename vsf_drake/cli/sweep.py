@@ -44,6 +44,7 @@ def sweep(
     if list_variables:
         _print_variables(trials)
         return
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep
     from vsf_drake.simulation.many import WalkCase, simulate_many
     from vsf_drake.simulation.walk import MAX_STEP_S

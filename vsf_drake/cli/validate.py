@@ -18,6 +18,7 @@ def validate(
     quick: Annotated[bool, typer.Option("--quick", help="One walk a setting, coarser step, no replay.")] = False,
 ) -> None:
     """Bench and walks on the embedded data: published bench end points, and the synthetic reference subject."""
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.validation import QUICK_STEP_S, embedded_trials, validate_walk
     from vsf_drake.model_file import load_model
     from vsf_drake.report.outputs import write_bench, write_walk
