@@ -23,6 +23,13 @@ COLUMNS = ["grf_rmse_bw", "cop_rmse_fl", "vertical_impulse_error", "peak_vertica
            "refined_steps", "failure"]
 STIFFNESS = "contact.forefoot.stiffness"
 
+HEEDING_CTRL_C = """
+import signal  # tests that run in the background ignore SIGINT, and so would what they start
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsf_drake.cli import main
+main()
+"""
+
 
 def rows(out: Path) -> list[dict[str, str]]:
     with (out / "sweep.csv").open(encoding="utf-8", newline="") as stream:
@@ -173,7 +180,7 @@ def test_a_folder_takes_a_larger_sweep_of_its_trials_but_none_of_others(run, tmp
 @pytest.mark.slow
 def test_ctrl_c_says_how_to_go_on_and_the_same_command_does(run, tmp_path):
     words = ["sweep", LOW, "--out", tmp_path / "sweep", "--fulcrum-mm", "66:151:120", "--workers", "2"]
-    first = subprocess.Popen([sys.executable, "-c", "from vsf_drake.cli import main; main()", *map(str, words)],
+    first = subprocess.Popen([sys.executable, "-c", HEEDING_CTRL_C, *map(str, words)],
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while len(list((tmp_path / "sweep").rglob("*.npz"))) < 5 and first.poll() is None:
         time.sleep(0.02)

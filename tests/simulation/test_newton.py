@@ -15,8 +15,8 @@ from vsf_drake.simulation.assembly import SPRING_COLUMNS, find_sites, find_suppo
 from vsf_drake.simulation.dynamics import energies, inverse_dynamics, mass_matrix, place, tree_arrays, work_space
 from vsf_drake.simulation.linear import copy
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.newton import EXACT, FLAT, TOLERANCE, _residual, _velocities, tangent_matrix
-from vsf_drake.simulation.room import split_coordinates, step_room
+from vsf_drake.simulation.newton import EXACT, FLAT, _residual, _velocities, tangent_matrix
+from vsf_drake.simulation.room import TOLERANCE, split_coordinates, step_room
 from vsf_drake.simulation.stepper import Inputs, Stepper
 
 STEP_S = 1e-3

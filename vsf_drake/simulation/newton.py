@@ -35,8 +35,6 @@ EXACT_FROM = 4
 EXACT, FLAT = -math.inf, 0.0
 """Least slope of the friction curve in a tangent: any, or none that falls."""
 LENGTHEN = 4.0
-TOLERANCE = 1e-7
-"""Converged when sqrt(r^T M^-1 r) is below this, in sqrt(kg) m/s."""
 
 
 @compiled
@@ -88,7 +86,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + scale * dx[i, 0]
             _residual(h, tree.links, forces, split, room, deflection, ground_rate, q, sites, support)
-            converged = scaled_norm(room.L, r, room.y) <= TOLERANCE
+            converged = scaled_norm(room.L, r, room.y) <= room.tolerance
             slope = 0.0
             for i in range(nf):
                 slope += dx[i, 0] * r[i]

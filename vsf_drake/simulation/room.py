@@ -10,6 +10,9 @@ from vsf_drake.simulation.assembly import Contact, Forces, contact_space
 from vsf_drake.simulation.dynamics import Motion, chains, work_space
 from vsf_drake.simulation.tree import Tree
 
+TOLERANCE = 1e-7
+"""Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""
+
 
 class Split(NamedTuple):
     """Which coordinates are free and what they move.
@@ -33,7 +36,8 @@ class Split(NamedTuple):
 class Room(NamedTuple):
     """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs.
 
-    fulcrum, keel (1,): where the support is (m from A), and which of the keel's bodies is on it.
+    tolerance: a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s. fulcrum, keel (1,): where the
+    support is (m from A), and which of the keel's bodies is on it.
     """
 
     motion: Motion
@@ -53,6 +57,7 @@ class Room(NamedTuple):
     springs: np.ndarray
     fulcrum: np.ndarray
     keel: np.ndarray
+    tolerance: float
 
 
 def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Split:
@@ -67,7 +72,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Spl
                  moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
 
 
-def step_room(tree: Tree, forces: Forces, split: Split) -> Room:
+def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLERANCE) -> Room:
     """Room for a step of this tree."""
     n, f = tree.num_coordinates, len(split.free)
     vectors = {name: np.zeros(n) for name in ("v0", "acceleration", "bias", "tau", "trial")}
@@ -75,4 +80,4 @@ def step_room(tree: Tree, forces: Forces, split: Split) -> Room:
         motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
         delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f),
         M=np.zeros((f, f)), L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)),
-        fulcrum=np.zeros(1), keel=np.zeros(1, dtype=np.int64))
+        fulcrum=np.zeros(1), keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)

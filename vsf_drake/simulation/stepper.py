@@ -24,7 +24,7 @@ from vsf_drake.simulation.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLU
 from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.dynamics import tree_arrays
-from vsf_drake.simulation.room import split_coordinates, step_room
+from vsf_drake.simulation.room import TOLERANCE, split_coordinates, step_room
 from vsf_drake.simulation.tree import Tree, tree_of
 from vsf_drake.simulation.variables import Edit
 
@@ -34,6 +34,8 @@ MAX_SPEED = 1e3
 """Coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged."""
 TANGENT_ARGUMENT = -2
 """Where `advance` takes what carries sensitivities along: by its type the compiled variants are told apart."""
+SETTLED_TOLERANCE = 1e-10
+"""Of the steps that lead to rest: with the usual one they would coast at 1e-7 m/s."""
 DYNAMICS = ("compiled", "drake")
 
 
@@ -131,12 +133,13 @@ class Stepper:
         mechanism: what to advance.
         dynamics: where mass matrix, Coriolis and gravity terms come from: "compiled", or "drake" to have them
             from the plant, with calls from Python in every step, which takes about four times as long.
+        tolerance: residual at which a step has converged, see `room.Room`.
 
     Raises:
         ValueError: `dynamics` is neither, or the plant's Context no longer holds what the mechanism was read from.
     """
 
-    def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled") -> None:
+    def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = TOLERANCE) -> None:
         if dynamics not in DYNAMICS:
             raise ValueError(f"dynamics is {dynamics!r}, but must be one of {', '.join(DYNAMICS)}")
         if dynamics == "drake":
@@ -144,7 +147,7 @@ class Stepper:
             if not all(np.array_equal(getattr(now, name), getattr(mechanism.tree, name))
                        for name in ("frames", "inertias", "gravity")):
                 raise ValueError("the plant's Context has changed since the mechanism was read from it; read it again")
-        self.mechanism, self.dynamics = mechanism, dynamics
+        self.mechanism, self.dynamics, self.tolerance = mechanism, dynamics, tolerance
         self.tree = tree_arrays(mechanism.tree)
 
     def run(
@@ -176,7 +179,7 @@ class Stepper:
                     iterations=record.iterations, parts=record.parts, converged=record.converged)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
-        room = step_room(m.tree, forces, split)
+        room = step_room(m.tree, forces, split, self.tolerance)
         ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split)
         done = 0
         while done < steps:
@@ -229,7 +232,7 @@ class Stepper:
         columns = [SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
         sites[:, columns], springs[:, SPRING_COLUMNS.index("damping")], fulcrum[1] = 0.0, 0.0, 0.0
         undamped = dataclasses.replace(m, sites=sites, springs=springs, fulcrum=fulcrum)
-        stepper = Stepper(undamped, dynamics=self.dynamics)
+        stepper = Stepper(undamped, dynamics=self.dynamics, tolerance=SETTLED_TOLERANCE)
         held = Inputs(
             time_s=step_s * np.arange(steps + 1), prescribed=inputs.prescribed,
             prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),

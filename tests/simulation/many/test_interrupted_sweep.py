@@ -14,7 +14,9 @@ import pytest
 from vsf_drake.simulation.many import simulate_many
 
 SWEEP = """
+import signal
 import sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in the background ignore it
 from dataclasses import replace
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
