@@ -79,7 +79,7 @@ def test_missing_manifest_ends_with_code_2(run, tmp_path):
 
 
 def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
-    monkeypatch.setattr("vsf_drake.simulation.stepper.MAX_SPEED", 1e-6)
+    monkeypatch.setattr("vsf_drake.simulation.stepping.stepper.MAX_SPEED", 1e-6)
     code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
     assert code == 3
     assert "t = " in err
@@ -130,7 +130,7 @@ def test_model_that_is_no_foot_is_refused_by_name(run, tmp_path, path, value, sa
 
 
 def test_divergence_during_the_fit_is_a_failed_simulation(run, tmp_path, trial_files, monkeypatch):
-    monkeypatch.setattr("vsf_drake.simulation.stepper.MAX_SPEED", 1e-6)
+    monkeypatch.setattr("vsf_drake.simulation.stepping.stepper.MAX_SPEED", 1e-6)
     code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out", "--fit-offsets")
     assert code == 3
     assert "t = " in err

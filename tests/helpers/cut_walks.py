@@ -8,7 +8,7 @@ import numpy as np
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.stepper import Inputs
+from vsf_drake.simulation.stepping.stepper import Inputs
 from vsf_drake.simulation.walk import Walk, Walker
 
 LANDING = {"contact.heel_posterior.stiffness": 150000.0, "friction.mu_static": 1.9,

@@ -9,7 +9,7 @@ from drawn_walks import draws, outcomes, reach
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.newton import MAX_ITERATIONS
+from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS
 from vsf_drake.simulation.walk import Walker
 
 MOST_UNCONVERGED = 0.005

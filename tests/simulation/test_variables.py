@@ -12,8 +12,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.variables import OFFSETS, SOCKET_AXES
 from vsf_drake.simulation.walk import Walker
 

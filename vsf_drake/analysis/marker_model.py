@@ -13,7 +13,7 @@ from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, SegmentMarker
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.plants.skeleton import add_skeleton
-from vsf_drake.simulation.tree import PRISMATIC, Tree, forward_kinematics, tree_of
+from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from vsf_drake.schema import to_plain
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.results import BenchResult, BenchSetting
-from vsf_drake.simulation.stepper import Inputs, Record, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
 PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)
 """The five settings of McGeehan et al. (2021)."""

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vsf_drake.simulation.dynamics import energies, tree_arrays, work_space
-from vsf_drake.simulation.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.dynamics import energies, tree_arrays, work_space
+from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 
 INPUTS = ("driver_work", "gravity_work", "carriage_work")
 STORED = ("kinetic", "keel_strain", "fulcrum_strain", "socket_strain", "contact_strain")

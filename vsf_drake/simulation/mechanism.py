@@ -17,8 +17,8 @@ from vsf_drake.plants.bench import BenchDiagram
 from vsf_drake.plants.device import DeviceSystems, velocity_indices
 from vsf_drake.plants.foot import FootHandles
 from vsf_drake.plants.gait import FootGround, GaitDiagram
-from vsf_drake.simulation.stepper import Mechanism
-from vsf_drake.simulation.tree import tree_of
+from vsf_drake.simulation.stepping.stepper import Mechanism
+from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, walk_variables
 
 UNLIMITED = 1e30

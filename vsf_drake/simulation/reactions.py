@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.simulation.compiled import compiled
-from vsf_drake.simulation.stepper import Record
+from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.simulation.stepping.stepper import Record
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""

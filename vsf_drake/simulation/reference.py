@@ -22,7 +22,7 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.reactions import LOADED_N
-from vsf_drake.simulation.stepper import Inputs, Mechanism, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Stepper
 from vsf_drake.simulation.walk import Walker
 
 LOAD_STEP_S = 1e-4

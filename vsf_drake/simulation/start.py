@@ -9,9 +9,9 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.simulation.carried import rest_sensitivity
-from vsf_drake.simulation.stepper import Inputs, Stepper
-from vsf_drake.simulation.variables import Edit
+from vsf_drake.simulation.stepping.carried import rest_sensitivity
+from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 
 def start_state(

@@ -18,13 +18,14 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import ContactSites
+from vsf_drake.simulation.stepping.edit import Edit
 
 OFFSETS = ("height", "fore_aft", "alignment")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
@@ -33,25 +34,6 @@ _SITE = {"rise": 2, "stiffness": 4, "exponent": 5, "damping": 6, "full_damping_d
 """Column of a site's row (see `assembly.SITE_COLUMNS`); a rise moves the sphere's centre up."""
 _FOLD = 10.0
 """Bounds of a stiffness or damping: its own value divided and multiplied by this."""
-
-
-@dataclass(frozen=True, eq=False)
-class Edit:
-    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`.
-
-    Attributes:
-        sites (S, 11), springs (k, 6), fulcrum (2,): to the arrays of those names; None for nothing.
-        mount: (3,) to height (m), fore-aft (m) and alignment (rad) of the foot under the pylon.
-        fulcrum_shift: m, to the fulcrum's position.
-        coordinate: name of the prescribed coordinate that shifts, or None.
-    """
-
-    sites: np.ndarray | None = None
-    springs: np.ndarray | None = None
-    fulcrum: np.ndarray | None = None
-    mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    fulcrum_shift: float = 0.0
-    coordinate: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

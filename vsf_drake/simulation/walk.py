@@ -18,15 +18,15 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
-from vsf_drake.simulation.assembly import SITE_COLUMNS, SPRING_COLUMNS
-from vsf_drake.simulation.carried import Carried
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import foot_reaction, reaction_sensitivity
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.start import start_state
-from vsf_drake.simulation.stepper import Inputs, Mechanism, Stepper
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.carried import Carried
+from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Stepper
 from vsf_drake.simulation.variables import added, check_names, check_values
 from vsf_drake.simulation.walk_notes import walk_notes
 from vsf_drake.simulation.walk_run import Walk

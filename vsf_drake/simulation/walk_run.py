@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.simulation.reactions import FootReaction, ReactionSensitivity
-from vsf_drake.simulation.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.many import grid_values, sample_values
-from vsf_drake.simulation.variables import Edit, Variable
+from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.variables import Variable
 
 VARIABLES = {
     "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, Edit()),

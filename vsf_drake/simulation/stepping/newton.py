@@ -20,11 +20,18 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.assembly import add_sites, add_springs, add_support, find_sites, find_support, tangents
-from vsf_drake.simulation.compiled import compiled, internal
-from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place
-from vsf_drake.simulation.linear import cholesky, copy, scaled_norm, solve_columns
-from vsf_drake.simulation.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
+from vsf_drake.simulation.stepping.assembly import (
+    add_sites,
+    add_springs,
+    add_support,
+    find_sites,
+    find_support,
+    tangents,
+)
+from vsf_drake.simulation.stepping.compiled import compiled, internal
+from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
+from vsf_drake.simulation.stepping.linear import cholesky, copy, scaled_norm, solve_columns
+from vsf_drake.simulation.stepping.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12

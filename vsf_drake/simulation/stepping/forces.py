@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.compiled import compiled
+from vsf_drake.simulation.stepping.compiled import compiled
 
 
 @compiled

@@ -19,14 +19,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import SimulationError
-from vsf_drake.simulation.advance import Drive, Rows, advance
-from vsf_drake.simulation.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS, Forces
-from vsf_drake.simulation.carried import Carried
-from vsf_drake.simulation.drake_dynamics import advance_with_drake
-from vsf_drake.simulation.dynamics import tree_arrays
-from vsf_drake.simulation.room import TOLERANCE, split_coordinates, step_room
-from vsf_drake.simulation.tree import Tree, tree_of
-from vsf_drake.simulation.variables import Edit
+from vsf_drake.simulation.stepping.advance import Drive, Rows, advance
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS, Forces
+from vsf_drake.simulation.stepping.carried import Carried
+from vsf_drake.simulation.stepping.drake_dynamics import advance_with_drake
+from vsf_drake.simulation.stepping.dynamics import tree_arrays
+from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
+from vsf_drake.simulation.stepping.tree import Tree, tree_of
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""

@@ -9,10 +9,10 @@ over all that a joint carries. The derivatives by the end velocity are `newton.t
 
 from __future__ import annotations
 
-from vsf_drake.simulation.compiled import compiled, internal
-from vsf_drake.simulation.contact_tangent import add_site_tangents
-from vsf_drake.simulation.forces import spring_force
-from vsf_drake.simulation.spatial import (
+from vsf_drake.simulation.stepping.compiled import compiled, internal
+from vsf_drake.simulation.stepping.contact_tangent import add_site_tangents
+from vsf_drake.simulation.stepping.forces import spring_force
+from vsf_drake.simulation.stepping.spatial import (
     cross_force,
     cross_motion,
     dot,
@@ -23,7 +23,7 @@ from vsf_drake.simulation.spatial import (
     times,
     transposed_times,
 )
-from vsf_drake.simulation.ways import CARRIED, CARRIES
+from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES
 
 NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

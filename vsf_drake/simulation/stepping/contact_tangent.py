@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.assembly import site_tangent
-from vsf_drake.simulation.compiled import internal
-from vsf_drake.simulation.newton import EXACT
+from vsf_drake.simulation.stepping.assembly import site_tangent
+from vsf_drake.simulation.stepping.compiled import internal
+from vsf_drake.simulation.stepping.newton import EXACT
 
 RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = 2, 4, 5, 6, 7, 8, 9, 10
 """Columns of `assembly.SITE_COLUMNS` that parameters change."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
-from vsf_drake.simulation import spatial
+from vsf_drake.simulation.stepping import spatial
 
 TRIALS = 50
 TOLERANCE = 1e-13

@@ -11,13 +11,20 @@ from cut_walks import inputs_of
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForces
 
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.simulation.assembly import SPRING_COLUMNS, find_sites, find_support
-from vsf_drake.simulation.dynamics import energies, inverse_dynamics, mass_matrix, place, tree_arrays, work_space
-from vsf_drake.simulation.linear import copy
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.newton import EXACT, FLAT, _residual, _velocities, tangent_matrix
-from vsf_drake.simulation.room import TOLERANCE, split_coordinates, step_room
-from vsf_drake.simulation.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, find_sites, find_support
+from vsf_drake.simulation.stepping.dynamics import (
+    energies,
+    inverse_dynamics,
+    mass_matrix,
+    place,
+    tree_arrays,
+    work_space,
+)
+from vsf_drake.simulation.stepping.linear import copy
+from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, tangent_matrix
+from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
+from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 STEP_S = 1e-3
 """Functions of the package that only compiled code may call are called from compiled functions here."""

@@ -7,7 +7,7 @@ import pytest
 from pydrake.multibody.tree import BodyIndex
 
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.simulation.tree import forward_kinematics, tree_of
+from vsf_drake.simulation.stepping.tree import forward_kinematics, tree_of
 
 SEED = 5
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.simulation.assembly import SITE_RECORD, Forces
-from vsf_drake.simulation.dynamics import tree_arrays
-from vsf_drake.simulation.linearise import linearise
-from vsf_drake.simulation.newton import EXACT, step, tangent_matrix
-from vsf_drake.simulation.room import Split, split_coordinates, step_room
-from vsf_drake.simulation.tree import Tree
-from vsf_drake.simulation.variables import Edit
-from vsf_drake.simulation.ways import Tangent, Ways, make_ways, tangent_room
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, Forces
+from vsf_drake.simulation.stepping.dynamics import tree_arrays
+from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.simulation.stepping.newton import EXACT, step, tangent_matrix
+from vsf_drake.simulation.stepping.room import Split, split_coordinates, step_room
+from vsf_drake.simulation.stepping.tree import Tree
+from vsf_drake.simulation.stepping.ways import Tangent, Ways, make_ways, tangent_room
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.assembly import Forces
-from vsf_drake.simulation.room import Split
-from vsf_drake.simulation.tree import Tree
-from vsf_drake.simulation.variables import Edit
+from vsf_drake.simulation.stepping.assembly import Forces
+from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.room import Split
+from vsf_drake.simulation.stepping.tree import Tree
 
 UNRELATED, CARRIES, CARRIED = 0, 1, 2
 

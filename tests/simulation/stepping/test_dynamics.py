@@ -19,7 +19,7 @@ from pydrake.multibody.tree import (
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.simulation.dynamics import (
+from vsf_drake.simulation.stepping.dynamics import (
     chains,
     energies,
     inverse_dynamics,
@@ -28,7 +28,7 @@ from vsf_drake.simulation.dynamics import (
     tree_arrays,
     work_space,
 )
-from vsf_drake.simulation.tree import tree_of
+from vsf_drake.simulation.stepping.tree import tree_of
 
 TOLERANCE = 1e-12
 STATES = 6

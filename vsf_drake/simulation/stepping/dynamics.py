@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.compiled import compiled
-from vsf_drake.simulation.spatial import (
+from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.simulation.stepping.spatial import (
     add,
     cross_force,
     cross_motion,
@@ -23,7 +23,7 @@ from vsf_drake.simulation.spatial import (
     put,
     six,
 )
-from vsf_drake.simulation.tree import REVOLUTE, WELD, Tree, forward_kinematics
+from vsf_drake.simulation.stepping.tree import REVOLUTE, WELD, Tree, forward_kinematics
 
 
 class TreeArrays(NamedTuple):

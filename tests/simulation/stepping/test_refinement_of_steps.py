@@ -10,12 +10,12 @@ import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.simulation.advance import LEVELS, PARTS, Drive, advance, next_piece, piece
-from vsf_drake.simulation.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.newton import MAX_ITERATIONS, step
-from vsf_drake.simulation.room import split_coordinates, step_room
-from vsf_drake.simulation.stepper import CHUNK, Inputs, Stepper, drive_of
+from vsf_drake.simulation.stepping.advance import LEVELS, PARTS, Drive, advance, next_piece, piece
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
+from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
+from vsf_drake.simulation.stepping.room import split_coordinates, step_room
+from vsf_drake.simulation.stepping.stepper import CHUNK, Inputs, Stepper, drive_of
 
 walked = cache(cut_walk)
 

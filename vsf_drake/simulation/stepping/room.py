@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.assembly import Contact, Forces, contact_space
-from vsf_drake.simulation.dynamics import Motion, chains, work_space
-from vsf_drake.simulation.tree import Tree
+from vsf_drake.simulation.stepping.assembly import Contact, Forces, contact_space
+from vsf_drake.simulation.stepping.dynamics import Motion, chains, work_space
+from vsf_drake.simulation.stepping.tree import Tree
 
 TOLERANCE = 1e-7
 """Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""

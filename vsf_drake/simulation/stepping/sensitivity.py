@@ -11,11 +11,11 @@ which that happens is not differentiated, its step is.
 
 from __future__ import annotations
 
-from vsf_drake.simulation.compiled import internal
-from vsf_drake.simulation.linear import solve_columns
-from vsf_drake.simulation.linearise import linearise
-from vsf_drake.simulation.newton import EXACT, tangent_matrix
-from vsf_drake.simulation.spatial import plus, six, times
+from vsf_drake.simulation.stepping.compiled import internal
+from vsf_drake.simulation.stepping.linear import solve_columns
+from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.simulation.stepping.newton import EXACT, tangent_matrix
+from vsf_drake.simulation.stepping.spatial import plus, six, times
 
 
 @internal

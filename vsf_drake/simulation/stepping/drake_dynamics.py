@@ -7,11 +7,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
-from vsf_drake.simulation.advance import PARTS, Drive, Rows, diverged, next_piece, piece
-from vsf_drake.simulation.assembly import Forces
-from vsf_drake.simulation.dynamics import TreeArrays
-from vsf_drake.simulation.newton import step
-from vsf_drake.simulation.room import Room, Split
+from vsf_drake.simulation.stepping.advance import PARTS, Drive, Rows, diverged, next_piece, piece
+from vsf_drake.simulation.stepping.assembly import Forces
+from vsf_drake.simulation.stepping.dynamics import TreeArrays
+from vsf_drake.simulation.stepping.newton import step
+from vsf_drake.simulation.stepping.room import Room, Split
 
 
 def advance_with_drake(

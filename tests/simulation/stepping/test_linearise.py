@@ -12,14 +12,14 @@ from pydrake.math import RigidTransform_, RotationMatrix_
 from pydrake.multibody.tree import MultibodyForces_
 
 from vsf_drake.plants.foot import mount_pose, set_mount
-from vsf_drake.simulation.assembly import find_sites, find_support
-from vsf_drake.simulation.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
-from vsf_drake.simulation.linearise import linearise
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.newton import EXACT, _residual, _velocities, step, tangent_matrix
-from vsf_drake.simulation.room import split_coordinates, step_room
+from vsf_drake.simulation.stepping.assembly import find_sites, find_support
+from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
+from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.simulation.stepping.newton import EXACT, _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.stepping.room import split_coordinates, step_room
+from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
 from vsf_drake.simulation.variables import added
-from vsf_drake.simulation.ways import make_ways, tangent_room
 
 STEP_S, FULCRUM_M = 1e-3, 0.11
 HELD = ("pelvis_tx", "pelvis_ty", "pelvis_tilt", "pelvis_rotation", "knee_angle_r", "fulcrum")

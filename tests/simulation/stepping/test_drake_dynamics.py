@@ -10,7 +10,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import Bench
 from vsf_drake.simulation.mechanism import bench_mechanism
-from vsf_drake.simulation.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 TOLERANCE = 1e-9
 """Share of the largest number of a column that the two may differ by after hundreds of steps."""

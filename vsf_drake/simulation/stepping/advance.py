@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from vsf_drake.simulation.compiled import compiled
-from vsf_drake.simulation.linear import copy
-from vsf_drake.simulation.newton import step
-from vsf_drake.simulation.sensitivity import carry
+from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.simulation.stepping.linear import copy
+from vsf_drake.simulation.stepping.newton import step
+from vsf_drake.simulation.stepping.sensitivity import carry
 
 LEVELS = 5
 """How often a step is halved before it is accepted without convergence: down to 1/32."""
