@@ -28,12 +28,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/cost_against_work"))
     parser.add_argument("--quick", action="store_true", help="fewer walks, each run once")
     arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     trial = load_trial(embedded_trials()[0])
     costs = measure_costs(trial, quick=arguments.quick, repeats=1 if arguments.quick else REPEATS)
     for cost in costs:
         print(f"{cost.label:52} {1e3 * cost.wall_s:8.1f} ms for {cost.simulated_s:.2f} s  "
               f"{100 * cost.difference_bw:7.4f} % BW" + (f" from {cost.against}" if cost.against else ""))
-    arguments.out.mkdir(parents=True, exist_ok=True)
     write_table(arguments.out / "cost_against_work.csv", costs)
     title = (f"Cost against work. {trial.name}: {WALK_S:g} s, whole person, {1e3 * DEFAULT_STEP_S:g} ms unless said,\n"
              "one core, without the settling before the start")

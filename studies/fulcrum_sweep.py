@@ -44,7 +44,7 @@ def main() -> None:
     offsets = trial.offsets if other is None else fit_offsets(load_trial(other)).offsets
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
     outcomes = simulate_many([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
-                             workers=arguments.workers or (1 if arguments.quick else None),
+                             workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
                              cache=arguments.out / "walks", progress=True)
     rows: list[dict[str, Any]] = []
     compared = []
@@ -55,7 +55,9 @@ def main() -> None:
         compared.append((float(position), compare(as_walk(outcome), trial.prosthetic_plate)))
         rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **scores(outcome)})
         print("  ".join(f"{key} {value:.4g}" for key, value in rows[-1].items()))
-    best = min(rows, key=lambda row: row["grf_rmse_bw"])["fulcrum_mm"] if rows else None
+    if not rows:
+        raise SystemExit("every walk failed")
+    best = min(rows, key=lambda row: row["grf_rmse_bw"])["fulcrum_mm"]
     print(f"smallest resultant error at {best:g} mm; the fulcrum stood at {1e3 * trial.fulcrum_m:g} mm")
     write_json(arguments.out / "fulcrum_sweep.json", {
         "trial": trial.name, "synthetic": trial.synthetic, "offsets": to_plain(offsets),

@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true",
                         help=f"shorter runs, about a minute; without {' and '.join(LONG)} unless --only names them")
     options = parser.parse_args()
-    names = options.only or (QUICK if options.quick else GROUPS)
+    names = dict.fromkeys(options.only or ()) or (QUICK if options.quick else GROUPS)
     print(format_table([row for name in names for row in measure(name, options.quick)]))
 
 

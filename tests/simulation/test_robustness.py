@@ -122,6 +122,16 @@ def test_divergence_names_time_and_coordinate(walker):
 
 
 @pytest.mark.parametrize(("options", "message"), [
+    ({"step_s": "1e-3"}, "step_s: '1e-3' is not usable"), ({"step_s": 1e-12}, "no time to walk"),
+    ({"end_s": np.inf}, "end_s: inf"), ({"start_s": None}, "start_s: None"), ({"offsets": {"height_m": 0.0}}, "a dict"),
+    ({"fulcrum_m": lambda t: "a"}, "fulcrum_m: gives"), ({"fulcrum_m": lambda t: [0.1, 0.1]}, "one for each time"),
+    ({"fulcrum_m": "0.1"}, "fulcrum_m: gives"), ({"fulcrum_m": np.nan}, "finite number"),
+    ({"values": "offset.height"}, "no mapping"), ({"values": {"offset.height": 5.0}}, "from -0.2 to 0.2 m"),
+    ({"values": {"coordinate.knee_angle_r": 100.0}}, "from -1 to 1 rad"),
+    ({"values": {"contact.heel.exponent": 50.0}}, "from 1 to 20"),
+    ({"with_respect_to": "offset.height"}, "no list of names"), ({"with_respect_to": None}, "no list of names"),
+    ({"with_respect_to": [["offset.height"]]}, "there is no variable"),
+    ({"with_respect_to": iter(["offset.height"] * 2)}, "stands twice"),
     ({"step_s": 0.0}, "not a usable step"), ({"step_s": 0.5}, "not a usable step"),
     ({"fulcrum_m": 0.2}, "out of the carriage's reach"), ({"end_s": 1.5}, "outside the recording"),
     ({"fulcrum_m": lambda t: 0.1 + t}, "out of the carriage's reach")])

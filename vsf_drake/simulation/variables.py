@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,10 @@ _SITE = {"rise": 2, "stiffness": 4, "exponent": 5, "damping": 6, "full_damping_d
 _FOLD = 10.0
 """Bounds of a stiffness or damping: its own value divided and multiplied by this."""
 
+_MOST_SHIFT = 1.0
+"""Of a coordinate, m or rad."""
+_LARGEST = 1e30
+
 
 @dataclass(frozen=True, eq=False)
 class Variable:
@@ -44,7 +48,8 @@ class Variable:
         default: its value in the model; 0 for those that are added.
         added: it adds to what is there; else it replaces that.
         low, high: bounds for searches (choices; they are wider than what feet and people differ by).
-        minimum: below this the model has no meaning.
+        minimum, maximum: outside of these the model has no meaning; those of the model file, and for what is added to a
+            coordinate or to the foot's place a choice, to refuse another unit.
         edit: how it enters.
     """
 
@@ -55,6 +60,7 @@ class Variable:
     high: float
     minimum: float
     edit: Edit
+    maximum: float = math.inf
     added: bool = False
 
 
@@ -73,50 +79,76 @@ def walk_variables(
     keel = np.zeros_like(springs)
     modulus = foot.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
-    found.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1.0, Edit(springs=keel)))
+    found.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6, Edit(springs=keel),
+                          1e12))
     k = float(fulcrum[0])
     found.append(_scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=fulcrum / k)))
     reach = foot.fulcrum.foremost_m - foot.fulcrum.rearmost_m
-    found.append(Variable("fulcrum.shift", "m", 0.0, -reach, reach, -math.inf, Edit(fulcrum_shift=1.0), added=True))
+    found.append(Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, Edit(fulcrum_shift=1.0), 1.0, added=True))
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
         rate = np.zeros_like(springs)
         k = float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
         found.append(_scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
                              Edit(springs=rate)))
-    for i, (name, bound) in enumerate(zip(OFFSETS, (0.03, 0.06, math.radians(15.0)), strict=True)):
-        found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -math.inf,
-                              Edit(mount=np.eye(3)[i]), added=True))
+    bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
+    for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
+        found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
+                              Edit(mount=np.eye(3)[i]), most, added=True))
     for name in prescribed:
         length = name.endswith(("_tx", "_ty", "_tz"))
         bound = 0.03 if length else math.radians(15.0)
-        found.append(Variable(f"coordinate.{name}", "m" if length else "rad", 0.0, -bound, bound, -math.inf,
-                              Edit(coordinate=name), added=True))
+        found.append(Variable(f"coordinate.{name}", "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT,
+                              Edit(coordinate=name), _MOST_SHIFT, added=True))
     return {variable.name: variable for variable in found}
 
 
-def check_names(names: Sequence[str], variables: Mapping[str, Variable], *, where: str) -> None:
-    """Raises InputError for a name that is not in `variables`, or comes twice, or one name in place of several."""
-    if isinstance(names, str):
-        raise InputError(f"{names!r} is one name", where=where, right=f"A list is meant: [{names!r}]")
-    for i, name in enumerate(names):
-        if name not in variables:
-            near = difflib.get_close_matches(name, variables, n=1)
+def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, where: str) -> tuple[str, ...]:
+    """The names, each once.
+
+    Raises:
+        InputError: one is not in `variables`, or comes twice; or it is one name in place of several.
+    """
+    if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
+        raise InputError(f"{names!r} is no list of names", where=where, right="Give a list, also for one name")
+    found: list[str] = []
+    for name in names:
+        if not isinstance(name, str) or name not in variables:
+            near = difflib.get_close_matches(str(name), variables, n=1)
             raise InputError(f"there is no variable {name!r}", where=where,
                              right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(variables)}")
-        if name in names[:i]:
+        if name in found:
             raise InputError(f"the variable {name} stands twice", where=where)
+        found.append(str(name))
+    return tuple(found)
 
 
-def check_values(values: Mapping[str, float], variables: Mapping[str, Variable]) -> None:
-    """Raises InputError for an unknown name, or a value with which the model has no meaning."""
-    check_names(list(values), variables, where="values")
+def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Variable]) -> dict[str, float]:
+    """The values as floats by name; none for None.
+
+    Raises:
+        InputError: they are no mapping, a name is unknown, or a value is one with which the model has no meaning.
+    """
+    if not isinstance(values, Mapping | None):
+        raise InputError(f"{values!r} is no mapping of names to numbers", where="values")
+    values = dict(values or {})
+    check_names(values, variables, where="values")
     for name, value in values.items():
         variable = variables[name]
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not number or not math.isfinite(value) or value < variable.minimum:
+        if not number or not variable.minimum <= value <= variable.maximum:
             raise InputError(f"{value!r} is not usable", where=f"values[{name!r}]",
-                             right=f"It must be a finite number of at least {variable.minimum:g} {variable.unit}")
+                             right=f"It must be a number from {variable.minimum:g} to {variable.maximum:g} "
+                                   f"{variable.unit}")
+    return {name: float(value) for name, value in values.items()}
+
+
+def check_number(value: float, where: str) -> float:
+    """`value` as a float; raises InputError unless it is a finite number."""
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not number or not math.isfinite(value):
+        raise InputError(f"{value!r} is not usable", where=where, right="It must be a finite number")
+    return float(value)
 
 
 def added(
@@ -146,25 +178,25 @@ def _contact(sites: ContactSites, rows: np.ndarray) -> list[Variable]:
 
         found += [
             _scaled(f"contact.{zone}.stiffness", "N/m^exponent", float(k), edit("stiffness")),
-            Variable(f"contact.{zone}.exponent", "1", float(n), 1.0, 2.0, 1.0, edit("exponent")),
+            Variable(f"contact.{zone}.exponent", "1", float(n), 1.0, 2.0, 1.0, edit("exponent"), 20.0),
             _scaled(f"contact.{zone}.damping", "N s/m", float(b), edit("damping"), minimum=0.0),
             Variable(f"contact.{zone}.full_damping_depth", "m", float(full), 2e-4, 5e-3, 1e-6,
-                     edit("full_damping_depth")),
-            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -math.inf, edit("rise"), added=True)]
+                     edit("full_damping_depth"), 0.1),
+            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit("rise"), 0.1, added=True)]
     return found
 
 
 def _friction(count: int, rows: np.ndarray) -> list[Variable]:
     found = []
-    for name, unit, low, high, minimum in (
-            ("mu_static", "1", 0.1, 1.5, 0.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0),
-            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6)):
+    for name, unit, low, high, minimum, maximum in (
+            ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
+            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
         one = np.zeros_like(rows)
         one[:count, _SITE[name]] = 1.0
         found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
-                              Edit(sites=one)))
+                              Edit(sites=one), maximum))
     return found
 
 
 def _scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
-    return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit)
+    return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit, _LARGEST)

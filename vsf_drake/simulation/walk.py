@@ -27,7 +27,7 @@ from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.carried import Carried
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Stepper
-from vsf_drake.simulation.variables import added, check_names, check_values
+from vsf_drake.simulation.variables import added, check_names, check_number, check_values
 from vsf_drake.simulation.walk_notes import walk_notes
 from vsf_drake.simulation.walk_run import Walk
 
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 DEFAULT_STEP_S = 1e-3
 MAX_STEP_S = 0.01
+MOST_STEPS = 10_000_000
+"""Longer walks are mistakes in a unit."""
 
 
 class Walker:
@@ -54,6 +56,7 @@ class Walker:
 
     Raises:
         InputError: a parameter is out of range or the segments do not fit.
+        ValueError: `free` names a coordinate that the person does not have.
     """
 
     def __init__(self, subject: Subject, model: ModelParameters, *, free: Sequence[str] = ()) -> None:
@@ -100,18 +103,22 @@ class Walker:
             SimulationError: the run diverges.
         """
         started = time.perf_counter()
+        start_s, end_s, step_s = (check_number(value, where) for value, where in
+                                  ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s")))
         if not 0.0 < step_s <= MAX_STEP_S:
             raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
                              right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
-        if not end_s > start_s:
+        if not 0.0 < end_s - start_s <= MOST_STEPS * step_s:
             raise InputError(f"{start_s:g} to {end_s:g} s is no time to walk", where="start_s, end_s")
-        offsets = check(offsets or GeometricOffsets())
+        offsets = GeometricOffsets() if offsets is None else offsets
+        if not isinstance(offsets, GeometricOffsets):
+            raise InputError(f"is a {type(offsets).__name__}, no GeometricOffsets", where="offsets")
+        check(offsets)
         steps = max(1, round((end_s - start_s) / step_s))
         moments = start_s + step_s * np.arange(steps + 1)
         moments[-1] = min(moments[-1], end_s)
-        values = dict(values or {})
-        check_values(values, self.variables)
-        check_names(with_respect_to, self.variables, where="with_respect_to")
+        values = check_values(values, self.variables)
+        with_respect_to = check_names(with_respect_to, self.variables, where="with_respect_to")
         edits = tuple(self.variables[name].edit for name in with_respect_to)
         geometry, slide, shift = added(self.variables, values, self.gait.prescribed)
         fulcrum = slide + _on_grid(fulcrum_m, moments)
@@ -142,9 +149,9 @@ class Walker:
         intact = foot_reaction(record, slice(count, None), ground)
         return Walk(
             mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
-            sensitivity=reaction_sensitivity(record, prosthetic, tuple(with_respect_to)) if edits else None,
+            sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
             intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            values={name: float(value) for name, value in values.items()}, step_s=step_s,
+            values=values, step_s=step_s,
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
@@ -192,11 +199,11 @@ class Walker:
 
 def _on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
     """Positions (n,) at the moments (n,)."""
-    position = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m, dtype=float)
-    if position.shape not in ((), moments.shape):
-        raise InputError(f"gives {position.shape} positions for {moments.shape} times", where="fulcrum_m",
-                         right="It must return one for each")
-    return np.broadcast_to(position, moments.shape)
+    given = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m)
+    if given.dtype.kind not in "iuf" or given.shape not in ((), moments.shape) or not np.isfinite(given).all():
+        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times",
+                         where="fulcrum_m", right="Give a finite number (m), or a function with one for each time")
+    return np.broadcast_to(given.astype(float), moments.shape)
 
 
 def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:
