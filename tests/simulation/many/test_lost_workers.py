@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import threading
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
@@ -156,6 +157,38 @@ def test_an_executor_that_breaks_fails_what_it_did_not_do(sweep):
     outcomes = simulate_many(sweep(5), executor=Breaking(), workers=1)
     assert [o.ok for o in outcomes] == [True, False, False, False, False]
     assert all("no more work" in o.failure for o in outcomes[1:])
+
+
+def test_an_executor_that_is_shut_down_during_the_sweep_fails_what_it_did_not_do(sweep):
+    def stop(state):
+        if state.done == 1:
+            threads.shutdown(wait=False, cancel_futures=True)
+
+    threads, found = ThreadPoolExecutor(1), []
+    sweeping = threading.Thread(
+        target=lambda: found.extend(simulate_many(sweep(6), executor=threads, progress=stop)), daemon=True)
+    sweeping.start()
+    sweeping.join(60.0)
+    assert not sweeping.is_alive(), "the sweep waits for ever"
+    assert len(found) == 6 and found[0].ok and not found[-1].ok
+    assert all("no more work" in outcome.failure for outcome in found if not outcome.ok)
+
+
+def test_a_task_that_is_cancelled_from_outside_is_tried_again(sweep):
+    class Cancelling(ThreadPoolExecutor):
+        cancelled = 0
+
+        def submit(self, fn, /, *args):
+            if self.cancelled:
+                return super().submit(fn, *args)
+            self.cancelled = 1
+            future = Future()
+            assert future.cancel()
+            return future
+
+    with Cancelling(1) as executor:
+        assert all(outcome.ok for outcome in simulate_many(sweep(3), executor=executor))
+    assert executor.cancelled == 1
 
 
 def test_a_worker_with_other_software_is_refused(monkeypatch, sweep):

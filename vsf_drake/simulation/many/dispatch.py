@@ -14,6 +14,8 @@ from vsf_drake.simulation.many.worker import Kind, Reply, run_task
 
 ATTEMPTS = 2
 """How often a task is tried whose worker dies under it."""
+LOOK_EVERY_S = 0.2
+"""How often to look for tasks that were cancelled from outside: nobody tells."""
 
 
 def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int) -> Iterator[tuple[Task, Reply]]:
@@ -45,8 +47,7 @@ def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, mos
             if closed:
                 while queue:
                     yield queue.popleft(), Reply(Kind.MACHINE, closed)
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
+            for future in _finished(running):
                 task = running.pop(future)
                 reply = _reply(future)
                 if reply.kind is Kind.MISSING:
@@ -61,6 +62,15 @@ def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, mos
     finally:
         for future in running:
             future.cancel()
+
+
+def _finished(running: Mapping[Future[Reply], Task]) -> list[Future[Reply]]:
+    """Those that are done, at least one if any runs. `wait` alone misses what a shutdown has cancelled, for ever."""
+    while True:
+        done = [future for future in running if future.done()]
+        if done or not running:
+            return done
+        wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
 
 
 def _reply(future: Future[Reply]) -> Reply:
