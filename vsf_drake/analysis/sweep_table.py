@@ -65,7 +65,7 @@ def measured_peak_bw(outcomes: Iterable[WalkOutcome], trial: Trial) -> float | N
 
 
 def sweep_row(outcome: WalkOutcome, trial_name: str, names: Sequence[str]) -> dict[str, Any]:
-    """One row: trial, fulcrum (mm), the values of the variables `names`, SCORES, and why it failed."""
+    """One row: trial, fulcrum (mm), the values of the variables `names`, SCORES, why it failed, and its notes."""
     case, failure = outcome.case, outcome.failure or ""
     fulcrum = case.trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
     found: Mapping[str, Any] = {}
@@ -76,7 +76,13 @@ def sweep_row(outcome: WalkOutcome, trial_name: str, names: Sequence[str]) -> di
             failure = str(error)
     return {"trial": trial_name, "fulcrum_mm": round(1e3 * float(fulcrum), 9),  # type: ignore[arg-type]
             **{name: case.values[name] for name in names},
-            **{name: found.get(name) for name in SCORES}, "failure": " ".join(failure.split())}
+            **{name: found.get(name) for name in SCORES}, "failure": " ".join(failure.split()),
+            "notes": " | ".join(" ".join(note.split()) for note in outcome.notes)}
+
+
+def has_stance(row: Mapping[str, Any]) -> bool:
+    """Whether the walk of `row` finished and the foot of the model stood on the ground in a measured stance."""
+    return row["grf_rmse_bw"] is not None and row["cop_rmse_fl"] is not None and bool(row["peak_vertical_bw"])
 
 
 def _peak(metrics: Mapping[str, Any], side: str) -> float | None:

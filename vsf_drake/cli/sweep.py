@@ -9,7 +9,16 @@ from typing import Annotated, Any
 import typer
 
 from vsf_drake.cli.app import app, console, errors, progress
-from vsf_drake.cli.sweep_axes import Axis, axis, check_axes, check_count, fulcrum_positions, with_bounds
+from vsf_drake.cli.sweep_axes import (
+    SHIFT,
+    Axis,
+    axis,
+    check_axes,
+    check_count,
+    fulcrum_positions,
+    with_bounds,
+    within_reach,
+)
 from vsf_drake.errors import InputError, SimulationError
 
 
@@ -38,14 +47,14 @@ def sweep(
     """Walks every combination and compares each walk with its force plate.
 
     Finished walks are kept in the folder's cache: after an interruption the same command goes on where it stopped,
-    and a larger sweep computes only what is new. Values are in the units that --list prints. A walk that fails is a
-    row that says why; the exit code is 3 only if all of them fail.
+    and a larger sweep with the same trials computes only what is new. Values are in the units that --list prints. A
+    walk that fails is a row that says why; the exit code is 3 only if all of them fail.
     """
     if list_variables:
         _print_variables(trials)
         return
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep
+    from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
     from vsf_drake.simulation.many import WalkCase, simulate_many
     from vsf_drake.simulation.walk import MAX_STEP_S
 
@@ -56,6 +65,10 @@ def sweep(
                          right=f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}")
     if sample is not None and sample < 1:
         raise InputError(f"{sample} sets of values are none", where="--sample")
+    if seed < 0:
+        raise InputError(f"{seed} is negative", where="--seed")
+    if workers is not None and workers < 1:
+        raise InputError(f"{workers} is no number of workers", where="--workers", right="Give 1 or more")
     positions = fulcrum_positions(fulcrum_mm)
     axes = [axis(text, sampled=sample is not None) for text in vary or ()]
     if not axes and (not positions or sample is not None):
@@ -65,18 +78,22 @@ def sweep(
     check_count(count, meant=yes)
     out = out.expanduser()
     loaded, variables = _loaded(trials, axes, positions)
-    check_sweep_folder(out, list(loaded))
+    if any(item.name == SHIFT and item.bounds is None for item in axes) and sample is not None:
+        variables = within_reach(variables, [
+            (trial.fulcrum_m if mm is None else 1e-3 * mm, trial.model.foot.fulcrum)
+            for trial in loaded.values() for mm in positions or (None,)])
+    check_sweep_folder(out, loaded.values())
     sets = _sets(axes, variables, sample, seed)
     offsets = {name: _fitted(trial, name) if fit_offsets else trial.offsets for name, trial in loaded.items()}
     cases = [WalkCase(trial=trial, values=values, fulcrum_m=None if mm is None else 1e-3 * mm,
                       label="" if name == trial.name else name, offsets=offsets[name], step_s=1e-3 * step_ms)
              for name, trial in loaded.items() for mm in positions or (None,) for values in sets]
+    varied = {item.name: variables[item.name] for item in axes}
     try:
         outcomes = simulate_many(cases, workers=workers, cache=out / "cache", progress=True)
         with progress() as show:
-            table = write_sweep(
-                outcomes, loaded, out, variables={item.name: variables[item.name] for item in axes},
-                fulcrum=bool(positions), show=lambda f: show("comparing", f),
+            table, rows = write_sweep(
+                outcomes, loaded, out, variables=varied, fulcrum=bool(positions), show=lambda f: show("comparing", f),
                 plan={"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
                       "offsets": offsets, **_plan(axes, variables, sample, seed)})
     except KeyboardInterrupt:
@@ -84,6 +101,7 @@ def sweep(
                      highlight=False, soft_wrap=True, markup=False)
         sys.exit(130)
     _print_sweep(table)
+    write_sweep_figure(rows, table, out, varied)
     console.print(f"written to {out}", highlight=False, markup=False)
     if table["failed"] == table["walks"]:
         sys.exit(SimulationError.exit_code)
@@ -119,8 +137,6 @@ def _sets(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed:
 
     if sample is None:
         return grid_values({item.name: item.values for item in axes})
-    if seed < 0:
-        raise InputError(f"{seed} is negative", where="--seed")
     return sample_values(with_bounds(axes, variables), [item.name for item in axes], sample, seed)
 
 
@@ -155,7 +171,8 @@ def _print_variables(trials: list[Path]) -> None:
 
     for path in trials:
         trial = load_trial(path.expanduser())
-        found = Walker(trial.subject, trial.model).variables.values()
+        own = Walker(trial.subject, trial.model).variables
+        found = within_reach(own, [(trial.fulcrum_m, trial.model.foot.fulcrum)]).values()
         rows = [("variable", "unit", "value", "low", "high", ""),
                 *((v.name, v.unit, f"{v.default:.6g}", f"{v.low:.6g}", f"{v.high:.6g}",
                    "added to what is there" if v.added else "") for v in found)]
@@ -174,8 +191,12 @@ def _print_sweep(table: dict[str, Any]) -> None:
         if best is not None:
             varied = ", ".join(f"{name} {value:g}" for name, value in best["at"].items())
             lines.append(f"{trial['name']}: resultant force within {best['grf_rmse_bw']:.3f} BW at best, at {varied}")
+        elif trial["finished"]:
+            lines.append(f"{trial['name']}: no walk has a stance to compare")
     unconverged = f"{table['unconverged_steps']} steps unconverged"
     lines.append(unconverged + (f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""))
+    if table["with_notes"]:
+        lines.append(f"! {table['with_notes']} walks with notes, which may cast doubt on them: see sweep.csv")
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     for failure in table["failures"][:3]:

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.parameters import FulcrumParameters
 
+SHIFT = "fulcrum.shift"
 MOST = 20_000
 """Walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s."""
 MANY = 2_000
@@ -71,8 +73,28 @@ def check_axes(axes: Sequence[Axis], variables: Mapping[str, Any], *, trial: str
                 check_values({item.name: value}, variables)
     except InputError as error:
         where = (error.where or "").removeprefix("values").strip("[]'")
+        listed = (error.right or "").startswith("There are: ")  # dozens of names, which --list has in columns
         raise InputError(error.what, file=trial or None, where="--vary" if where == "--vary" else f"--vary {where}",
-                         right=error.right) from None
+                         right="--list prints the names" if listed else error.right) from None
+
+
+def within_reach(
+    variables: Mapping[str, Any], fulcrums: Sequence[tuple[float, FulcrumParameters]]
+) -> dict[str, Any]:
+    """`variables` with bounds of `fulcrum.shift` that keep the carriage within its reach from each of `fulcrums`.
+
+    Args:
+        fulcrums: positions (m from the keel's posterior end), each with the support it is on.
+
+    Raises:
+        InputError: only a shift of zero does.
+    """
+    low = min(0.0, round(max(support.rearmost_m - at for at, support in fulcrums), 12))
+    high = max(0.0, round(min(support.foremost_m - at for at, support in fulcrums), 12))
+    if low == high:
+        raise InputError("the fulcrum positions leave it no room in the carriage's reach", where=f"--vary {SHIFT}",
+                         right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail")
+    return {**variables, SHIFT: dataclasses.replace(variables[SHIFT], low=low, high=high)}
 
 
 def with_bounds(axes: Sequence[Axis], variables: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
 
@@ -25,17 +26,19 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], va
     with style():
         figure = new_figure(9.6, 4.0 + 0.16 * len(table["trials"]))
         for axes, (key, factor, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
+            lines = []
             for number, trial in enumerate(table["trials"]):
                 own = [row for row in rows if row["trial"] == trial["name"]]
-                _line(axes, own, name, key, factor, trial, number)
+                lines.append(_line(axes, own, name, key, factor, trial, number))
             _own_values(axes, name, table, variables)
             values = [row[name] for row in rows]
             if min(values) > 0.0 and max(values) / min(values) > _WIDE:
                 axes.set_xscale("log")
             label(axes, x="", y=y, title=title)
-        lines, names = axes.get_legend_handles_labels()
-        figure.axes[1].set_xlabel(axis)
-        figure.legend(lines, names, loc="outside lower left")
+        figure.axes[1].set_xlabel(axis, parse_math=False)
+        legend = figure.legend(lines, [_shown(trial["name"]) for trial in table["trials"]], loc="outside lower left")
+        for text in legend.get_texts():  # a name may hold a dollar sign, which is no formula
+            text.set_parse_math(False)
         synthetic = " (SYNTHETIC)" if any(trial["synthetic"] for trial in table["trials"]) else ""
         failed = f", {table['failed']} FAILED" if table["failed"] else ""
         figure.suptitle(f"{table['walks']} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
@@ -45,16 +48,22 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], va
 
 
 def _line(axes: Axes, rows: Sequence[Mapping[str, Any]], name: str, key: str, factor: float,
-          trial: Mapping[str, Any], number: int) -> None:
+          trial: Mapping[str, Any], number: int) -> Line2D:
     colour = condition_colour(1e-3 * trial["fulcrum_mm"])
     known = sorted((row[name], factor * row[key]) for row in rows if row[key] is not None)
-    axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)], markersize=4,
-              linewidth=1.4, color=colour, label=trial["name"])
+    [line] = axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],
+                       markersize=4, linewidth=1.4, color=colour)
     for row in rows:
         if row["failure"]:
             axes.plot(row[name], 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
     if key == "peak_vertical_bw" and trial["measured_peak_vertical_bw"] is not None:
         axes.axhline(trial["measured_peak_vertical_bw"], color=colour, linestyle=":", linewidth=1.2)
+    return line
+
+
+def _shown(name: str) -> str:
+    """`name` as legends take it: they leave out what begins with an underscore."""
+    return f" {name}" if name.startswith("_") else name
 
 
 def _own_values(axes: Axes, name: str, table: Mapping[str, Any], variables: Mapping[str, Any]) -> None:

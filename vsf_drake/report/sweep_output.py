@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.json_file import plain, write_json
-from vsf_drake.analysis.sweep_table import SCORES, measured_peak_bw, sweep_row
+from vsf_drake.analysis.sweep_table import SCORES, has_stance, measured_peak_bw, sweep_row
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.motion.trial_record import Trial
@@ -25,31 +26,45 @@ from vsf_drake.simulation.variables import Variable
 SWEEP = "sweep"
 
 
-def check_sweep_folder(out: Path, trials: Sequence[str]) -> None:
-    """Raises InputError unless a sweep of `trials` can go to `out`."""
+_FIGURES = (".png", ".svg")
+
+
+def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
+    """Raises InputError unless a sweep of `trials` can go to `out`: a new folder, or that of a sweep of the same ones.
+
+    Trials are the same if they come from the same files, wherever these are named from, or hold the same.
+    """
     check_target(out, SWEEP)
+    for suffix in (".csv", ".json", *_FIGURES):
+        if (out / f"{SWEEP}{suffix}").is_dir():
+            raise InputError("cannot be written (it is a folder)", file=out / f"{SWEEP}{suffix}",
+                             right="Choose another folder")
     path = out / f"{SWEEP}.json"
     try:
         found = json.loads(path.read_text(encoding="utf-8"))["trials"] if path.exists() else None
-        names = None if found is None else [trial["name"] for trial in found]
-    except (OSError, ValueError, TypeError, KeyError):
+        other = found is not None and not _same(list(trials), found)
+        names = ", ".join(trial["name"] for trial in found or ())
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
-    if names is not None and sorted(names) != sorted(trials):
-        raise InputError(f"holds a sweep of other trials ({', '.join(names)})", file=out,
+    if other:
+        raise InputError(f"holds a sweep of other trials ({names})", file=out,
                          right="Choose another folder for this sweep")
 
 
 def write_sweep(
     outcomes: Sequence[WalkOutcome], trials: Mapping[str, Trial], out: Path, *, variables: Mapping[str, Variable],
     fulcrum: bool, plan: Mapping[str, Any], show: Callable[[float], None]
-) -> dict[str, Any]:
-    """Writes sweep.csv, sweep.json and for one varied quantity sweep.png and sweep.svg; returns the table.
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Writes sweep.csv and sweep.json, and removes the figure of an earlier sweep.
 
     Args:
         outcomes: of walks of the `trials`, which are given by the names that the table shall have.
         variables: that were varied; fulcrum: whether it was.
         plan: what was asked for, for the table.
         show: called with the finished fraction.
+
+    Returns:
+        What is in sweep.json, and the rows of sweep.csv.
 
     Raises:
         InputError: `out` cannot be written.
@@ -62,20 +77,53 @@ def write_sweep(
     failures = [row["failure"] for row in rows if row["failure"]]
     table: dict[str, Any] = plain({
         "kind": SWEEP, "walks": len(rows), "failed": len(failures), "failures": failures,
+        "with_notes": sum(bool(outcome.notes) for outcome in outcomes),
+        "notes": [{"row": i + 1, "notes": outcome.notes} for i, outcome in enumerate(outcomes) if outcome.notes],
         "unconverged_steps": sum(row["unconverged_steps"] or 0 for row in rows),
         "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
         "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": _columns(variables),
         "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]})
-    figure = sweep_figure(rows, table, variables) if len(varied) == 1 else None
-    with result_folder(out) as folder:
+    with _writing(out), result_folder(out) as folder:
         _write_csv(folder / f"{SWEEP}.csv", rows)
         write_json(folder / f"{SWEEP}.json", table)
-        if figure is not None:
-            save_figure(figure, folder / SWEEP)
-    if figure is None:
-        for suffix in (".png", ".svg"):  # of an earlier sweep in this folder
+    for suffix in _FIGURES:
+        with _writing(out / f"{SWEEP}{suffix}"):
             (out / f"{SWEEP}{suffix}").unlink(missing_ok=True)
-    return table
+    return table, rows
+
+
+def write_sweep_figure(
+    rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], out: Path, variables: Mapping[str, Variable]
+) -> None:
+    """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores.
+
+    Args:
+        rows, table: as `write_sweep` returned them; out, variables: as it took them.
+
+    Raises:
+        InputError: they cannot be written.
+    """
+    if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
+        with _writing(out / f"{SWEEP}.png"), result_folder(out) as folder:
+            save_figure(sweep_figure(rows, table, variables), folder / SWEEP)
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Faults of the file system as InputError."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
+
+
+def _same(trials: Sequence[Trial], found: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether `trials` are those that a sweep.json has `found`."""
+    files = [sorted(str(Path(path).resolve()) for path in paths)
+             for paths in ([trial.path for trial in trials], [trial["file"] for trial in found])]
+    hashes = [sorted(sorted(inputs.values()) for inputs in both)
+              for both in ([trial.inputs for trial in trials], [trial["inputs"] for trial in found])]
+    return files[0] == files[1] or hashes[0] == hashes[1]
 
 
 def _columns(variables: Mapping[str, Variable]) -> dict[str, dict[str, Any]]:
@@ -85,17 +133,18 @@ def _columns(variables: Mapping[str, Variable]) -> dict[str, dict[str, Any]]:
         **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
                   "in_the_model": v.default} for name, v in variables.items()},
         **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
-        "failure": {"meaning": "why there are no scores; empty if there are"}}
+        "failure": {"meaning": "why there are no scores; empty if there are"},
+        "notes": {"meaning": "doubts about the walk, with | between them"}}
 
 
 def _trial(name: str, trial: Trial, rows: Sequence[Mapping[str, Any]], varied: Sequence[str],
            outcomes: Sequence[WalkOutcome]) -> dict[str, Any]:
     own = [row for row in rows if row["trial"] == name and row["grf_rmse_bw"] is not None]
-    best = min(own, key=lambda row: row["grf_rmse_bw"], default=None)
+    best = min(filter(has_stance, own), key=lambda row: row["grf_rmse_bw"], default=None)
     return {"name": name, "file": str(trial.path), "synthetic": trial.synthetic, "inputs": trial.inputs,
             "fulcrum_mm": round(1e3 * trial.fulcrum_m, 9), "window_s": [trial.start_s, trial.end_s],
             "mass_kg": trial.subject.mass_kg, "measured_peak_vertical_bw": measured_peak_bw(outcomes, trial),
-            "notes": list(trial.notes),
+            "notes": list(trial.notes), "finished": len(own),
             "smallest_error": None if best is None else {
                 "grf_rmse_bw": best["grf_rmse_bw"], "at": {key: best[key] for key in varied}}}
 
