@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError, VsfError
-from vsf_drake.simulation.many import WalkCase, simulate_many, worker
+from vsf_drake.simulation.many import ProcessWorkers, WalkCase, simulate_many, worker
 from vsf_drake.simulation.walk import Walker
 
 UNDER_GROUND = {"coordinate.pelvis_ty": -0.6}
@@ -184,11 +184,50 @@ def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
 
 @pytest.mark.parametrize(("options", "word"), [
     ({"keep": ["grf"]}, "There are: time_s"), ({"keep": []}, "no array"), ({"workers": 0}, "workers"),
-    ({"workers": 1.5}, "workers"), ({"executor": 4}, "submit"), ({"cases": [3]}, "member 0 is a int")])
+    ({"workers": 1.5}, "workers"), ({"workers": "2"}, "workers"), ({"workers": True}, "workers"),
+    ({"executor": 4}, "submit"), ({"executor": ThreadPoolExecutor}, "ThreadPoolExecutor is a class"),
+    ({"cache": 3}, "a int is no folder"), ({"cases": [3]}, "member 0 is a int")])
 def test_misuse_is_refused_before_anything_runs(counted, sweep, options, word):
     with pytest.raises(InputError, match=word):
         simulate_many(**({"cases": sweep(1)} | options))
     assert counted.walked == 0
+
+
+def test_a_numpy_integer_is_a_number_of_workers(sweep):
+    assert simulate_many(sweep(1), workers=np.int64(1))[0].ok
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Gets the number of workers of each pool that a sweep makes, none of which starts a process."""
+    sizes = []
+
+    class Counted(ThreadPoolExecutor):
+        def __init__(self, workers, *, here):
+            sizes.append(workers)
+            super().__init__(1)
+
+    monkeypatch.setattr("vsf_drake.simulation.many.executors.ProcessWorkers", Counted)
+    return sizes
+
+
+def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep, trial, tmp_path):
+    odd = WalkCase(trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1)  # is refused before it is a walk to make
+    assert simulate_many([], workers=1000) == []
+    simulate_many([*sweep(1), *sweep(1), odd], workers=1000, cache=tmp_path)
+    assert started == []
+    simulate_many([*sweep(4), odd], workers=1000, cache=tmp_path)
+    assert started == [3]  # the first of the four is in the cache
+    outcomes = simulate_many(sweep(4), workers=1000, cache=tmp_path)
+    assert started == [3] and all(outcome.from_cache for outcome in outcomes)
+    simulate_many(sweep(3), workers=2)
+    assert started == [3, 2]
+
+
+@pytest.mark.parametrize("count", [0, -1, "2", 2.5, None, True])
+def test_no_pool_is_made_of_what_is_no_number_of_workers(count):
+    with pytest.raises(InputError, match="workers"):
+        ProcessWorkers(count)
 
 
 def test_no_cases_give_no_outcomes():

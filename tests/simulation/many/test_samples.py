@@ -47,3 +47,17 @@ def test_the_seed_decides_and_variables_are_independent():
 def test_unknown_doubled_and_no_variables_are_refused(names, count, word):
     with pytest.raises(InputError, match=word):
         sample_values(VARIABLES, names, count, seed=0)
+
+
+@pytest.mark.parametrize(("names", "count", "seed", "word"), [
+    (["height"], 3.5, 0, "count: 3.5"), (["height"], "3", 0, "count"), (["height"], 3, -1, "seed: -1"),
+    (["height"], 3, 0.5, "seed: 0.5"), ("height", 3, 0, "one name"), ([["height"]], 3, 0, "is no name")])
+def test_what_is_no_count_seed_or_name_is_refused(names, count, seed, word):
+    with pytest.raises(InputError, match=word):
+        sample_values(VARIABLES, names, count, seed=seed)
+
+
+def test_names_may_come_as_an_array_and_counts_as_numpy_integers():
+    found = sample_values(VARIABLES, np.array(list(VARIABLES)), np.int64(4), seed=np.int64(1))
+    assert found == sample_values(VARIABLES, list(VARIABLES), 4, seed=1)
+    assert {type(name) for name in found[0]} == {str}

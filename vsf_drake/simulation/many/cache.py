@@ -38,6 +38,8 @@ class WalkCache:
     """
 
     def __init__(self, folder: str | Path) -> None:
+        if not isinstance(folder, (str, Path)):
+            raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
         self.folder = Path(folder).expanduser()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)

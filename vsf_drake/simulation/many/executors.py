@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from vsf_drake.errors import InputError
+from vsf_drake.simulation.many.fields import whole
 from vsf_drake.simulation.many.processes import ProcessWorkers
 
 IN_FLIGHT = 256
@@ -25,25 +26,31 @@ class InProcess(Executor):
         return future
 
 
+def checked(workers: Any, executor: Any) -> int | None:
+    """`workers` as a count, or None, before anything is started.
+
+    Raises:
+        InputError: `workers` is no count, or `executor` is none or would fork.
+    """
+    if executor is not None:
+        _check(executor)
+    return None if workers is None else whole(workers, "workers", 1)
+
+
 @contextmanager
-def chosen(workers: int | None, executor: Any) -> Iterator[tuple[Any, int]]:
+def chosen(workers: int | None, executor: Any, tasks: int) -> Iterator[tuple[Any, int]]:
     """The executor and how many tasks to keep submitted; ends what it has started, also after an interruption.
 
     Args:
         workers: 1 for this process, more for this and others, None for one a core; beside `executor` its size.
         executor: of the caller, who also ends it; None for one of our own.
-
-    Raises:
-        InputError: `workers` is no count, or `executor` is none or would fork.
+        tasks: how many there are: no more workers are started.
     """
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-        raise InputError(f"{workers!r} is no number of workers", where="workers", right="Give 1 or more, or None")
     if executor is not None:
-        _check(executor)
         yield executor, IN_FLIGHT if workers is None else 2 * workers
         return
-    count = cores() if workers is None else workers
-    if count == 1:
+    count = min(cores() if workers is None else workers, tasks)
+    if count <= 1:
         yield InProcess(), 1
         return
     own = ProcessWorkers(count, here=True)
@@ -59,6 +66,9 @@ def cores() -> int:
 
 
 def _check(executor: Any) -> None:
+    if isinstance(executor, type):
+        raise InputError(f"{executor.__name__} is a class", where="executor",
+                         right=f"Give one that is made: {executor.__name__}(...)")
     if not hasattr(executor, "submit"):
         raise InputError(f"a {type(executor).__name__} has no submit()", where="executor",
                          right="Give a concurrent.futures.Executor, or dask's Client.get_executor()")

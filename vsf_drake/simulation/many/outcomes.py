@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -43,14 +44,15 @@ class WalkOutcome:
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
-        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only.
+        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as is the mapping:
+        equal members share it.
 
         Raises:
             VsfError: this member failed.
         """
         if self.failure is not None:
             raise VsfError(f"a failed walk has no arrays: {self.failure}")
-        return self._arrays
+        return MappingProxyType(self._arrays)
 
     def column(self, name: str) -> np.ndarray:
         """(n,) history of one coordinate, if `q` was kept.

@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
 from vsf_drake.errors import VsfError
+from vsf_drake.simulation.many.fields import whole
 
 READY = "ready"
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
@@ -52,12 +53,16 @@ class ProcessWorkers(Executor):
     They take more than a second to start: with many sweeps in a row, use one for all of them.
 
     Args:
-        workers: how many.
+        workers: how many, at least 1.
         here: whether a thread of this process is one of them, which works while the others start. After the first
             death of a worker it is one more process instead, because a task may be the cause.
+
+    Raises:
+        InputError: `workers` is no such number.
     """
 
     def __init__(self, workers: int, *, here: bool = False) -> None:
+        workers = whole(workers, "workers", 1)
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
         self._places: queue.SimpleQueue[_Process | _Here | None] = queue.SimpleQueue()
         self._lock = threading.Lock()

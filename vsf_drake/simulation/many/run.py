@@ -13,10 +13,13 @@ from vsf_drake.errors import InputError
 from vsf_drake.simulation.many.cache import WalkCache
 from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep
 from vsf_drake.simulation.many.dispatch import dispatch
-from vsf_drake.simulation.many.executors import chosen
+from vsf_drake.simulation.many.executors import checked, chosen
 from vsf_drake.simulation.many.outcomes import WalkOutcome
 from vsf_drake.simulation.many.progress import Report, SweepProgress, reporting
 from vsf_drake.simulation.many.worker import Kind, Reply
+
+TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
+"""What a sweep reads of a trial."""
 
 
 def simulate_many(
@@ -39,7 +42,8 @@ def simulate_many(
     Args:
         cases: what to walk. Equal ones are walked once.
         keep: arrays of `WalkResult` to bring back, by name. `energy_j` doubles the time.
-        workers: 1 for this process; more for as many, of which this one is the first; None for one a core.
+        workers: 1 for this process; more for as many, of which this one is the first; None for one a core. There are
+            never more than walks to make.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
             `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known. Processes take
             more than a second to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each.
@@ -53,15 +57,17 @@ def simulate_many(
         One outcome a case, in their order.
 
     Raises:
-        InputError: `keep`, `workers`, `executor` or `cache` cannot be used, a member is no `WalkCase`, or the disk is
-            full (what is in the cache stays good).
+        InputError: `keep`, `workers`, `executor` or `cache` cannot be used, a member is no `WalkCase` or its
+            trial no `Trial`, or the disk is full (what is in the cache stays good).
         WorkerStartError: worker processes cannot be started.
     """
-    with chosen(workers, executor) as (pool, most), reporting(progress) as report:
+    count = checked(workers, executor)
+    with reporting(progress) as report:
         sweep = _Sweep(_checked(cases), check_keep(keep), report)
         store = None if cache is None else WalkCache(cache)
         todo = sweep.plan(store)
-        with closing(dispatch(todo, sweep.parts, pool, most)) as replies:
+        with (chosen(count, executor, len(todo)) as (pool, most),
+              closing(dispatch(todo, sweep.parts, pool, most)) as replies):
             for task, reply in replies:
                 if store is not None:
                     store.write(task, reply)
@@ -98,8 +104,9 @@ class _Sweep:
             try:
                 task = self._planner.task(case)
             except InputError as error:
-                self._found[i] = _outcome(case, Reply(Kind.REFUSED, str(error)))
-                self._failed += 1
+                self._refuse(i, str(error))
+            except Exception as error:  # whatever a case holds, it concerns this member only
+                self._refuse(i, f"{type(error).__name__}: {error}")
             else:
                 self._members.setdefault(task.key, []).append(i)
                 tasks[task.key] = task
@@ -119,6 +126,10 @@ class _Sweep:
         damage = self._damage[task.key]
         self._place(task.key, replace(reply, notes=(*reply.notes, damage)) if damage else reply)
         self._tell()
+
+    def _refuse(self, i: int, why: str) -> None:
+        self._found[i] = _outcome(self._cases[i], Reply(Kind.REFUSED, why))
+        self._failed += 1
 
     def _place(self, key: str, reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
@@ -148,4 +159,7 @@ def _checked(cases: Iterable[WalkCase]) -> list[WalkCase]:
     for i, case in enumerate(found):
         if not isinstance(case, WalkCase):
             raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
+        if not all(hasattr(case.trial, name) for name in TRIAL):
+            raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
+                             right="Give what load_trial() returns")
     return found

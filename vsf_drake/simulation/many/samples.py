@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.simulation.many.fields import shown, whole
 from vsf_drake.simulation.variables import Variable
 
 
@@ -27,12 +28,18 @@ def sample_values(
     Args:
         variables: a walker's, by name.
         count: how many sets of values, at least 1.
-        seed: the same seed gives the same sets.
+        seed: 0 or more; the same seed gives the same sets.
 
     Raises:
-        InputError: a name is not one of `variables` or given twice, or nothing is asked for.
+        InputError: a name is not one of `variables` or given twice, nothing is asked for, or `count` or `seed`
+            is no such number.
     """
+    if isinstance(names, str):
+        raise InputError(f"{names!r} is one name, not a sequence of names", where="names", right=f"Give [{names!r}]")
+    names, count, seed = [*names], whole(count, "count", 0), whole(seed, "seed", 0)
     for i, name in enumerate(names):
+        if not isinstance(name, str):
+            raise InputError(f"{shown(name)} is no name", where="names")
         if name not in variables or name in names[:i]:
             raise InputError(f"{name!r} is {'named twice' if name in variables else 'no variable of this walker'}",
                              where="names")
@@ -44,4 +51,4 @@ def sample_values(
         share = (random.permutation(count) + random.uniform(size=count)) / count
         low, high = variables[name].low, variables[name].high
         columns.append(low * (high / low) ** share if low > 0.0 else low + (high - low) * share)
-    return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return [dict(zip(map(str, names), map(float, row), strict=True)) for row in zip(*columns, strict=True)]
