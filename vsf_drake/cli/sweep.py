@@ -196,7 +196,7 @@ def _print_sweep(table: dict[str, Any]) -> None:
     unconverged = f"{table['unconverged_steps']} steps unconverged"
     lines.append(unconverged + (f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""))
     if table["with_notes"]:
-        lines.append(f"! notes on {table['with_notes']} of {table['walks']} walks may cast doubt on them: see sweep.csv")
+        lines.append(f"! notes on {table['with_notes']} of {table['walks']} walks, perhaps doubts: see sweep.csv")
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     for failure in table["failures"][:3]:
