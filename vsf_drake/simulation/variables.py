@@ -25,19 +25,19 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import ContactSites
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.edit import Edit
 
 OFFSETS = ("height", "fore_aft", "alignment")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
-_SITE = {"rise": 2, "stiffness": 4, "exponent": 5, "damping": 6, "full_damping_depth": 7, "mu_static": 8,
-         "mu_kinetic": 9, "threshold_velocity": 10}
-"""Column of a site's row (see `assembly.SITE_COLUMNS`); a rise moves the sphere's centre up."""
+_SITE = {name: i for i, name in enumerate(SITE_COLUMNS)} | {"rise": SITE_COLUMNS.index("p_BS_z")}
+"""Column of a site's row; a rise moves the sphere's centre up."""
 _FOLD = 10.0
 """Bounds of a stiffness or damping: its own value divided and multiplied by this."""
-
 _MOST_SHIFT = 1.0
 """Of a coordinate, m or rad."""
 _LARGEST = 1e30
+"""Of a stiffness or damping, as the contact's in the model file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class Variable:
         default: its value in the model; 0 for those that are added.
         added: it adds to what is there; else it replaces that.
         low, high: bounds for searches (choices; they are wider than what feet and people differ by).
-        minimum, maximum: outside of these the model has no meaning; those of the model file, and for what is added to a
-            coordinate or to the foot's place a choice, to refuse another unit.
+        minimum, maximum: outside of these the model has no meaning. Those of offsets are a manifest's and those of
+            the laws near the model file's; for a coordinate and the fulcrum's shift a choice, to refuse another unit.
         edit: how it enters.
     """
 
@@ -91,6 +91,7 @@ def walk_variables(
         rate[row, :2] = springs[row, :2] / k
         found.append(_scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
                              Edit(springs=rate)))
+    # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
     bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
         found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,

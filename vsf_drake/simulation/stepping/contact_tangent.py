@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.stepping.assembly import site_tangent
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, site_tangent
 from vsf_drake.simulation.stepping.compiled import internal
 from vsf_drake.simulation.stepping.newton import EXACT
 
-RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = 2, 4, 5, 6, 7, 8, 9, 10
-"""Columns of `assembly.SITE_COLUMNS` that parameters change."""
+_CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
+            "threshold_velocity")
+RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(SITE_COLUMNS.index, _CHANGED)
+"""Columns of a site that parameters change."""
 
 
 @internal
