@@ -14,6 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from virtual_laboratory.bench_truth import write_bench
 from virtual_laboratory.figures import null_error, stance_curve, trial_figures
 from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion
@@ -57,6 +58,7 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
     person, weight = Person(subject, default_model()), subject.mass_kg * GRAVITY
     placement = draw_placement(SEED)
     figures, curves = {}, {}
+    write_bench(out)
     write_standing(out / "markers", person)
     for draw in wanted:
         began = time.perf_counter()

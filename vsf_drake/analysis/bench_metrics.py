@@ -13,11 +13,11 @@ import numpy as np
 
 from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.series import r_squared, rmse
+from vsf_drake.bench_file import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
-STIFFNESS_ABOVE_N = 200.0
 PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}
 """Fulcrum (m) -> stiffness (N/m), measured on the prototype."""
 PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
