@@ -226,16 +226,30 @@ class _Reader:
         if origin is dict:
             if not isinstance(node, yaml.MappingNode):
                 raise self.fail(node, key, "must be a mapping of names to values")
-            return {str(k.value): self.value(v, args[1], f"{key}.{k.value}") for k, v in node.value}
-        return self._scalar(node, hint, key)
+            return self._mapping(node, args[1], key)
+        return self._plain(node, key) if hint is Any else self._scalar(node, hint, key)
+
+    def _mapping(self, node: yaml.MappingNode, hint: Any, key: str) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for name_node, value_node in node.value:
+            name, where = str(name_node.value), f"{key}.{name_node.value}"
+            if name in found:
+                raise self.fail(name_node, where, "the key stands twice")
+            found[name] = self.value(value_node, hint, where)
+        return found
+
+    def _plain(self, node: yaml.Node, key: str) -> Any:
+        """Whatever plain value stands there."""
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, Any, key)
+        if isinstance(node, yaml.SequenceNode):
+            return [self._plain(item, f"{key}[{i}]") for i, item in enumerate(node.value)]
+        return self._construct(node, key)
 
     def _scalar(self, node: yaml.Node, hint: type, key: str) -> Any:
         if not isinstance(node, yaml.ScalarNode):
             raise self.fail(node, key, f"must be a single {_KINDS.get(hint, hint)}")
-        try:
-            value = yaml.SafeLoader("").construct_object(node)
-        except (yaml.YAMLError, ValueError):
-            raise self.fail(node, key, f"{node.value!r} has the tag {node.tag}, which is not plain YAML") from None
+        value = self._construct(node, key)
         if hint is float and not isinstance(value, bool):
             try:
                 return float(value)
@@ -248,6 +262,12 @@ class _Reader:
         elif hint is str and value is not None:
             return str(node.value)
         raise self.fail(node, key, f"{node.value!r} is not a {_KINDS.get(hint, hint)}")
+
+    def _construct(self, node: yaml.Node, key: str) -> Any:
+        try:
+            return yaml.SafeLoader("").construct_object(node)
+        except (yaml.YAMLError, ValueError):
+            raise self.fail(node, key, f"{node.value!r} has the tag {node.tag}, which is not plain YAML") from None
 
 
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}

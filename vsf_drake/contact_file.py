@@ -1,0 +1,228 @@
+"""The file that a contact fit leaves: what was fitted, to whom, on which recordings, and whether it can be trusted.
+
+    format: vsf_drake contact 1
+    subject: {mass_kg: 78.0, stature_m: 1.81, prosthetic_side: right}
+    strategy: joint
+    converged: true
+    verdict: [Two settings were fitted., ...]
+    values: {contact.forefoot.stiffness: 7.9e+3, offset.height: 0.002, coordinate.hip_flexion_r: 0.01}
+    curves: [{coordinate: hip_flexion_r, coefficients: [0.0, 0.001, ...]}]
+    trials: [{name: low 1, fingerprint: 3f..., height_m: 0.001, path: {pelvis_tx: [0.0, ...]}}]
+    provenance: {versions: {...}, seed: 0}
+
+`values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction, keel, fulcrum and
+socket replace the model's, offsets and coordinates are added to the trial's. `curves` are added over the gait cycle
+(`motion.gait_cycle`). Height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+from vsf_drake.motion.kinematics import person_coordinates
+from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
+from vsf_drake.subject import SIDES
+
+FORMAT = "vsf_drake contact 1"
+FEWEST_COEFFICIENTS = 4
+"""Of a cubic spline."""
+PATHS = ("pelvis_tx", "pelvis_tz")
+"""Translations of the pelvis that a fit may correct recording by recording."""
+_UNITS = {
+    r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
+    r"contact\..+\.(full_damping_depth|rise)": "m", r"friction\.mu_(static|kinetic)": "1",
+    r"friction\.threshold_velocity": "m/s", r"keel\.flexural_modulus": "Pa", r"fulcrum\.stiffness": "N/m",
+    r"socket\.(tx|ty|tz)\.stiffness": "N/m", r"socket\.(flexion|adduction|rotation)\.stiffness": "N m/rad",
+    r"offset\.(height|fore_aft)": "m", r"offset\.alignment": "rad",
+    r"coordinate\..+_t[xyz]": "m", r"coordinate\..+": "rad",
+}
+"""By pattern of the variable's name; the first that fits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedSubject:
+    """Who a contact was fitted to."""
+
+    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="the trials' subject")
+    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="the trials' subject")
+    prosthetic_side: str = choice(options=SIDES, source="the trials' subject")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedTrial:
+    """What was fitted to one recording alone.
+
+    Attributes:
+        fingerprint: of the recording, see `motion.fitted_trial.fingerprint`.
+        height_m: added to the height offset: + moves the foot up against the limb, as `offset.height`.
+        path: coefficients (m) by translation of the pelvis (OpenSim's axes), of `motion.path_splines.window_bsplines`
+            over the recording's window; added to the recorded coordinate.
+    """
+
+    name: str
+    fingerprint: str
+    height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted")
+    path: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCurve:
+    """A periodic curve over the gait cycle, added to one coordinate: see `motion.gait_cycle.periodic_bsplines`."""
+
+    coordinate: str
+    coefficients: tuple[float, ...] = quantity(unit="rad (m for a translation)", low=-1.0, high=1.0, source="fitted")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedContact:
+    """The content of a contact file; see the module's example."""
+
+    format: str = choice(options=(FORMAT,), source="version of this schema")
+    subject: FittedSubject
+    strategy: str
+    converged: bool
+    verdict: tuple[str, ...] = ()
+    values: dict[str, float] = field(default_factory=dict)
+    curves: tuple[JointCurve, ...] = ()
+    trials: tuple[FittedTrial, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+
+def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedContact:
+    """Reads a contact file.
+
+    Args:
+        even_if_failed: read also what a fit left that did not converge.
+
+    Raises:
+        InputError: see `vsf_drake.schema.load_yaml` and `check_contact`; or the fit did not converge.
+    """
+    contact = check_contact(load_yaml(path, FittedContact), file=path)
+    if not contact.converged and not even_if_failed:
+        raise InputError("this fit did not converge", file=path, where="converged",
+                         right="Its numbers are where the search gave up: fit again")
+    return contact
+
+
+def save_contact(contact: FittedContact, path: str | Path) -> None:
+    """Writes `contact` so that `load_contact` reads an equal one: every digit, with the units as comments.
+
+    Raises:
+        InputError: see `check_contact`; or the file cannot be written.
+    """
+    check_contact(contact, file=path)
+    title = "Contact fitted" if contact.converged else "NOT TO BE USED: the search ended before its end. Contact fitted"
+    lines = [f"# {title} by vsf_drake; see vsf_drake/contact_file.py for what the keys mean. SI units, radians.\n"]
+    for key, value in to_plain(contact).items():
+        lines += [_commented(key, line) for line in _dumped({key: value}).splitlines(keepends=True)]
+    with replaced(path) as stream:
+        stream.writelines(lines)
+
+
+def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> FittedContact:
+    """Returns `contact` after checking what it names and every number in it.
+
+    Raises:
+        InputError: a value is no variable that a fit may hold, or no finite number; a coordinate is not the person's;
+            a curve or path has too few coefficients; a coordinate or a recording stands twice.
+    """
+    check(contact, file=file)
+    coordinates = person_coordinates(contact.subject.prosthetic_side)
+    for name, value in contact.values.items():
+        where = f"values.{name}"
+        variable_unit(name, file=file, where=where)
+        _check_number(value, where, file)
+        if name.startswith("coordinate."):
+            _check_coordinate(name.removeprefix("coordinate."), coordinates, where, file)
+    for i, curve in enumerate(contact.curves):
+        where = f"curves[{i}].coordinate"
+        _check_coordinate(curve.coordinate, coordinates, where, file)
+        if curve.coordinate in [other.coordinate for other in contact.curves[:i]]:
+            raise InputError(f"{curve.coordinate} has two curves", file=file, where=where)
+        _check_coefficients(curve.coefficients, f"curves[{i}].coefficients", file)
+    for i, trial in enumerate(contact.trials):
+        where = f"trials[{i}]"
+        if not re.fullmatch(r"[0-9a-f]{64}", trial.fingerprint):
+            raise InputError("is no fingerprint of a recording: 64 hexadecimal digits", file=file,
+                             where=f"{where}.fingerprint")
+        if trial.fingerprint in [other.fingerprint for other in contact.trials[:i]]:
+            raise InputError("the same recording stands twice", file=file, where=f"{where}.fingerprint")
+        for name, coefficients in trial.path.items():
+            _check_coordinate(name, PATHS, f"{where}.path", file)
+            _check_coefficients(coefficients, f"{where}.path.{name}", file)
+    return contact
+
+
+def variable_unit(name: str, *, file: str | Path | None = None, where: str | None = None) -> str:
+    """The unit of a walk's variable that a contact may hold.
+
+    Raises:
+        InputError: it may not hold one of that name.
+    """
+    for pattern, unit in _UNITS.items():
+        if re.fullmatch(pattern, name):
+            return unit
+    raise InputError(
+        f"there is no {name!r} in a fitted contact", file=file, where=where,
+        right="There are contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise, friction.mu_static | "
+              "mu_kinetic | threshold_velocity, keel.flexural_modulus, fulcrum.stiffness, socket.AXIS.stiffness, "
+              "offset.height | fore_aft | alignment, coordinate.NAME")
+
+
+def _check_coordinate(name: str, known: tuple[str, ...], where: str, file: str | Path | None) -> None:
+    if name not in known:
+        raise InputError(f"{name!r} is no coordinate that can be corrected", file=file, where=where,
+                         right=f"There are: {', '.join(known)}")
+
+
+def _check_coefficients(values: tuple[float, ...], where: str, file: str | Path | None) -> None:
+    if len(values) < FEWEST_COEFFICIENTS:
+        raise InputError(f"{len(values)} coefficients make no cubic spline", file=file, where=where,
+                         right=f"At least {FEWEST_COEFFICIENTS} are needed")
+    for i, value in enumerate(values):
+        _check_number(value, f"{where}[{i}]", file)
+
+
+def _check_number(value: Any, where: str, file: str | Path | None) -> None:
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise InputError(f"{value!r} is not a finite number", file=file, where=where)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Lists of numbers on one line, and texts with line breaks too, so that every line is one key."""
+
+
+def _list(dumper: _Dumper, values: list[Any]) -> yaml.Node:
+    flow = bool(values) and all(isinstance(value, float) for value in values)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=flow)
+
+
+def _text(dumper: _Dumper, value: str) -> yaml.Node:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=None if value.splitlines() == [value] else '"')
+
+
+_Dumper.add_representer(list, _list)
+_Dumper.add_representer(str, _text)
+
+
+def _dumped(plain: dict[str, Any]) -> str:
+    return yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=math.inf)
+
+
+def _commented(section: str, line: str) -> str:
+    """The line of YAML with its unit behind it, where it has one."""
+    key, colon, number = line.strip().removeprefix("- ").partition(": ")
+    key = key.strip("'\"")
+    units = {"subject": {"mass_kg": "kg", "stature_m": "m"}, "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
+             "curves": {"coefficients": "rad (m for a translation)"}}
+    unit = variable_unit(key) if section == "values" and colon else units.get(section, {}).get(key)
+    return f"{line.rstrip()}  # {unit}\n" if unit and number else line
