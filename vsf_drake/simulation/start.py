@@ -22,6 +22,7 @@ def start_state(
     prescribed: Sequence[str],
     free: Sequence[str],
     initial: Mapping[str, float],
+    rate: np.ndarray,
     edits: tuple[Edit, ...] = (),
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
     """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
@@ -32,7 +33,8 @@ def start_state(
     Args:
         prescribed, free: names of the anatomical coordinates.
         initial: first guess of free coordinates that are to settle, whatever the recording says.
-        edits: P parameters by which q0 is differentiated; v0 does not depend on any.
+        rate: (prescribed,) what courses add to the recorded velocities (m/s, rad/s).
+        edits: P parameters by which q0 is differentiated; v0 depends on none but courses, by their rates.
 
     Raises:
         InputError: `initial` names a coordinate that is not free, or a free one is neither recorded nor in it.
@@ -62,6 +64,7 @@ def start_state(
     q0, rest_speed = stepper.settle(held, q0)
     v0 = np.zeros_like(q0)
     v0[rows] = v[0]
+    v0[rows[: len(prescribed)]] += rate
     by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits, fulcrum=float(inputs.fulcrum[0]),
                           ground=float(inputs.ground[0])) if edits else np.zeros((len(q0), 0))
     return q0, v0, rest_speed, by

@@ -8,6 +8,7 @@
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
     offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
+    course.NAME                 the same times a function of time, of a walk that is given one (`courses`)
 
 A value enters every array in proportion, so that one set of arrays, the `Edit`, tells both how to change a
 mechanism and how its forces depend on the variable.
@@ -97,11 +98,15 @@ def walk_variables(
         found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
                               Edit(mount=np.eye(3)[i]), most, added=True))
     for name in prescribed:
-        length = name.endswith(("_tx", "_ty", "_tz"))
-        bound = 0.03 if length else math.radians(15.0)
-        found.append(Variable(f"coordinate.{name}", "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT,
-                              Edit(coordinate=name), _MOST_SHIFT, added=True))
+        found.append(shift_variable(f"coordinate.{name}", Edit(coordinate=name)))
     return {variable.name: variable for variable in found}
+
+
+def shift_variable(name: str, edit: Edit) -> Variable:
+    """What shifts the coordinate of `edit`, in m or rad, by 0 at first."""
+    length = edit.coordinate.endswith(("_tx", "_ty", "_tz"))
+    bound = 0.03 if length else math.radians(15.0)
+    return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, edit, _MOST_SHIFT, added=True)
 
 
 def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, where: str) -> tuple[str, ...]:
@@ -155,13 +160,16 @@ def check_number(value: float, where: str) -> float:
 def added(
     variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str]
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, (p,) to the coordinates."""
+    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, (p,) to the coordinates.
+
+    Courses are left out: see `courses.course_motion`.
+    """
     mount, slide, shift = np.zeros(3), 0.0, np.zeros(len(prescribed))
     for name, value in values.items():
         edit = variables[name].edit
         mount += value * edit.mount
         slide += value * edit.fulcrum_shift
-        if edit.coordinate is not None:
+        if edit.coordinate is not None and edit.course is None:
             shift[prescribed.index(edit.coordinate)] += value
     return mount, slide, shift
 

@@ -18,6 +18,7 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
+from vsf_drake.simulation.courses import Course, course_motion, course_variables
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
 from vsf_drake.simulation.provenance import provenance
@@ -78,6 +79,7 @@ class Walker:
         end_s: float,
         step_s: float = DEFAULT_STEP_S,
         offsets: GeometricOffsets | None = None,
+        courses: Sequence[Course] = (),
         values: Mapping[str, float] | None = None,
         with_respect_to: Sequence[str] = (),
         initial: dict[str, float] | None = None,
@@ -91,9 +93,10 @@ class Walker:
             trajectory: must hold every prescribed coordinate (rad, m).
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
-            values: of `variables`, for this walk only; what is not named stays as the Context has it.
-            with_respect_to: names of `variables` by which the prosthetic foot's reaction is differentiated, exactly
-                if the start is at rest. One costs as much as a walk, each further one a few percent of that.
+            courses: what changes prescribed coordinates with time; each is a variable of this walk, "course.NAME".
+            values: of `variables` and courses, for this walk only; what is not named stays as the Context has it.
+            with_respect_to: names of `variables` and courses by which the prosthetic foot's reaction is differentiated,
+                exactly if the start is at rest. One costs as much as a walk, each further one a few percent of that.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says.
             progress: called with the finished fraction.
@@ -117,10 +120,12 @@ class Walker:
         steps = max(1, round((end_s - start_s) / step_s))
         moments = start_s + step_s * np.arange(steps + 1)
         moments[-1] = min(moments[-1], end_s)
-        values = check_values(values, self.variables)
-        with_respect_to = check_names(with_respect_to, self.variables, where="with_respect_to")
-        edits = tuple(self.variables[name].edit for name in with_respect_to)
-        geometry, slide, shift = added(self.variables, values, self.gait.prescribed)
+        variables = self.variables | course_variables(courses, self.gait.prescribed, moments)
+        values = check_values(values, variables)
+        with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
+        edits = tuple(variables[name].edit for name in with_respect_to)
+        geometry, slide, shift = added(variables, values, self.gait.prescribed)
+        course, course_rate = course_motion(variables, values, self.gait.prescribed, len(moments))
         fulcrum = slide + _on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
@@ -128,18 +133,18 @@ class Walker:
             set_mount(self.gait.plant_context(self.context), self.gait.person.foot,
                       height=offsets.height_m + geometry[0], fore_aft=offsets.fore_aft_m + geometry[1],
                       alignment=offsets.alignment_rad + geometry[2])
-            mechanism = edited(gait_mechanism(self.gait, self.context), self.variables, values)
+            mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
         stepper = Stepper(mechanism)
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
-        q = motion.sample(moments)[0] + shift
+        q = motion.sample(moments)[0] + shift + course
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
                         fulcrum=np.array(fulcrum), ground=np.full(steps + 1, mechanism.ground_height))
-        compile_s = stepper.warm_up(edits[:1])
+        compile_s = stepper.warm_up(sensitivities=bool(edits))
         q0, v0, rest_speed, by = start_state(
             stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {},
-            edits=edits)
+            rate=course_rate, edits=edits)
         count = len(self.gait.person.foot.sites.radius)
         measured = np.arange(len(mechanism.sites)) < count
         carried = Carried(edits=edits, measured=measured, q0=by) if edits else None

@@ -105,7 +105,7 @@ def advance(
             iterations, converged = step(
                 h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, none, nothing, q, v,
                 load, rows.sites[k], rows.support[k])
-            share = size / PARTS
+            share, end = size / PARTS, (done + size) / PARTS
             done, size, accepted = next_piece(done, size, converged)
             rows.iterations[k] += iterations
             if accepted:
@@ -114,8 +114,8 @@ def advance(
                 for i in range(q.shape[0]):
                     rows.load[k, i] += share * load[i]
                 if ways is not None:
-                    carry(h, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k], rows.support[k],
-                          wrenches[k])
+                    carry(h, k, end, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k],
+                          rows.support[k], wrenches[k])
             else:
                 copy(q0, q)
                 copy(v0, v)

@@ -24,15 +24,22 @@ class Carried:
     Attributes:
         edits: what a unit of each adds.
         measured: (S,) bool, the sites whose resultant wrench is differentiated.
-        q0: (n, P) derivatives of the coordinates at the start; those of the velocities are zero.
+        q0: (n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates.
     """
 
     edits: tuple[Edit, ...]
     measured: np.ndarray
     q0: np.ndarray
 
-    def prepare(self, tree: Tree, forces: Forces, split: Split) -> tuple[Ways, Tangent]:
-        """Arrays for compiled code, at the start of a run."""
+    def prepare(self, tree: Tree, forces: Forces, split: Split, steps: int) -> tuple[Ways, Tangent]:
+        """Arrays for compiled code, at the start of a run of so many steps.
+
+        Raises:
+            ValueError: a course is not on the grid of the run.
+        """
+        for edit in self.edits:
+            if edit.course is not None and len(edit.course) != steps + 1:
+                raise ValueError(f"a course has {len(edit.course)} instants, the run {steps + 1}")
         ways = make_ways(tree, forces, split, self.edits, measured=self.measured)
         tangent = tangent_room(tree, split, ways)
         tangent.q[: len(split.free)] = self.q0[split.free]

@@ -16,6 +16,8 @@ class Edit:
         mount: (3,) to height (m), fore-aft (m) and alignment (rad) of the foot under the pylon.
         fulcrum_shift: m, to the fulcrum's position.
         coordinate: name of the prescribed coordinate that shifts, or None.
+        course: (n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift.
+        course_rate: of `course` at the start (1/s).
     """
 
     sites: np.ndarray | None = None
@@ -24,3 +26,5 @@ class Edit:
     mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
     fulcrum_shift: float = 0.0
     coordinate: str | None = None
+    course: np.ndarray | None = None
+    course_rate: float = 0.0

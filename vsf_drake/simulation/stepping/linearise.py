@@ -1,10 +1,11 @@
 """Exact derivatives of one step's equations, compiled.
 
 With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, this writes its derivatives by
-displacements of the start, by the velocity at the start and by parameters. Those of the inverse dynamics are the
+displacements of the start, by the velocity at the start, by the end velocity of prescribed ways that move and by
+parameters. Those of the inverse dynamics are the
 closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all about the world's origin; contact follows the
 same pattern: derivatives of the wrench on a body by its displacement and velocity (`contact_tangent`) add up
-over all that a joint carries. The derivatives by the end velocity are `newton.tangent_matrix`.
+over all that a joint carries. The derivatives by the end velocity of free ones are `newton.tangent_matrix`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @compiled
 def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support):
-    """Writes Gq, Gv, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
+    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
 
     Args:
         q0: (n,) coordinates at the start of the step; v: (n,) velocities at its end.
@@ -41,6 +42,7 @@ def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support
     add_site_tangents(h, tree.links, forces, split, ways, room, tangent, sites)
     tangent.Gq[:] = 0.0
     tangent.Gv[:] = 0.0
+    tangent.B[:] = 0.0
     tangent.E[:] = 0.0
     _rows(h, tree, split, ways, room, tangent)
     _springs(h, forces, split, ways, q0, v, tangent)
@@ -100,7 +102,7 @@ def _coriolis(tree, split, motion, tangent):
 
 @internal
 def _rows(h, tree, split, ways, room, tangent):
-    """Inertial, gravity and contact terms of Gq and Gv; contact's of E."""
+    """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E."""
     motion, contact, free, bodies = room.motion, room.contact, split.free, tree.bodies
     nf, P = free.shape[0], ways.unit.shape[1]
     for j in range(ways.body.shape[0]):
@@ -117,11 +119,19 @@ def _rows(h, tree, split, ways, room, tangent):
             by_q = plus(by_q, times(tangent.shift, b, S), -1.0)
             by_q = plus(by_q, times(contact.K, b, six(tangent.end, j)), 1.0)
         by_v = plus(times(tangent.coriolis, b, S), inertia_times(motion.composite, b, rate), 2.0)
+        by_end_v = NONE
+        if ways.moves[j]:
+            momentum = inertia_times(motion.composite, b, S)
+            by_v = plus(by_v, momentum, -1.0 / h)
+            by_end_v = plus(momentum, times(contact.K, b, S), h) if contact.loaded[b] else momentum
         for i in range(nf):
             if ways.relation[i, j] == CARRIED:
-                tangent.Gq[i, j] = dot(six(motion.S, free[i]), by_q)
+                S_i = six(motion.S, free[i])
+                tangent.Gq[i, j] = dot(S_i, by_q)
                 if j < nf:
-                    tangent.Gv[i, j] = dot(six(motion.S, free[i]), by_v)
+                    tangent.Gv[i, j] = dot(S_i, by_v)
+                elif ways.moves[j]:
+                    tangent.Gv[i, j], tangent.B[i, j] = dot(S_i, by_v), dot(S_i, by_end_v)
     for i in range(nf):
         b, S = bodies[free[i]], six(motion.S, free[i])
         by_rate = transposed_times(tangent.coriolis, b, S)
@@ -139,6 +149,10 @@ def _rows(h, tree, split, ways, room, tangent):
                 tangent.Gq[i, j] = value
                 if j < nf:
                     tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate)
+                elif ways.moves[j]:
+                    mass = dot(by_second, S_j)
+                    tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass / h
+                    tangent.B[i, j] = mass + h * dot(by_end, S_j)
         for j in range(nf):
             tangent.Gv[i, j] -= room.M[i, j] / h
         if tangent.touched[b]:

@@ -1,10 +1,12 @@
 """Sensitivities of a run carried along its steps, compiled.
 
-If a parameter changes the state at the start of a step by (dq0, dv0), the end velocity changes by dv, where
+If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed ways by du,
+that of the free ones changes by dv, where
 
-    A dv = -h ( Gq dq0 + Gv dv0 + E ),        dq = dq0 + h dv
+    A dv = -h ( Gq dq0 + Gv dv0 + E ) - B du,        dq = dq0 + h dv
 
-with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, E from `linearise`. That is
+with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, B, E from `linearise`. A constant
+shift has dv0 = du = 0; a course has the mean velocity of the step, as the coordinate that it moves. That is
 exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
 which that happens is not differentiated, its step is.
 """
@@ -19,25 +21,34 @@ from vsf_drake.simulation.stepping.spatial import plus, six, times
 
 
 @internal
-def carry(h, tree, forces, split, ways, room, tangent, q0, v, sites, support, wrench):
+def carry(h, k, share, tree, forces, split, ways, room, tangent, q0, v, sites, support, wrench):
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made.
 
     Args:
+        k, share: its end on the grid of the run, `share` of the way from instant k to the next.
         q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end. sites, support: what it left.
         wrench: (6, P) out, of the measured sites: moment about W's origin, force; the points are those of the end.
     """
     nf, (C, P) = split.free.shape[0], ways.unit.shape
     tangent_matrix(h, tree, forces, split, room, EXACT, sites)
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support)
+    _course_velocities(h, k, share, ways, tangent)
     rhs = tangent.rhs
     for i in range(nf):
         for p in range(P):
             rhs[i, p] = -h * tangent.E[i, p]
-        for j in range(C):
+        for j in range(nf):
             by_q = -h * tangent.Gq[i, j]
             if by_q != 0.0:
                 for p in range(P):
                     rhs[i, p] += by_q * tangent.q[j, p]
+        for j in range(nf, C):
+            by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j]
+            for e in range(ways.start[j], ways.start[j + 1]):
+                p = ways.parameter[e]
+                rhs[i, p] += by_q * tangent.q[j, p]
+                if ways.course[e] >= 0:
+                    rhs[i, p] += by_v * tangent.v[j, p] + by_end * tangent.v_end[j, p]
         for j in range(nf):
             by_v = -h * tangent.Gv[i, j]
             if by_v != 0.0:
@@ -54,12 +65,40 @@ def carry(h, tree, forces, split, ways, room, tangent, q0, v, sites, support, wr
             by_v = times(tangent.out_K, b, S)
             by_q = plus(times(tangent.out_shift, b, S), times(tangent.out_K, b, six(tangent.end, j)), -1.0)
             for i in range(6):
-                for p in range(P):
-                    wrench[i, p] += by_q[i] * tangent.q[j, p]
                 if j < nf:
                     for p in range(P):
+                        wrench[i, p] += by_q[i] * tangent.q[j, p]
+                    for p in range(P):
                         wrench[i, p] -= by_v[i] * rhs[j, p]
+                else:
+                    for e in range(ways.start[j], ways.start[j + 1]):
+                        p = ways.parameter[e]
+                        wrench[i, p] += by_q[i] * tangent.q[j, p] - by_v[i] * tangent.v_end[j, p]
     for j in range(nf):
         for p in range(P):
             tangent.v[j, p] = rhs[j, p]
             tangent.q[j, p] += h * rhs[j, p]
+    for j in range(nf, C):
+        for e in range(ways.start[j], ways.start[j + 1]):
+            if ways.course[e] >= 0:
+                p = ways.parameter[e]
+                tangent.v[j, p] = tangent.v_end[j, p]
+                tangent.q[j, p] = _along(ways, k, share, ways.course[e])
+
+
+@internal
+def _course_velocities(h, k, share, ways, tangent):
+    """Writes the end velocity by a unit of each course: of the straight way over the step, as `advance.piece` goes."""
+    for j in range(ways.body.shape[0]):
+        if ways.moves[j]:
+            for e in range(ways.start[j], ways.start[j + 1]):
+                if ways.course[e] >= 0:
+                    p = ways.parameter[e]
+                    tangent.v_end[j, p] = (_along(ways, k, share, ways.course[e]) - tangent.q[j, p]) / h
+
+
+@internal
+def _along(ways, k, share, course):
+    if share == 1.0:
+        return ways.path[k + 1, course]
+    return ways.path[k, course] + share * (ways.path[k + 1, course] - ways.path[k, course])

@@ -180,7 +180,7 @@ class Stepper:
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         room = step_room(m.tree, forces, split, self.tolerance)
-        ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split)
+        ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split, steps)
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
@@ -202,20 +202,20 @@ class Stepper:
         self._check_limits(record)
         return record
 
-    def warm_up(self, edits: tuple[Edit, ...] = ()) -> float:
+    def warm_up(self, *, sensitivities: bool = False) -> float:
         """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was.
 
         Args:
-            edits: if any, what carries sensitivities along is compiled too.
+            sensitivities: whether what carries them along is to be compiled, instead of the bare run.
         """
-        if any((signature[TANGENT_ARGUMENT] == numba.types.none) != bool(edits) for signature in advance.signatures):
+        if any((signature[TANGENT_ARGUMENT] == numba.types.none) != sensitivities for signature in advance.signatures):
             return 0.0
         started = time.perf_counter()
         n = self.mechanism.tree.num_coordinates
         held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
                       fulcrum=np.zeros(2), ground=np.zeros(2))
-        carried = Carried(edits=edits, measured=np.ones(len(self.mechanism.sites), dtype=bool),
-                          q0=np.zeros((n, len(edits)))) if edits else None
+        carried = Carried(edits=(Edit(),), measured=np.ones(len(self.mechanism.sites), dtype=bool),
+                          q0=np.zeros((n, 1))) if sensitivities else None
         self.run(held, np.zeros(n), np.zeros(n), carried=carried)
         return time.perf_counter() - started
 

@@ -1,7 +1,8 @@
 """What a run is differentiated by, as arrays, and the room that this takes.
 
 A way is a direction in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
-move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass.
+move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass. All parameters that
+move the same prescribed coordinate share its way: constant shifts, and courses that change with time.
 """
 
 from __future__ import annotations
@@ -20,13 +21,16 @@ UNRELATED, CARRIES, CARRIED = 0, 1, 2
 
 
 class Ways(NamedTuple):
-    """C ways, the f free coordinates first, and how P parameters enter.
+    """C ways, the f free coordinates first, and how P parameters enter, K of them as courses, on n steps.
 
     Attributes:
         coordinate: (C,) or -1 for the mount. body, parent (C,): what moves, and relative to which body.
         mount: (C, 6) motion about the body's origin in its frame, where there is no coordinate.
         relation: (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither.
-        unit: (C, P) displacement by a unit of each parameter, 0 for free coordinates.
+        unit: (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates.
+        start (C + 1,), parameter, course (N,): which parameters displace each way, and their column in `path` or -1.
+        moves: (C,) whether a course moves the way.
+        path (n + 1, K), path_rate (K,): displacement by a unit of each course on the grid; its rate at the start.
         slide: (P,) of the fulcrum along the keel.
         edit_start (S + 1,), edit_parameter, edit_column, edit_unit: what changes in the rows of the sites.
         spring_parameter, spring_row (E,), spring_unit (E, 3): the same for stiffness, stiffness_negative, damping.
@@ -40,6 +44,12 @@ class Ways(NamedTuple):
     mount: np.ndarray
     relation: np.ndarray
     unit: np.ndarray
+    start: np.ndarray
+    parameter: np.ndarray
+    course: np.ndarray
+    moves: np.ndarray
+    path: np.ndarray
+    path_rate: np.ndarray
     slide: np.ndarray
     edit_start: np.ndarray
     edit_parameter: np.ndarray
@@ -62,8 +72,11 @@ class Tangent(NamedTuple):
         out_shift, out_K (B, 6, 6): the same of the measured wrench, by displacement and by minus the velocity.
         touched: (B,) whether the body, or one that it carries, has a loaded site.
         dF (B, P, 6), dT (P, 6): what parameters change directly in the wrenches, and in the measured one.
-        Gq (f, C), Gv (f, f), E (f, P): derivatives of the residual / h by displacement, initial velocity, parameters.
-        q, v (C, P): sensitivities of the state. rhs (f, P).
+        Gq (f, C), Gv (f, C), E (f, P): derivatives of the residual / h by displacement, initial velocity, parameters;
+            Gv is 0 for ways that are prescribed and do not move.
+        B: (f, C) derivative of the residual by the end velocity of prescribed ways that move, else 0.
+        q, v (C, P): sensitivities of the state. v_end (C, P): those of the end velocity of prescribed ways.
+        rhs (f, P).
     """
 
     S: np.ndarray
@@ -80,8 +93,10 @@ class Tangent(NamedTuple):
     Gq: np.ndarray
     Gv: np.ndarray
     E: np.ndarray
+    B: np.ndarray
     q: np.ndarray
     v: np.ndarray
+    v_end: np.ndarray
     rhs: np.ndarray
 
 
@@ -101,22 +116,32 @@ def make_ways(
     bodies = tree.coordinate_bodies
     columns = [(int(c), int(bodies[c]), np.zeros(6)) for c in split.free]
     units: list[tuple[int, int, float]] = []
+    shared: dict[int, int] = {}
     for p, edit in enumerate(edits):
-        moved = [(None, motion, float(amount)) for motion, amount in
-                 zip(_mount_motions(tree, forces.frame_body), edit.mount, strict=True) if amount]
-        names = [edit.coordinate] if edit.coordinate else []
-        names += ["fulcrum"] if edit.fulcrum_shift else []
-        moved += [(name, np.zeros(6), edit.fulcrum_shift if name == "fulcrum" else 1.0) for name in names]
-        for name, motion, amount in moved:
-            if name is not None and split.place[tree.index(name)] >= 0:
-                raise ValueError(f"{name} is free: it has no constant shift")
-            c = -1 if name is None else tree.index(name)
-            units.append((len(columns), p, amount))
-            columns.append((c, int(bodies[c]) if c >= 0 else int(forces.frame_body), motion))
+        for motion, amount in zip(_mount_motions(tree, forces.frame_body), edit.mount, strict=True):
+            if amount:
+                units.append((len(columns), p, float(amount)))
+                columns.append((-1, int(forces.frame_body), motion))
+        names = [(edit.coordinate, 1.0 if edit.course is None else float(edit.course[0]))] if edit.coordinate else []
+        names += [("fulcrum", edit.fulcrum_shift)] if edit.fulcrum_shift else []
+        for name, amount in names:
+            c = tree.index(name)
+            if split.place[c] >= 0:
+                raise ValueError(f"{name} is free: it has no shift")
+            if c not in shared:
+                shared[c] = len(columns)
+                columns.append((c, int(bodies[c]), np.zeros(6)))
+            units.append((shared[c], p, amount))
+    units.sort(key=lambda entry: entry[0])
     body = np.array([b for _, b, _ in columns], dtype=np.int64)
     unit = np.zeros((len(columns), len(edits)))
-    for column, p, amount in units:
-        unit[column, p] = amount
+    for way, p, amount in units:
+        unit[way, p] = amount
+    courses = [p for p, edit in enumerate(edits) if edit.course is not None]
+    course = np.array([courses.index(p) if p in courses else -1 for _, p, _ in units], dtype=np.int64)
+    ways = np.array([way for way, _, _ in units], dtype=np.int64)
+    moves = np.zeros(len(columns), dtype=np.bool_)
+    moves[ways[course >= 0]] = True
     entries = sorted((int(s), p, int(column), float(edit.sites[s, column])) for p, edit in enumerate(edits)
                      if edit.sites is not None for s, column in np.argwhere(edit.sites))
     springs = [(p, int(row), edit.springs[row, :3]) for p, edit in enumerate(edits) if edit.springs is not None
@@ -125,6 +150,11 @@ def make_ways(
         coordinate=np.array([c for c, _, _ in columns], dtype=np.int64), body=body, parent=parent_of[body],
         mount=np.array([motion for _, _, motion in columns]).reshape(-1, 6),
         relation=_relations(parent_of, bodies[split.free], body), unit=unit,
+        start=np.searchsorted(ways, np.arange(len(columns) + 1)).astype(np.int64),
+        parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course, moves=moves,
+        path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
+        else np.zeros((0, 0)),
+        path_rate=np.array([edits[p].course_rate for p in courses], dtype=float),
         slide=np.array([edit.fulcrum_shift for edit in edits]),
         edit_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
         edit_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
@@ -138,13 +168,19 @@ def make_ways(
 
 
 def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
-    """Room for these ways; the state's sensitivities are those of a start that no parameter changes."""
+    """Room for these ways; the state's sensitivities are those of a start where only prescribed ways change."""
     B, f, (C, P) = len(tree.body_names), len(split.free), ways.unit.shape
+    v = np.zeros((C, P))
+    for j in range(C):
+        for e in range(ways.start[j], ways.start[j + 1]):
+            if ways.course[e] >= 0:
+                v[j, ways.parameter[e]] = ways.path_rate[ways.course[e]]
     return Tangent(
         **{name: np.zeros((C, 6)) for name in ("S", "rate", "second", "end")},
         **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
         touched=np.zeros(B, dtype=np.bool_), dF=np.zeros((B, P, 6)), dT=np.zeros((P, 6)), Gq=np.zeros((f, C)),
-        Gv=np.zeros((f, f)), E=np.zeros((f, P)), q=ways.unit.copy(), v=np.zeros((C, P)), rhs=np.zeros((f, P)))
+        Gv=np.zeros((f, C)), E=np.zeros((f, P)), B=np.zeros((f, C)), q=ways.unit.copy(), v=v, v_end=np.zeros((C, P)),
+        rhs=np.zeros((f, P)))
 
 
 def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
