@@ -32,7 +32,8 @@ foot:
        damping_n_s_per_m: 3585, full_damping_depth_m: 0.0013}
     - {name: toe, x_mm: [180, 180], y_mm: [20, -20], rise_mm: [0, 0], radius_m: 0.002, stiffness: 7000,
        damping_n_s_per_m: 80}
-  series_stiffness_n_per_m: 5e4
+  series_stiffness_n_per_m: 5e7
+  series_exponent: 2.1
   series_patch_m: 0.03
   load_point_m: 0.2
   mass_kg: 0.8

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
 from vsf_drake.schema import check, load_yaml
+
+FOAM_LOADS_N = (200.0, 600.0)
+"""Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper one a choice)."""
+DEEPEST_M = 1.0
+"""A foam that bears less than the largest load at this depth is none."""
 
 
 def load_model(path: str | Path) -> ModelParameters:
@@ -35,19 +44,43 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
 
 def zones_under_load(foot: FootParameters) -> list[ContactZone]:
     """The zone of each contact sphere in the patch that the bench loads, once a sphere."""
-    return [zone for zone in foot.zones for x in zone.x_mm
-            if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
+    return [zone for zone, _ in _spheres_under_load(foot)]
 
 
-def foam_under_load(foot: FootParameters) -> float | None:
-    """Stiffness (N/m) of the contact spheres in the patch that the bench loads; None unless all have exponent 1.
+def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
+    """Stiffness (N/m^exponent) and exponent of the spheres in the patch that the bench loads; None without foam.
 
-    It is the walker's side of what the bench knows as `series_stiffness_n_per_m`: the two should agree.
+    It is the walker's side of what the bench knows as `series_stiffness_n_per_m` and `series_exponent`: the two should
+    agree. Exact where the spheres share exponent and height; else the power law of the force that they bear together
+    at FOAM_LOADS_N, counted from where the lowest touches.
     """
-    loaded = zones_under_load(foot)
-    if not loaded or any(zone.exponent != 1.0 for zone in loaded):
+    loaded = [(zone.stiffness, zone.exponent, 1e-3 * rise_mm) for zone, rise_mm in _spheres_under_load(foot)]
+    if not loaded:
         return None
-    return sum(zone.stiffness for zone in loaded)
+    stiffness, exponent, rise = np.array(loaded).T
+    gap = rise - rise.min()
+    if not gap.any() and (exponent == exponent[0]).all():
+        return float(stiffness.sum()), float(exponent[0])
+
+    def surplus(depth: float, load: float) -> float:
+        return float(np.sum(stiffness * np.maximum(depth - gap, 0.0) ** exponent)) - load
+
+    if surplus(DEEPEST_M, FOAM_LOADS_N[1]) < 0.0:
+        return None
+    low, high = (brentq(surplus, 0.0, DEEPEST_M, args=(load,), xtol=1e-15, maxiter=1000) for load in FOAM_LOADS_N)
+    power = max(1.0, math.log(FOAM_LOADS_N[1] / FOAM_LOADS_N[0]) / math.log(high / low))
+    return float(FOAM_LOADS_N[1] / high**power), power
+
+
+def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
+    """Force over depth (N/m) of a foam that bears stiffness * depth**exponent, under `load_n`."""
+    return stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
+
+
+def _spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
+    """Zone and rise (mm) of each contact sphere in the patch that the bench loads."""
+    return [(zone, rise_mm) for zone in foot.zones for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
+            if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
 
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:

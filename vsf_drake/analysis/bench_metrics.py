@@ -113,9 +113,11 @@ def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> 
         parameters: nested plain values of the foot, or of the model that holds it as `foot`.
 
     Returns:
-        None where the parameters are not among them.
+        None where the parameters are not among them, or the foam in series is not linear.
     """
     foot = parameters.get("foot", parameters)
+    if foot.get("series_exponent", 1.0) != 1.0:
+        return None
     try:
         keel = foot["keel"]
         bending = keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"])

@@ -21,7 +21,7 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 
 from vsf_drake.analysis.bench_metrics import PUBLISHED_STIFFNESS_N_PER_M, displacement, stiffness
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import foam_under_load, zones_under_load
+from vsf_drake.model_file import zones_under_load
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 
@@ -66,17 +66,18 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
     Raises:
         InputError: no sphere lies in the patch, or one there has an exponent other than 1.
     """
-    if foam_under_load(foot) is None:
+    loaded = zones_under_load(foot)
+    if not loaded or any(zone.exponent != 1.0 for zone in loaded):
         raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
                          where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")
-    loaded = zones_under_load(foot)
     each = series_stiffness / len(loaded)
     foam = {zone.name for zone in foot.zones if zone.stiffness in {other.stiffness for other in loaded}}
     zones = tuple(
         dataclasses.replace(zone, stiffness=each, damping_n_s_per_m=zone.damping_n_s_per_m / zone.stiffness * each)
         if zone.name in foam else zone for zone in foot.zones)
     fulcrum = dataclasses.replace(foot.fulcrum, stiffness_n_per_m=fulcrum_stiffness)
-    return dataclasses.replace(foot, fulcrum=fulcrum, series_stiffness_n_per_m=series_stiffness, zones=zones)
+    return dataclasses.replace(foot, fulcrum=fulcrum, series_stiffness_n_per_m=series_stiffness, series_exponent=1.0,
+                               zones=zones)
 
 
 def calibrate_device(

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.device import DeviceSystems, add_device
 from vsf_drake.plants.foot import FootHandles, add_foot
@@ -40,9 +41,10 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
     """The foot on the bench, loaded at the forefoot, 30 mm behind the keel's tip, or at the heel.
 
     Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
-    series with the keel (`series_stiffness_n_per_m`). Heel: the spheres of the rigid heel block with
-    their own contact law. The platen stays under its site, so the load stays vertical, on the same
-    point of the foot. Weight is left out: a load cell is tared.
+    series with the keel (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to its
+    slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law. The platen
+    stays under its site, so the load stays vertical, on the same point of the foot. Weight is left
+    out: a load cell is tared.
     """
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
@@ -79,7 +81,8 @@ def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
         return {"body_indices": [sites.body_indices[i] for i in rows], "p_BS": lowest, **law}
     j = foot.keel_body_at(parameters.load_point_m)
     point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
-    k = parameters.series_stiffness_n_per_m
+    k, n = parameters.series_stiffness_n_per_m, parameters.series_exponent
+    slope = n * secant_stiffness(k, n, FOAM_LOADS_N[0])
     return {"body_indices": [foot.keel[j].index()], "p_BS": np.array([point]), "stiffness": np.array([k]),
-            "exponent": np.array([1.0]), "damping": np.array([k * FOAM_DAMPING_TIME_S]),
+            "exponent": np.array([n]), "damping": np.array([slope * FOAM_DAMPING_TIME_S]),
             "full_damping_depth": np.array([1e-3])}

@@ -9,7 +9,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
-from vsf_drake.model_file import check_fulcrum, check_model
+from vsf_drake.model_file import check_fulcrum, check_model, secant_stiffness
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.schema import to_plain
@@ -110,7 +110,8 @@ class Bench:
         bending = p.keel.flexural_modulus_pa * section_inertia(p.keel.width_m, p.keel.thickness_m)
         stiffness = combined_stiffness(
             bending_stiffness=bending, support=fulcrum_m, load_point=p.load_point_m,
-            fulcrum_stiffness=p.fulcrum.stiffness_n_per_m, series_stiffness=p.series_stiffness_n_per_m)
+            fulcrum_stiffness=p.fulcrum.stiffness_n_per_m,
+            series_stiffness=secant_stiffness(p.series_stiffness_n_per_m, p.series_exponent, max_load_n))
         return 2.0 * max_load_n / stiffness + 0.005
 
     def _heel_depth(self, load_n: float) -> float:

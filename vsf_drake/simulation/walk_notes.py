@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.model_file import foam_under_load
+from vsf_drake.model_file import FOAM_LOADS_N, foam_under_load, secant_stiffness
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk_run import Walk
@@ -29,10 +29,12 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
     if walk.prosthetic.grf_W[0, 2] > LOADED_N:
         notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
                      "equilibrium and without shear: its first hundredths of a second are not the recording's.")
-    foam, series = foam_under_load(model.foot), model.foot.series_stiffness_n_per_m
-    if foam is not None and abs(foam / series - 1) > FOAM_AGREEMENT:
-        notes.append(f"The forefoot's spheres have {1e-3 * foam:.1f} N/mm where the bench's foam has "
-                     f"{1e-3 * series:.1f}: this model walks on another foam than it is tested with.")
+    foam = foam_under_load(model.foot)
+    bench = model.foot.series_stiffness_n_per_m, model.foot.series_exponent
+    walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
+    if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT:
+        notes.append(f"The forefoot's spheres have {1e-3 * walk_k:.1f} N/mm where the bench's foam has "
+                     f"{1e-3 * bench_k:.1f}: this model walks on another foam than it is tested with.")
     if walk.rest_speed > AT_REST:
         notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
     return notes
