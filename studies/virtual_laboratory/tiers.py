@@ -68,13 +68,19 @@ def laboratory(trial: Recorded, placement: Placement, seed: int, index: int) -> 
     shifted = np.isin(COORDINATES, PELVIS_TRANSLATIONS)
     error = np.where(shifted, TRIAL_M, TRIAL_DEG) * random.standard_normal(len(COORDINATES))
     coordinates = trial.coordinates + error
-    phase = (trial.time_s - MARGIN_S) / trial.draw.stride_s
-    turn = 2.0 * np.pi * np.multiply.outer(phase, np.arange(1, HARMONICS + 1))
-    waves = np.stack([np.cos(turn), np.sin(turn)], axis=2)
-    shared = placement.constant + np.einsum("nhc,ahc->na", waves, placement.waves)
+    shared = shared_error_deg(placement, trial.time_s, trial.draw.stride_s)
     coordinates[:, [COORDINATES.index(name) for name in PLACED]] += shared
     right, left = (_measured(foot, random) for foot in (trial.right, trial.left))
     return Tier("laboratory", coordinates.round(DECIMALS), right, left)
+
+
+def shared_error_deg(placement: Placement, time_s: np.ndarray, stride_s: float) -> np.ndarray:
+    """(N, 12) degrees that the markers' placement adds to the angles `PLACED` at `time_s` (N,) of a recording."""
+    phase = (time_s - MARGIN_S) / stride_s
+    turn = 2.0 * np.pi * np.multiply.outer(phase, np.arange(1, HARMONICS + 1))
+    waves = np.stack([np.cos(turn), np.sin(turn)], axis=2)
+    shared: np.ndarray = placement.constant + np.einsum("nhc,ahc->na", waves, placement.waves)
+    return shared
 
 
 def _measured(foot: Foot, random: np.random.Generator) -> Foot:
