@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
+from vsf_drake.contact_file import load_contact
+from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.resources import resource
 from vsf_drake.simulation.results import WalkResult
@@ -35,18 +37,25 @@ def embedded_trials(*, quick: bool = False) -> tuple[Path, ...]:
 
 
 def validate_walk(
-    manifest: str | Path, *, with_fit: bool = True, step_s: float = DEFAULT_STEP_S,
+    manifest: str | Path, *, with_fit: bool = True, contact: str | Path | None = None, step_s: float = DEFAULT_STEP_S,
     progress: Callable[[str, float], None] | None = None
 ) -> ValidatedWalk:
     """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
 
     Args:
+        contact: a contact file, whose numbers replace the model's (`motion.fitted_trial`). It has offsets of its own:
+            `with_fit` must be False.
         progress: called with what is being done and the finished fraction of it (the fit: a guess).
 
     Raises:
-        InputError, SimulationError: see `load_trial`, `fit_offsets`, `Walker.walk`.
+        InputError, SimulationError: see `load_trial`, `load_contact`, `trial_with`, `fit_offsets`, `Walker.walk`.
+        ValueError: a contact, and `with_fit`.
     """
+    if with_fit and contact is not None:
+        raise ValueError("a fitted contact has its offsets already: they are not fitted on top")
     trial = load_trial(manifest)
+    if contact is not None:
+        trial = trial_with(trial, load_contact(contact), file=contact)
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from vsf_drake import __version__
-from vsf_drake.errors import VsfError
+from vsf_drake.errors import InputError, VsfError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
@@ -22,6 +22,7 @@ errors = Console(stderr=True)
 
 Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
+Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
 
 
 def main() -> None:
@@ -45,12 +46,34 @@ def target(out: Path, kind: str) -> Path:
     return out
 
 
-def model_of(path: Path | None) -> Any:
-    """The model of a file, or the nominal one."""
+def model_of(path: Path | None, contact: Path | None = None) -> Any:
+    """The model of a file, or the nominal one, with the fitted contact of another."""
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.fitted_model import model_with
     from vsf_drake.model_file import load_model
     from vsf_drake.resources import resource
 
-    return load_model(path or resource("models/nominal.yaml"))
+    model = load_model(path or resource("models/nominal.yaml"))
+    return model if contact is None else model_with(model, load_contact(contact).values, file=contact)
+
+
+def contact_hash(path: Path | None) -> dict[str, str]:
+    """SHA-256 of a fitted contact, by the name under which results have it; none for None."""
+    from vsf_drake.files import sha256
+
+    return {} if path is None else {f"contact: {path.name}": sha256(path)}
+
+
+def file_of(path: Path | None) -> Path | None:
+    """`path` with ~ expanded."""
+    return None if path is None else path.expanduser()
+
+
+def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:
+    """Raises InputError for a fitted contact together with --fit-offsets."""
+    if contact is not None and fit_offsets:
+        raise InputError("cannot go with --contact, whose fit has found the offsets already", where="--fit-offsets",
+                         right="Leave one of them out")
 
 
 @contextmanager

@@ -7,13 +7,14 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from vsf_drake.cli.app import Model, Out, app, console, model_of, progress, target
+from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of, progress, target
 
 
 @app.command()
 def bench(
     out: Out,
     model: Model = None,
+    contact: Contact = None,
     fulcrum_mm: Annotated[list[float] | None, typer.Option(
         help="Fulcrum position from the keel's posterior end; repeat for several. Default: the paper's five.")] = None,
     max_load_n: Annotated[float, typer.Option(help="Load at which a pass ends.")] = 600.0,
@@ -25,12 +26,16 @@ def bench(
     from vsf_drake.report.outputs import write_bench
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
-    out = target(out, "bench")
+    out, contact = target(out, "bench"), file_of(contact)
+    pressed = model_of(file_of(model), contact)
     positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with progress() as show:
-        result = run_bench(model_of(model), fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
-                           speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f))
+        result = run_bench(pressed, fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
+                           speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f),
+                           inputs=contact_hash(contact))
     print_bench(write_bench(result, out))
+    if contact:
+        console.print(f"the foot has the fitted contact of {contact}", highlight=False, markup=False)
     console.print(f"written to {out}", highlight=False)
 
 

@@ -10,13 +10,14 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Out, app, console, progress, target
+from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, file_of, progress, target
 
 
 @app.command()
 def simulate(
     trial: Annotated[Path, typer.Argument(help="Trial manifest (YAML).")],
     out: Out,
+    contact: Contact = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
@@ -27,16 +28,22 @@ def simulate(
     from vsf_drake.analysis.validation import validate_walk
     from vsf_drake.report.outputs import write_walk
 
-    out = target(out, "walk")
+    check_contact_use(contact, fit_offsets=fit_offsets)
+    out, contact = target(out, "walk"), file_of(contact)
     with progress() as show:
-        walk = validate_walk(trial.expanduser(), with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
+        walk = validate_walk(trial.expanduser(), with_fit=fit_offsets, contact=contact, step_s=1e-3 * step_ms,
+                             progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
-    print_walk(metrics)
+    print_walk(metrics, offsets_are="with those of the fitted contact" if contact else "not fitted")
     console.print(f"written to {out}", highlight=False)
 
 
-def print_walk(metrics: dict[str, Any]) -> None:
-    """The scores of a walk, its offsets, doubts and notes."""
+def print_walk(metrics: dict[str, Any], *, offsets_are: str = "not fitted") -> None:
+    """The scores of a walk, its offsets, doubts and notes.
+
+    Args:
+        offsets_are: where the offsets come from, unless they were fitted.
+    """
     grid = Table("", "value", title=Text(metrics["trial"]), show_header=False)
     rows = (
         ("resultant GRF, RMSE (BW)", "grf_rmse_bw", "{:.3f}"), ("resultant GRF, R²", "grf_r2", "{:.3f}"),
@@ -54,7 +61,7 @@ def print_walk(metrics: dict[str, Any]) -> None:
         grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
     console.print(grid)
     offsets = metrics["offsets"]
-    fitted = "not fitted" if metrics["offset_fit"] is None else "fitted to this plate"
+    fitted = offsets_are if metrics["offset_fit"] is None else "fitted to this plate"
     height, fore_aft, angle = 1e3 * offsets["height_m"], 1e3 * offsets["fore_aft_m"], degrees(offsets["alignment_rad"])
     console.print(f"offsets ({fitted}): height {height:.1f} mm, fore-aft {fore_aft:.1f} mm, alignment {angle:.1f}°",
                   highlight=False)

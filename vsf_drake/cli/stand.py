@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Model, Out, app, console, model_of, progress, target
+from vsf_drake.cli.app import Contact, Model, Out, app, console, file_of, model_of, progress, target
 
 
 @app.command()
@@ -17,6 +18,7 @@ def stand(
     subject: Annotated[Path, typer.Argument(help="subject.yaml, or a trial manifest, whose subject stands.")],
     out: Out,
     model: Model = None,
+    contact: Contact = None,
     fulcrum_mm: Annotated[float, typer.Option(help="Fulcrum position from the keel's posterior end.")] = 108.0,
     duration_s: Annotated[float, typer.Option(help="How long to stand.")] = 10.0,
     upright: Annotated[bool, typer.Option(
@@ -24,16 +26,26 @@ def stand(
 ) -> None:
     """Stands the person at anatomically neutral angles: does the ground carry the weight, and which foot how much?"""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.files import sha256
+    from vsf_drake.motion.fitted_trial import check_person
     from vsf_drake.motion.subject_file import load_subject
     from vsf_drake.report.standing_output import write_standing
     from vsf_drake.simulation.standing import simulate_standing
 
-    out = target(out, "standing")
+    out, contact = target(out, "standing"), file_of(contact)
     person = load_subject(subject.expanduser())
+    if contact:
+        check_person(person, load_contact(contact), file=contact)
+    stood_on = model_of(file_of(model), contact)
     with progress() as show:
         standing = simulate_standing(
-            person, model_of(model), fulcrum_m=1e-3 * fulcrum_mm, duration_s=duration_s, upright=upright,
+            person, stood_on, fulcrum_m=1e-3 * fulcrum_mm, duration_s=duration_s, upright=upright,
             progress=lambda f: show("standing", f))
+    if contact:
+        note = (f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
+                "offsets and joint angles belongs to its recordings and is left out.")
+        standing = dataclasses.replace(standing, notes=(note, *standing.notes))
     print_standing(write_standing(standing, out))
     console.print(f"written to {out}", highlight=False)
 

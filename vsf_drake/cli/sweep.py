@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from vsf_drake.cli.app import app, console, errors, progress
+from vsf_drake.cli.app import Contact, app, check_contact_use, console, contact_hash, errors, file_of, progress
 from vsf_drake.cli.sweep_axes import (
     SHIFT,
     Axis,
@@ -35,6 +35,7 @@ def sweep(
     sample: Annotated[int | None, typer.Option(
         help="Instead of a grid, so many sets of values that fill the bounds (Latin hypercube).")] = None,
     seed: Annotated[int, typer.Option(help="Of the sample.")] = 0,
+    contact: Contact = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis, once a "
         "trial.")] = False,
@@ -50,9 +51,11 @@ def sweep(
     and a larger sweep with the same trials computes only what is new. Values are in the units that --list prints. A
     walk that fails is a row that says why; the exit code is 3 only if all of them fail.
     """
+    contact = file_of(contact)
     if list_variables:
-        _print_variables(trials)
+        _print_variables(trials, contact)
         return
+    check_contact_use(contact, fit_offsets=fit_offsets)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
     from vsf_drake.simulation.many import WalkCase, simulate_many
@@ -77,7 +80,8 @@ def sweep(
     count = len(trials) * max(1, len(positions)) * (sample or _product(axes))
     check_count(count, meant=yes)
     out = out.expanduser()
-    loaded, variables = _loaded(trials, axes, positions)
+    fitted = contact_hash(contact)
+    loaded, variables = _loaded(trials, contact, axes, positions)
     if any(item.name == SHIFT and item.bounds is None for item in axes) and sample is not None:
         variables = within_reach(variables, [
             (trial.fulcrum_m if mm is None else 1e-3 * mm, trial.model.foot.fulcrum)
@@ -95,6 +99,7 @@ def sweep(
             table, rows = write_sweep(
                 outcomes, loaded, out, variables=varied, fulcrum=bool(positions), show=lambda f: show("comparing", f),
                 plan={"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
+                      "contact": fitted,
                       "offsets": offsets, **_plan(axes, variables, sample, seed)})
     except KeyboardInterrupt:
         errors.print(f"interrupted; the finished walks are in {out / 'cache'}: the same command goes on from them",
@@ -108,18 +113,17 @@ def sweep(
 
 
 def _loaded(
-    trials: list[Path], axes: list[Axis], positions: tuple[float, ...]
+    trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
     from vsf_drake.model_file import check_fulcrum
-    from vsf_drake.motion.trial import load_trial
     from vsf_drake.simulation.walk import Walker
 
     paths = [path.expanduser() for path in trials]
     for i, path in enumerate(paths):
         if path.resolve() in [other.resolve() for other in paths[:i]]:
             raise InputError("the trial stands twice", file=path)
-    found = [load_trial(path) for path in paths]
+    found = _read(paths, contact)
     names = [trial.name for trial in found]
     variables: dict[str, Any] = {}
     for path, trial in zip(paths, found, strict=True):
@@ -130,6 +134,18 @@ def _loaded(
             check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
     return {name if names.count(name) == 1 else f"{name} ({path})": trial
             for name, path, trial in zip(names, paths, found, strict=True)}, variables
+
+
+def _read(paths: list[Path], contact: Path | None) -> list[Any]:
+    """The trials, with the fitted contact if there is one."""
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.motion.fitted_trial import trial_with
+    from vsf_drake.motion.trial import load_trial
+
+    if contact is None:
+        return [load_trial(path) for path in paths]
+    fitted = load_contact(contact)
+    return [trial_with(load_trial(path), fitted, file=contact) for path in paths]
 
 
 def _sets(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed: int) -> list[dict[str, float]]:
@@ -164,13 +180,11 @@ def _product(axes: list[Axis]) -> int:
     return count
 
 
-def _print_variables(trials: list[Path]) -> None:
+def _print_variables(trials: list[Path], contact: Path | None) -> None:
     """A line a variable, in columns, for reading and for grep."""
-    from vsf_drake.motion.trial import load_trial
     from vsf_drake.simulation.walk import Walker
 
-    for path in trials:
-        trial = load_trial(path.expanduser())
+    for trial in _read([path.expanduser() for path in trials], contact):
         own = Walker(trial.subject, trial.model).variables
         found = within_reach(own, [(trial.fulcrum_m, trial.model.foot.fulcrum)]).values()
         rows = [("variable", "unit", "value", "low", "high", ""),

@@ -45,16 +45,29 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
         InputError: the contact was fitted to another person or another side; the model lacks a zone; a number is out of
             range; the trial has a fitted contact already; a curve needs a whole stance and there is none.
     """
-    _check_person(trial.subject, contact, file)
+    check_person(trial.subject, contact, file=file)
     if any(note.startswith(APPLIED) for note in trial.notes):
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
     print_ = fingerprint(trial)
     own = next((fitted for fitted in contact.trials if fitted.fingerprint == print_), None)
-    hashed = {} if file is None else {f"contact {Path(file).name}": sha256(file)}
+    hashed = {} if file is None else {f"contact: {Path(file).name}": sha256(file)}
     return dataclasses.replace(
         trial, model=model_with(trial.model, contact.values, file=file), offsets=_offsets(trial, contact, own, file),
         trajectory=_trajectory(trial, contact, own), notes=(*trial.notes, _note(contact, own, file)),
         inputs=trial.inputs | hashed)
+
+
+def check_person(subject: Subject, contact: FittedContact, *, file: str | Path | None = None) -> None:
+    """Raises InputError if `contact` was fitted to somebody else, or to the other side."""
+    fitted = contact.subject
+    if subject.prosthetic_side != fitted.prosthetic_side:
+        raise InputError(f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one on the "
+                         f"{subject.prosthetic_side}", file=file, where="subject.prosthetic_side")
+    for key, unit, tolerance in (("mass_kg", "kg", MASS_TOLERANCE), ("stature_m", "m", STATURE_TOLERANCE)):
+        own, theirs = getattr(subject, key), getattr(fitted, key)
+        if abs(own - theirs) > tolerance * theirs:
+            raise InputError(f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}", file=file,
+                             where=f"subject.{key}", right="A contact is one person's: fit it to this one's trials")
 
 
 def fingerprint(trial: Trial) -> str:
@@ -77,18 +90,6 @@ def fingerprint(trial: Trial) -> str:
         add(f"{side} force", plate.force_W, _GRAIN_N)
         add(f"{side} centre of pressure", plate.cop_W, _GRAIN)
     return found.hexdigest()
-
-
-def _check_person(subject: Subject, contact: FittedContact, file: str | Path | None) -> None:
-    fitted = contact.subject
-    if subject.prosthetic_side != fitted.prosthetic_side:
-        raise InputError(f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one on the "
-                         f"{subject.prosthetic_side}", file=file, where="subject.prosthetic_side")
-    for key, unit, tolerance in (("mass_kg", "kg", MASS_TOLERANCE), ("stature_m", "m", STATURE_TOLERANCE)):
-        own, theirs = getattr(subject, key), getattr(fitted, key)
-        if abs(own - theirs) > tolerance * theirs:
-            raise InputError(f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}", file=file,
-                             where=f"subject.{key}", right="A contact is one person's: fit it to this one's trials")
 
 
 def _offsets(

@@ -137,11 +137,13 @@ def run_bench(
     max_load_n: float = 600.0,
     speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
     progress: Callable[[float], None] | None = None,
+    inputs: dict[str, str] | None = None,
 ) -> BenchResult:
     """The bench test of the paper: every fulcrum position (m), then the heel.
 
     Args:
         progress: called with the finished fraction.
+        inputs: SHA-256 by name of the files that the model was made of, for the result's provenance.
 
     Raises:
         InputError, SimulationError: see `Bench.press`.
@@ -161,4 +163,4 @@ def run_bench(
     return BenchResult(
         settings=tuple(settings), wall_s=time.perf_counter() - started, compile_s=compile_s,
         simulated_s=float(sum(setting.time_s[-1] for setting in settings)), speed_m_per_s=speed_m_per_s,
-        max_load_n=max_load_n, parameters=to_plain(model), provenance=provenance())
+        max_load_n=max_load_n, parameters=to_plain(model), provenance=provenance(inputs))
