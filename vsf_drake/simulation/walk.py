@@ -120,7 +120,8 @@ class Walker:
         steps = max(1, round((end_s - start_s) / step_s))
         moments = start_s + step_s * np.arange(steps + 1)
         moments[-1] = min(moments[-1], end_s)
-        variables = self.variables | course_variables(courses, self.gait.prescribed, moments)
+        coursed = course_variables(courses, self.gait.prescribed, moments)
+        variables = self.variables | coursed
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
         edits = tuple(variables[name].edit for name in with_respect_to)
@@ -156,7 +157,7 @@ class Walker:
             mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
             sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
             intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            values=values, step_s=step_s,
+            values=values, courses={name: variables[name].edit.coordinate for name in coursed}, step_s=step_s,
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
@@ -192,7 +193,7 @@ class Walker:
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
             synthetic=trial.synthetic,
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
-                        "offsets": to_plain(offsets), "values": dict(walk.values),
+                        "offsets": to_plain(offsets), "values": dict(walk.values), "courses": dict(walk.courses),
                         "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
                         "stepper": used_numbers(walk.mechanism)},
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))

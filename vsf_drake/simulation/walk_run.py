@@ -19,7 +19,7 @@ class Walk:
         prosthetic, intact: resultants on the two feet.
         commanded: (n, prescribed) the motion at the ends of the steps.
         fulcrum_m: (n + 1,) from A, start included.
-        values: of the walker's variables that were asked for.
+        values: of the variables that were asked for. courses: the coordinate that each course changed, by variable.
         sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
         rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
@@ -32,6 +32,7 @@ class Walk:
     commanded: np.ndarray
     fulcrum_m: np.ndarray
     values: Mapping[str, float]
+    courses: Mapping[str, str]
     step_s: float
     wall_s: float
     compile_s: float

@@ -15,6 +15,7 @@ from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import find_sites, find_support
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
+from vsf_drake.simulation.stepping.edit import Edit
 from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import EXACT, _residual, _velocities, step, tangent_matrix
 from vsf_drake.simulation.stepping.room import split_coordinates, step_room
@@ -44,7 +45,7 @@ def _residual_at(tree, forces, split, room, ground, fulcrum, q, v0, a, v, sites,
 
 
 class Instant:
-    """One step of a person at random q0, v0, and its linearisation.
+    """One step of a person at random q0, v0, and its linearisation; every held coordinate of the person has a course.
 
     Args:
         depth: how far (m) the lowest sphere is in the ground at the start; negative: above it.
@@ -76,15 +77,19 @@ class Instant:
             STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, FULCRUM_M,
             self.q[self.held] + STEP_S * held_v, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
             support)
-        edits = tuple(walker.variables[name].edit for name in names)
+        edits = [walker.variables[name].edit for name in names]
+        edits += [Edit(coordinate=name, course=np.ones(2)) for name in HELD[:-1]]
         ways = make_ways(tree, mechanism.forces, self.split, edits, measured=np.zeros(len(sites), dtype=bool))
         self.tangent = tangent_room(tree, self.split, ways)
         tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, EXACT, sites)
         linearise(STEP_S, arrays, mechanism.forces, self.split, ways, self.room, self.tangent, self.q, self.v, sites,
                   support)
         count = len(self.split.free)
-        self.by_variable = self.tangent.Gq[:, count:] @ ways.unit[count:] + self.tangent.E
-        self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv.copy()
+        self.by_variable = (self.tangent.Gq[:, count:] @ ways.unit[count:] + self.tangent.E)[:, : len(names)]
+        self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv[:, :count].copy()
+        way = [ways.coordinate.tolist().index(c) for c in self.held[:-1]]
+        self.by_held_q, self.by_held_v, self.by_held_end = (
+            matrix[:, way].copy() for matrix in (self.tangent.Gq, self.tangent.Gv, self.tangent.B))
 
     def _mechanism(self, change):
         """With the foot at MOUNT and `change` (3,); the Context is as it was afterwards."""
@@ -96,8 +101,8 @@ class Instant:
         set_mount(plant_context, foot)
         return mechanism
 
-    def residual(self, *, dq=0.0, dv0=0.0, values=None):
-        """r / h at the same end velocity, and which branch of its law each site is on."""
+    def residual(self, *, dq=0.0, dv0=0.0, dv=0.0, values=None):
+        """r / h, free end velocities unchanged, and which branch of its law each site is on."""
         values = values or {}
         geometry, slide, shift = added(self.walker.variables, values, self.walker.gait.prescribed)
         mechanism = self.mechanism
@@ -105,14 +110,14 @@ class Instant:
             mechanism = dataclasses.replace(mechanism, tree=self._mechanism(geometry).tree)
         mechanism = edited(mechanism, self.walker.variables, values)
         tree, forces, room = mechanism.tree, mechanism.forces, step_room(mechanism.tree, mechanism.forces, self.split)
-        q, v0, a = self.q + dq, self.v0 + dv0, np.zeros(len(self.q))
+        q, v0, v, a = self.q + dq, self.v0 + dv0, self.v + dv, np.zeros(len(self.q))
         for name, change in zip(self.walker.gait.prescribed, shift, strict=True):
             q[tree.index(name)] += change
         q[tree.index("fulcrum")] += slide
         sites = np.zeros((len(mechanism.sites), 9))
-        a[self.held] = (self.v - self.v0)[self.held] / STEP_S
-        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, FULCRUM_M + slide, q, v0, a, self.v,
-                     sites, np.zeros(3))
+        a[self.held] = (v - v0)[self.held] / STEP_S
+        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, FULCRUM_M + slide, q, v0, a, v, sites,
+                     np.zeros(3))
         loaded, law = sites[:, 1] > 0.0, mechanism.sites
         speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
         kinds = [loaded, loaded & (sites[:, 4] > 0.0), loaded & (sites[:, 0] > law[:, 7]), loaded & (speed > 1.0),
@@ -147,12 +152,18 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     gravity = MultibodyForces_[AutoDiffXd](plant)
     plant.CalcForceElementsContribution(context, gravity)
     acceleration = (at.v - v0) / STEP_S
-    acceleration[at.held] = (at.v - at.v0)[at.held] / STEP_S
     wanted = ExtractGradient(plant.CalcInverseDynamics(context, acceleration, gravity))[free]
     assert at.converged
     scale = np.abs(wanted[:, :n]).max()
     np.testing.assert_allclose(at.by_q, wanted[:, free], rtol=0.0, atol=1e-10 * scale)
     np.testing.assert_allclose(at.by_v, wanted[:, n + free], rtol=0.0, atol=1e-10 * np.abs(wanted[:, n + free]).max())
+    held = at.held[:-1]
+    np.testing.assert_allclose(at.by_held_q, wanted[:, held], rtol=0.0, atol=1e-10 * scale)
+    np.testing.assert_allclose(at.by_held_v, wanted[:, n + held], rtol=0.0,
+                               atol=1e-10 * np.abs(wanted[:, n + held]).max())
+    mass = plant.CalcMassMatrix(context)
+    mass = np.vectorize(lambda entry: entry.value())(mass)[np.ix_(free, held)]
+    np.testing.assert_allclose(at.by_held_end, mass, rtol=0.0, atol=1e-10 * np.abs(mass).max())
     columns = [2 * n, 2 * n + 1, 2 * n + 2, tree.index("fulcrum")]
     columns = [*(tree.index(name[11:]) for name in variables[:-4]), *columns]
     assert np.abs(wanted[:, columns]).max() > 1.0
@@ -163,20 +174,22 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
 @pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_contact_springs_and_support_are_differentiated_too(walker, side, speed):
-    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start and every variable."""
+    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those of
+    held coordinates at the end, and every variable."""
     person, checked, total = walker(side), 0, 0
     variables = [name for name in person.variables if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)]
     variables = [name for name in variables if not name.endswith("exponent")]
     for seed in range(4):
         at = Instant(person, seed, variables, depth=0.012, speed=speed)
         assert at.converged and at.residual()[1][0].sum() > 3
-        directions = [(at.by_q[:, i], {"dq": e}) for i, e in enumerate(np.eye(len(at.q))[at.split.free])]
-        directions += [(at.by_v[:, i], {"dv0": e}) for i, e in enumerate(np.eye(len(at.q))[at.split.free])]
-        for exact, unit in directions:
-            found, smooth = at.difference(1e-6, **unit)
-            total, checked = total + 1, checked + smooth
-            if smooth:
-                np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-5 * np.abs(at.by_q).max())
+        free, held = np.eye(len(at.q))[at.split.free], np.eye(len(at.q))[at.held[:-1]]
+        for matrix, key, along in ((at.by_q, "dq", free), (at.by_v, "dv0", free), (at.by_held_q, "dq", held),
+                                   (at.by_held_v, "dv0", held), (at.by_held_end / STEP_S, "dv", held)):
+            for exact, unit in zip(matrix.T, along, strict=True):
+                found, smooth = at.difference(1e-6, **{key: unit})
+                total, checked = total + 1, checked + smooth
+                if smooth:
+                    np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-5 * np.abs(matrix).max(), err_msg=key)
         for p, name in enumerate(variables):
             variable = person.variables[name]
             if variable.added:

@@ -43,11 +43,13 @@ def carry(h, k, share, tree, forces, split, ways, room, tangent, q0, v, sites, s
                 for p in range(P):
                     rhs[i, p] += by_q * tangent.q[j, p]
         for j in range(nf, C):
-            by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j]
+            by_q = -h * tangent.Gq[i, j]
             for e in range(ways.start[j], ways.start[j + 1]):
-                p = ways.parameter[e]
-                rhs[i, p] += by_q * tangent.q[j, p]
-                if ways.course[e] >= 0:
+                rhs[i, ways.parameter[e]] += by_q * tangent.q[j, ways.parameter[e]]
+            if ways.moves[j]:
+                by_v, by_end = -h * tangent.Gv[i, j], -tangent.B[i, j]
+                for e in range(ways.start[j], ways.start[j + 1]):
+                    p = ways.parameter[e]
                     rhs[i, p] += by_v * tangent.v[j, p] + by_end * tangent.v_end[j, p]
         for j in range(nf):
             by_v = -h * tangent.Gv[i, j]
