@@ -1,0 +1,175 @@
+"""Stiffness of a foot in the testing machine as a function of its variables, with exact derivatives.
+
+Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel, as
+`analysis.bench_metrics.stiffness` has it of a curve that ends at F2. Here only the two loads are put on, each until
+the foot rests: at 50 mm/min damping and inertia have no part in a slope (3e-5 of it).
+
+At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its
+point of the keel whatever the foam does. keel(F) is that of `keel_statics`. foam(F): the spheres in the patch under the
+load, pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's
+height s. A sphere that sits higher is met later; where the travel is counted from does not matter to a slope, so a
+rise that all spheres share changes nothing. At the heel: the spheres of the rigid heel block, likewise, and
+nothing in series.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.model_file import check_fulcrum
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.keel_statics import KeelStatics
+from vsf_drake.simulation.variables import check_number
+
+LARGEST_DEPTH_M = 1.0
+"""Depth of a foam beyond which it bears nothing worth the name: far more than a foot is thick, so that a search
+may pass through feet that are much too soft."""
+MOST_ITERATIONS = 100
+_WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "course.")
+_LAW = {"stiffness": (1e-3, 1e30), "exponent": (1.0, 20.0), "rise": (-0.1, 0.1)}
+"""Of a zone, with the values that mean something; those of the keel and the fulcrum likewise."""
+_KEEL = {"keel.flexural_modulus": (1e6, 1e12), "fulcrum.stiffness": (1e-3, 1e30)}
+
+
+class BenchStiffness:
+    """Stiffness (N/m) of a foot in the testing machine as a function of named variables, with derivatives.
+
+    The names are those of a walk's variables. Of these contact.ZONE.stiffness, exponent and rise,
+    keel.flexural_modulus and fulcrum.stiffness matter. Damping does not at the testing machine's speed, and friction,
+    socket, offsets, coordinates and courses have no part in it; nor has fulcrum.shift, which is where the fulcrum was
+    in a walk and not on the bench: they are accepted, and all derivatives by them are zero.
+
+    Args:
+        foot: whose values hold where none is given.
+        fulcrums_m: positions (m from A) at which the forefoot is pressed.
+        heel: whether the heel is pressed too.
+        max_load_n, above_n: the two loads (N).
+        steps_per_mm: of the keel's path to a load; the rest that it leads to does not depend on it.
+
+    Raises:
+        InputError: a position is out of the carriage's reach, the loads do not increase, or no sphere is there to be
+            pressed.
+    """
+
+    def __init__(self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0,
+                 above_n: float = 200.0, steps_per_mm: float = 0.5) -> None:
+        if not 0.0 < above_n < max_load_n < math.inf:
+            raise InputError(f"{above_n:g} N and {max_load_n:g} N are no two loads for a slope", where="max_load_n",
+                             right="It must be more than above_n, and both positive")
+        if not 0.0 < steps_per_mm < math.inf:
+            raise InputError(f"{steps_per_mm:g} is no number of steps", where="steps_per_mm")
+        self.loads_n = np.array([above_n, max_load_n])
+        self.fulcrums_m = tuple(check_fulcrum(float(x), foot, where="fulcrums_m") for x in fulcrums_m)
+        self.heel = heel
+        reach = 0.5 * foot.series_patch_m
+        self._foam = _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach) if self.fulcrums_m else None
+        self._block = _Foam(foot, lambda x: x < foot.fulcrum.rearmost_m) if heel else None
+        self._keel = KeelStatics(foot, self.loads_n, steps_per_mm) if self.fulcrums_m else None
+        self._pressed: tuple[tuple[float, float], np.ndarray, np.ndarray] | None = None
+        self._names = [*_KEEL, *(f"contact.{zone.name}.{key}" for key in _LAW for zone in foot.zones)]
+        self._bounds = [*_KEEL.values(), *(bounds for bounds in _LAW.values() for _ in foot.zones)]
+        self._default = np.array([
+            foot.keel.flexural_modulus_pa, foot.fulcrum.stiffness_n_per_m, *(zone.stiffness for zone in foot.zones),
+            *(zone.exponent for zone in foot.zones), *(0.0 for _ in foot.zones)])
+        self._damping = {f"contact.{zone.name}.{key}" for zone in foot.zones
+                         for key in ("damping", "full_damping_depth")}
+
+    def evaluate(
+        self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness with these values of variables, all others as in the foot, and its derivatives.
+
+        Returns:
+            (m,) N/m: the forefoot at each fulcrum position, then the heel if asked; (m, P) derivatives per unit of
+            each variable.
+
+        Raises:
+            InputError: a name is unknown, or a value is one with which the foot has no meaning.
+            SimulationError: the foot cannot bear the load.
+        """
+        numbers = self._default.copy()
+        for name, value in values.items():
+            column, number = self._column(name, "values"), check_number(value, f"values[{name!r}]")
+            if column is not None:
+                low, high = self._bounds[column]
+                if not low <= number <= high:
+                    raise InputError(f"{number!r} is not usable", where=f"values[{name!r}]",
+                                     right=f"It must be from {low:g} to {high:g}")
+                numbers[column] = number
+        columns = [self._column(name, "with_respect_to") for name in with_respect_to]
+        law = numbers[2:].reshape(3, -1)
+        travel = np.zeros((len(self.fulcrums_m) + self.heel, 2))
+        by = np.zeros((*travel.shape, len(numbers)))
+        if self._foam is not None and self._keel is not None:
+            rise, by_keel = self._press(self._keel, float(numbers[0]), float(numbers[1]))
+            foam, by_foam = self._foam.press(self.loads_n, law)
+            count = len(rise)
+            travel[:count], by[:count, :, :2], by[:count, :, 2:] = rise + foam, by_keel, by_foam
+        if self._block is not None:
+            travel[-1], by[-1, :, 2:] = self._block.press(self.loads_n, law)
+        span = travel[:, 1] - travel[:, 0]
+        stiffness = (self.loads_n[1] - self.loads_n[0]) / span
+        every = -(stiffness / span)[:, None] * (by[:, 1] - by[:, 0])
+        derivatives = np.zeros((len(stiffness), len(columns)))
+        for i, column in enumerate(columns):
+            if column is not None:
+                derivatives[:, i] = every[:, column] + 0.0  # no -0
+        return stiffness, derivatives
+
+    def _column(self, name: str, where: str) -> int | None:
+        """Index into all that matters; None for what has no part."""
+        if name in self._names:
+            return self._names.index(name)
+        if name in self._damping or name == "fulcrum.shift" or name.startswith(_WITHOUT_PART):
+            return None
+        raise InputError(f"there is no variable {name!r}", where=where,
+                         right=f"The bench knows: {', '.join(self._names)}")
+
+    def _press(self, keel: KeelStatics, modulus_pa: float, fulcrum_n_per_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """(f, 2) m, rise of the load point, and (f, 2, 2) its derivatives, kept until one of the two changes."""
+        key = modulus_pa, fulcrum_n_per_m
+        if self._pressed is None or self._pressed[0] != key:
+            found = [keel.press(x, *key) for x in self.fulcrums_m]
+            self._pressed = key, np.array([rise for rise, _ in found]), np.array([by for _, by in found])
+        return self._pressed[1:]
+
+
+class _Foam:
+    """Contact spheres pressed together by a flat platen."""
+
+    def __init__(self, foot: FootParameters, pressed: Callable[[float], bool]) -> None:
+        found = [(z, 1e-3 * rise) for z, zone in enumerate(foot.zones)
+                 for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True) if pressed(1e-3 * x)]
+        if not found:
+            raise InputError("no contact sphere lies where the testing machine presses", where="foot.zones")
+        self.zone, self.height = np.array([z for z, _ in found]), np.array([rise for _, rise in found])
+        self.share = np.eye(len(foot.zones))[self.zone]
+
+    def press(self, loads_n: np.ndarray, law: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) m, height of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z), row by row.
+
+        The load is convex and rises with the platen, and at the height at which one sphere alone bears it the spheres
+        together bear no less: from there Newton's method descends to the root without passing it.
+        """
+        stiffness, exponent, rise = law[:, self.zone]
+        bottom, lowest = self.height + rise, np.min(self.height + rise)
+        with np.errstate(divide="ignore"):
+            deepest = np.min(bottom - lowest + (loads_n[:, None] / stiffness) ** (1.0 / exponent), axis=1)
+        if not np.all(deepest <= LARGEST_DEPTH_M):
+            raise SimulationError(f"the foam bears less than {loads_n.max():g} N at {LARGEST_DEPTH_M:g} m", time_s=0.0)
+        for _ in range(MOST_ITERATIONS):
+            depth = np.maximum(deepest[:, None] - (bottom - lowest), 0.0)
+            slope = np.where(depth > 0.0, exponent * stiffness * depth ** (exponent - 1.0), 0.0)
+            force = stiffness * depth**exponent
+            change = (force.sum(axis=1) - loads_n) / slope.sum(axis=1)
+            deepest = deepest - change
+            if np.all(change <= 1e-14 * deepest):
+                break
+        with np.errstate(divide="ignore", invalid="ignore"):
+            by_exponent = np.where(depth > 0.0, force * np.log(depth), 0.0)
+            by = np.hstack([depth**exponent @ self.share, by_exponent @ self.share, -slope @ self.share])
+        return lowest + deepest, -by / slope.sum(axis=1)[:, None]
