@@ -1,0 +1,176 @@
+"""Contact parameters fitted by the procedure of McGeehan et al. 2021 (doi 10.1115/1.4050456), as it is written.
+
+- Objective: the sum of squared differences of the resultant ground reaction force, model less plate.
+- Initial guess: exponent 1, full damping at 1 mm, damping (N s/mm) half of the stiffness (N/mm), and one stiffness for
+  all spheres, raised until they carry the person. We read that as: until the model's vertical force over the measured
+  stances is on average what the plates measured.
+- Varied: stiffness, exponent, damping and full-damping depth of each zone. No geometry; friction as given.
+- Search: Latin hypercube, stratified, normal distributions within bounds; the best scenario is carried to the next
+  iteration. The paper does not say how many scenarios, how wide and within which bounds: see `PaperOptions`. The
+  distributions are as wide in the last iteration as in the first, since it does not say that they shrink.
+- End: 100 iterations, or the objective changes by less than 0.1 N and the parameters by less than 0.001. Since the best
+  scenario is carried on, an iteration that finds none better changes nothing, and ends the search, though another one
+  might have found something (`PaperOptions.settled`). If 100 iterations do not converge, the search is begun again from
+  their result.
+
+What such a fit is worth beyond its own trial is for the caller to find out: it knows neither centre of pressure nor
+bench, and contact makes up for whatever is wrong with the geometry.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.contact_fit.paper_objective import PaperObjective, differences
+from vsf_drake.analysis.contact_fit.paper_search import PaperOptions, SearchState, iterate, to_state, verdict
+from vsf_drake.analysis.contact_fit.paper_space import PaperSpace, paper_space
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.many.keys import digest
+from vsf_drake.simulation.walk import Walker
+
+__all__ = ["PaperFit", "PaperOptions", "fit_like_the_paper"]
+
+_PATH_OPTIONS = ("scenarios", "spread", "fold", "exponents", "full_damping_mm", "step_s", "friction", "seed")
+"""Options that the way of the search depends on; the others only say when it ends, and on how many threads it runs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperFit:
+    """What the procedure ended with.
+
+    Attributes:
+        values, initial_values: of variables of a walk (SI), of the best scenario and of the initial guess.
+        objective_n2, initial_objective_n2: N², of the same.
+        rms_n, initial_rms_n: the same as root mean square difference of the resultants.
+        history: of each iteration its number (from 1), the objective of the best scenario so far (N²) and the largest
+            change of a parameter of it, over the distance of its bounds.
+        stopped_by: why it ended, in words.
+        converged: whether by its own tolerances.
+        simulations, failed_simulations: walks, those for the initial guess included.
+        wall_s: time that it took, over all parts of an interrupted fit.
+        seed: of the scenarios.
+    """
+
+    values: dict[str, float]
+    objective_n2: float
+    rms_n: float
+    initial_values: dict[str, float]
+    initial_objective_n2: float
+    initial_rms_n: float
+    history: tuple[tuple[int, float, float], ...]
+    stopped_by: str
+    converged: bool
+    simulations: int
+    failed_simulations: int
+    wall_s: float
+    seed: int
+
+
+def fit_like_the_paper(
+    trials: Sequence[Trial], options: PaperOptions | None = None, *, walker: Walker | None = None,
+    progress: Callable[[int, float, float], None] | None = None, resume: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[Mapping[str, Any]], None] | None = None
+) -> PaperFit:
+    """Fits one trial, as the paper did, or several.
+
+    Args:
+        trials: of one subject with one prosthesis.
+        walker: the person, built before; made here if None.
+        progress: called after each iteration (0: the initial guess) with its number, the best root mean square
+            difference so far (N) and the fraction of the iterations that the fit may take.
+        resume: what `checkpoint` was given; the fit goes on from there as if it had not been interrupted. More
+            iterations, restarts or other tolerances than before may be asked for.
+        checkpoint: called after each iteration with the state of the search as plain values (JSON keeps them exactly).
+
+    Raises:
+        InputError: a trial cannot be fitted, the foot cannot carry the person, or `resume` belongs to another fit.
+        SimulationError: every walk of an iteration fails.
+    """
+    options = PaperOptions() if options is None else options
+    trials = tuple(trials)
+    if not trials:
+        raise InputError("there is no trial to fit", where="trials")
+    walker = Walker(trials[0].subject, trials[0].model) if walker is None else walker
+    objective = PaperObjective(trials, walker, step_s=options.step_s, workers=options.workers)
+    key = _key(objective, options)
+    began = time.perf_counter()
+    state = _begin(objective, options) if resume is None else _resumed(resume, key)
+    space = _space(walker, options, state.stiffness)
+    began -= state.wall_s
+    longest = options.iterations * (1 + options.restarts)
+
+    def tell(fraction: float) -> None:
+        if progress:
+            progress(len(state.history), state.rms_n(state.objective_n2), fraction)
+
+    tell(len(state.history) / longest)
+    while (end := verdict(state, options)) is None:
+        state = replace(iterate(state, space, objective.scores, options), wall_s=time.perf_counter() - began)
+        if checkpoint:
+            checkpoint({"key": key, **asdict(state)})
+        tell(len(state.history) / longest)
+    tell(1.0)
+    return PaperFit(
+        values=space.values(np.array(state.best)), objective_n2=state.objective_n2,
+        rms_n=state.rms_n(state.objective_n2), initial_values=space.values(space.start),
+        initial_objective_n2=state.initial_objective_n2, initial_rms_n=state.rms_n(state.initial_objective_n2),
+        history=state.history, stopped_by=end[1], converged=end[0], simulations=state.simulations,
+        failed_simulations=state.failed_simulations, wall_s=state.wall_s, seed=options.seed)
+
+
+def _begin(objective: PaperObjective, options: PaperOptions) -> SearchState:
+    """The initial guess."""
+    began = time.perf_counter()
+
+    def values(stiffness: float) -> dict[str, float]:
+        space = _space(objective.walker, options, stiffness)
+        return space.values(space.start)
+
+    stiffness, simulations, failed = objective.carrying_stiffness(values)
+    apart = np.concatenate([differences(objective.compare(trial, values(stiffness))) for trial in objective.trials])
+    start = _space(objective.walker, options, stiffness).start
+    total = float(np.sum(apart**2))
+    return SearchState(
+        stiffness=stiffness, initial_objective_n2=total, objective_n2=total, best=tuple(map(float, start)),
+        instants=len(apart), simulations=simulations + len(objective.trials), failed_simulations=failed,
+        wall_s=time.perf_counter() - began)
+
+
+def _space(walker: Walker, options: PaperOptions, stiffness: float) -> PaperSpace:
+    return paper_space(walker.variables, stiffness, fold=options.fold, exponents=options.exponents,
+                       full_damping_mm=options.full_damping_mm, friction=options.friction)
+
+
+def _key(objective: PaperObjective, options: PaperOptions) -> str:
+    """Of everything that the way of the search depends on, but for the software."""
+    walker = objective.walker
+    plain = {"options": {name: getattr(options, name) for name in _PATH_OPTIONS},
+             "subject": to_plain(walker.subject), "model": to_plain(walker.model),
+             "trials": [[trial.fulcrum_m, trial.start_s, trial.end_s, to_plain(trial.offsets),
+                         list(trial.trajectory.names)] for trial in objective.trials]}
+    arrays: dict[str, np.ndarray] = {}
+    for i, trial in enumerate(objective.trials):
+        plate = trial.prosthetic_plate
+        arrays |= {f"{i} motion time": trial.trajectory.time_s, f"{i} motion": trial.trajectory.values,
+                   f"{i} plate time": plate.time_s, f"{i} plate": plate.force_W}
+    return digest(plain, arrays)
+
+
+def _resumed(resume: Mapping[str, Any], key: str) -> SearchState:
+    try:
+        rest = dict(resume)
+        own = rest.pop("key")
+        state = to_state(rest)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("is no state of such a fit", where="resume") from error
+    if own != key:
+        raise InputError("is the state of a fit with other trials, parameters or options", where="resume",
+                         right="Resume with what the fit was begun with, or begin it again")
+    return state
