@@ -55,7 +55,10 @@ def model_with(
                                  where=where, right=f"It has: {', '.join(names)}")
             foot = _with_zone(foot, zone, law, float(value))
         elif group == "socket":
-            socket = _with_axis(socket, rest.split(".")[0], float(value))
+            axis = rest.split(".")[0]
+            if not getattr(socket, axis).stiffness > 0.0:
+                raise InputError(f"the model's {axis} axis has no stiffness to go with", file=file, where=where)
+            socket = _with_axis(socket, axis, float(value))
         elif group not in _NOT_THE_MODELS:
             foot = _with_device(foot, name, float(value))
     foam = foam_under_load(foot)
@@ -76,7 +79,7 @@ def _with_zone(foot: FootParameters, name: str, law: str, value: float) -> FootP
 
 def _with_axis(socket: SocketParameters, name: str, stiffness: float) -> SocketParameters:
     axis = getattr(socket, name)
-    negative = axis.stiffness_negative * (stiffness / axis.stiffness) if axis.stiffness else axis.stiffness_negative
+    negative = stiffness * (axis.stiffness_negative / axis.stiffness)
     return dataclasses.replace(
         socket, **{name: dataclasses.replace(axis, stiffness=stiffness, stiffness_negative=negative)})
 

@@ -201,10 +201,11 @@ class _Reader:
         return schema(**values)
 
     def _range_check(self, node: yaml.Node, value: Any, field: Any, key: str) -> None:
-        items = value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
-        for item in items:
-            if not dataclasses.is_dataclass(item):
-                _check_scalar(item, field.metadata, self.place(node, key), self.file)
+        items = {f"{key}.{name}": item for name, item in value.items()} if isinstance(value, dict) else {key: value}
+        for where, item in items.items():
+            for scalar in item if isinstance(item, tuple) else (item,):
+                if not dataclasses.is_dataclass(scalar):
+                    _check_scalar(scalar, field.metadata, self.place(node, where), self.file)
 
     def value(self, node: yaml.Node, hint: Any, key: str) -> Any:
         origin, args = typing.get_origin(hint), typing.get_args(hint)

@@ -80,8 +80,8 @@ def sweep(
     count = len(trials) * max(1, len(positions)) * (sample or _product(axes))
     check_count(count, meant=yes)
     out = out.expanduser()
-    fitted = contact_hash(contact)
     loaded, variables = _loaded(trials, contact, axes, positions)
+    fitted = contact_hash(contact)
     if any(item.name == SHIFT and item.bounds is None for item in axes) and sample is not None:
         variables = within_reach(variables, [
             (trial.fulcrum_m if mm is None else 1e-3 * mm, trial.model.foot.fulcrum)

@@ -21,14 +21,18 @@ def validate(
     """Bench and walks on the embedded data: published bench end points, and the synthetic reference subject."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.validation import QUICK_STEP_S, embedded_trials, validate_walk
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.motion.fitted_trial import check_person
+    from vsf_drake.motion.subject_file import load_subject
     from vsf_drake.report.outputs import write_bench, write_walk
     from vsf_drake.simulation.bench import run_bench
     from vsf_drake.simulation.walk import DEFAULT_STEP_S
 
     out, contact = target(out, "bench"), file_of(contact)
-    pressed = model_of(None, contact)
+    pressed, manifests = model_of(None, contact), embedded_trials(quick=quick)
     console.print("Walking data are SYNTHETIC (a virtual laboratory's); bench end points are published.")
     if contact:
+        check_person(load_subject(manifests[0]), load_contact(contact), file=contact)
         console.print(f"The fitted contact of {contact} has its offsets: they are not fitted to each walk.",
                       highlight=False, markup=False)
     with progress() as show:
@@ -36,7 +40,7 @@ def validate(
                            inputs=contact_hash(contact))
     print_bench(write_bench(result, out))
     walks: dict[str, dict[str, Any]] = {}
-    for manifest in embedded_trials(quick=quick):
+    for manifest in manifests:
         with progress() as show:
             walk = validate_walk(manifest, with_fit=contact is None, contact=contact,
                                  step_s=QUICK_STEP_S if quick else DEFAULT_STEP_S,

@@ -1,0 +1,144 @@
+"""`--contact`: every command works with the fitted foot, says so, and takes no other file for one."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import pytest
+import yaml
+from command_line import read_json
+from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+
+from vsf_drake.contact_file import save_contact
+from vsf_drake.files import sha256
+from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.resources import resource
+
+TRIAL = resource("data/reference_subject/exact/high_1.yaml")
+SUBJECT = resource("data/reference_subject/subject.yaml")
+CHANGE = {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.4, "offset.height": 2e-3}
+
+
+@pytest.fixture
+def contact(tmp_path):
+    """A contact file; values that a foot can walk and stand on."""
+    own = dataclasses.replace(OWN, fingerprint=fingerprint(load_trial(TRIAL)))
+    save_contact(made_contact(values=CHANGE, trials=(own,)), tmp_path / "contact.yaml")
+    return tmp_path / "contact.yaml"
+
+
+def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, contact):
+    code, out, _ = run("simulate", TRIAL, "--out", tmp_path / "walk", "--contact", contact, "--no-replay")
+    assert code == 0
+    assert "offsets (with those of the fitted contact): height 2.5 mm" in out
+    metrics = read_json(tmp_path / "walk" / "metrics.json")
+    assert any("contact.yaml" in note and "with the height that was fitted to this trial" in note
+               for note in metrics["notes"])
+    about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
+    assert about["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(contact)
+    forefoot = about["parameters"]["model"]["foot"]["zones"][-1]
+    assert (forefoot["stiffness"], forefoot["exponent"]) == (2e5, 1.4)
+    assert about["parameters"]["offsets"]["height_m"] == pytest.approx(2.5e-3)
+
+
+@pytest.mark.parametrize("command", [["simulate"], ["sweep", "--fulcrum-mm", "66"]])
+def test_offsets_are_not_fitted_on_top_of_a_fitted_contact(run, tmp_path, contact, command):
+    code, _, err = run(*command, TRIAL, "--out", tmp_path / "out", "--contact", contact, "--fit-offsets")
+    assert code == 2
+    assert "--fit-offsets: cannot go with --contact" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_bench_presses_the_fitted_foot(run, tmp_path, contact):
+    words = ("bench", "--fulcrum-mm", "108")
+    assert run(*words, "--out", tmp_path / "nominal")[0] == 0
+    code, out, _ = run(*words, "--out", tmp_path / "fitted", "--contact", contact)
+    assert code == 0
+    assert f"the foot has the fitted contact of {contact}".split() == out.split("unconverged")[1].split()[0:8]
+    nominal, fitted = (read_json(tmp_path / name / "bench.json")["settings"][0]["stiffness_n_per_mm"]
+                       for name in ("nominal", "fitted"))
+    assert abs(fitted - nominal) > 0.3
+    about = yaml.safe_load((tmp_path / "fitted" / "result.yaml").read_text(encoding="utf-8"))
+    assert about["provenance"]["inputs_sha256"] == {"contact: contact.yaml": sha256(contact)}
+    assert about["parameters"]["foot"]["series_exponent"] == 1.4
+
+
+def test_stand_stands_on_the_fitted_foot(run, tmp_path, contact):
+    words = ("--contact", contact, "--duration-s", "0.1", "--upright")
+    code, _, _ = run("stand", SUBJECT, "--out", tmp_path / "out", *words)
+    assert code == 0
+    notes = read_json(tmp_path / "out" / "standing.json")["notes"]
+    assert sha256(contact) in notes[0] and "left out" in notes[0]
+
+
+def test_check_judges_the_trial_as_the_fit_sees_it(run, tmp_path, contact):
+    code, _, _ = run("check", TRIAL, "--out", tmp_path / "out", "--contact", contact)
+    assert code == 0
+    trial = read_json(tmp_path / "out" / "check.json")["trials"][0]
+    assert any("A fitted contact was applied from contact.yaml" in note for note in trial["notes"])
+
+
+def test_sweep_varies_on_top_of_the_fitted_contact(run, tmp_path, contact):
+    code, out, _ = run("sweep", TRIAL, "--list", "--contact", contact)
+    assert code == 0
+    line = next(line for line in out.splitlines() if line.startswith("contact.forefoot.exponent"))
+    assert line.split()[2] == "1.4"
+    code, _, _ = run("sweep", TRIAL, "--out", tmp_path / "out", "--contact", contact, "--vary",
+                     "contact.forefoot.stiffness=200000,62980", "--workers", "1", "--step-ms", "2")
+    assert code == 0
+    table = read_json(tmp_path / "out" / "sweep.json")
+    assert table["plan"]["contact"] == {"contact: contact.yaml": sha256(contact)}
+    assert table["columns"]["contact.forefoot.stiffness"]["in_the_model"] == 2e5
+    words = ("--contact", contact, "--no-replay", "--step-ms", "2")
+    code, _, _ = run("simulate", TRIAL, "--out", tmp_path / "walk", *words)
+    assert code == 0
+    with open(tmp_path / "out" / "sweep.csv", encoding="utf-8") as stream:
+        swept, other = csv.DictReader(stream)
+    walked = read_json(tmp_path / "walk" / "metrics.json")["grf_rmse_bw"]
+    assert float(swept["grf_rmse_bw"]) == pytest.approx(walked, rel=1e-9)
+    assert float(other["grf_rmse_bw"]) != pytest.approx(walked, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_validate_does_not_fit_offsets_to_a_fitted_contact(run, tmp_path, contact):
+    code, out, _ = run("validate", "--quick", "--out", tmp_path / "out", "--contact", contact)
+    assert code == 0
+    said = " ".join(out.split())
+    assert "has its offsets: they are not fitted to each walk" in said and "offsets of the fitted contact" in said
+    walks = [read_json(path) for path in (tmp_path / "out").rglob("metrics.json")]
+    assert walks and all(walk["offset_fit"] is None for walk in walks)
+    heights = sorted(round(1e3 * walk["offsets"]["height_m"], 9) for walk in walks)
+    assert heights == [2.0, 2.0, 2.5], "the height of a recording is its own alone"
+    assert read_json(tmp_path / "out" / "bench.json")["closed_form"] is None
+
+
+COMMANDS = [("simulate", TRIAL), ("validate",), ("sweep", TRIAL, "--fulcrum-mm", "66"), ("bench",), ("stand", SUBJECT),
+            ("check", TRIAL)]
+WORDS = {"failed": "did not converge", "missing": "there is no such file", "zone": "no contact zones 'toe'"}
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+@pytest.mark.parametrize("fault", ["failed", "missing", "zone"])
+def test_what_is_no_fitted_contact_ends_every_command_with_one_message(run, tmp_path, words, fault):
+    path = tmp_path / "contact.yaml"
+    if fault != "missing":
+        values = {"contact.toe.stiffness": 1e4} if fault == "zone" else {**OF_THE_MODEL, **OF_THE_TRIAL}
+        save_contact(made_contact(values=values, converged=fault != "failed"), path)
+    code, _, err = run(*words, "--out", tmp_path / "out", "--contact", path)
+    assert code == 2
+    assert WORDS[fault] in err
+    assert str(path) in err and "Traceback" not in err
+    assert not (tmp_path / "out").exists() or not any((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("words", [("simulate", TRIAL), ("stand", SUBJECT), ("check", TRIAL), ("validate", "--quick")],
+                         ids=lambda words: words[0])
+def test_another_persons_contact_is_refused(run, tmp_path, words):
+    other = dataclasses.replace(made_contact().subject, mass_kg=90.0)
+    save_contact(made_contact(subject=other), tmp_path / "contact.yaml")
+    code, _, err = run(*words, "--out", tmp_path / "out", "--contact", tmp_path / "contact.yaml")
+    assert code == 2
+    assert "a person of 90 kg, this one has 78 kg" in err
+    assert not (tmp_path / "out").exists()

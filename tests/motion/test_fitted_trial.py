@@ -1,0 +1,157 @@
+"""A recording with a fitted contact: what is changed, for whom, and on which recording alone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_contact import CURVE, OF_THE_MODEL, OWN, made_contact
+
+from vsf_drake.contact_file import FittedSubject, load_contact, save_contact
+from vsf_drake.errors import InputError
+from vsf_drake.files import sha256
+from vsf_drake.fitted_model import model_with
+from vsf_drake.motion.fitted_trial import fingerprint, trial_with
+from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trial import load_trial
+
+SUBJECT = FittedSubject(mass_kg=80.0, stature_m=1.8, prosthetic_side="right")
+
+
+@pytest.fixture
+def trial(trial_files):
+    trial_files.manifest["offsets"] = {"height_mm": 3, "alignment_deg": 2}
+    return load_trial(trial_files.write())
+
+
+def contact_for(trial=None, **changes):
+    """A contact for the made walk; with a trial, fitted to it."""
+    own = () if trial is None else (replace(OWN, fingerprint=fingerprint(trial)),)
+    return made_contact(**{"subject": SUBJECT, "trials": own} | changes)
+
+
+def added(fitted, trial, name):
+    column = trial.trajectory.names.index(name)
+    return fitted.trajectory.values[:, column] - trial.trajectory.values[:, column]
+
+
+def test_model_offsets_and_angles_are_those_of_the_fit(trial):
+    fitted = trial_with(trial, contact_for())
+    assert fitted.model == model_with(trial.model, OF_THE_MODEL)
+    expected = GeometricOffsets(height_m=4e-3, fore_aft_m=-2e-3, alignment_rad=np.radians(2.0) + 0.01)
+    assert vars(fitted.offsets) == pytest.approx(vars(expected))
+    np.testing.assert_allclose(added(fitted, trial, "hip_flexion_r"), 0.012, atol=1e-15)
+    np.testing.assert_allclose(added(fitted, trial, "pelvis_ty"), -5e-4, atol=1e-15)
+    curve = periodic_bsplines(6)(gait_phase(trial)(trial.trajectory.time_s)) @ np.array(CURVE.coefficients)
+    np.testing.assert_allclose(added(fitted, trial, "knee_angle_r"), curve, atol=1e-15)
+    untouched = set(trial.trajectory.names) - {"hip_flexion_r", "pelvis_ty", "knee_angle_r"}
+    assert not any(added(fitted, trial, name).any() for name in untouched)
+    assert (fitted.trajectory.names, fitted.plates, fitted.fulcrum_m) == (
+        trial.trajectory.names, trial.plates, trial.fulcrum_m)
+
+
+def test_height_and_path_go_to_the_recording_that_they_were_fitted_to_and_to_no_other(trial):
+    fitted = trial_with(trial, contact_for(trial))
+    assert fitted.offsets.height_m == pytest.approx(4.5e-3)
+    basis = window_bsplines(trial.start_s, trial.end_s, 5)(trial.trajectory.time_s)
+    np.testing.assert_allclose(added(fitted, trial, "pelvis_tx"), basis @ np.array(OWN.path["pelvis_tx"]), atol=1e-15)
+    assert added(fitted, trial, "pelvis_tz").any()
+    assert fitted.notes[-1].endswith("with the height that was fitted to this trial and its path.")
+    other = replace(trial, end_s=trial.end_s - 0.05)
+    elsewhere = trial_with(other, contact_for(trial))
+    assert elsewhere.offsets.height_m == pytest.approx(4e-3)
+    assert not added(elsewhere, other, "pelvis_tx").any()
+    assert "height" not in elsewhere.notes[-1]
+
+
+def test_shift_and_curve_of_one_coordinate_add_up(trial):
+    contact = contact_for(values={"coordinate.knee_angle_r": 0.02})
+    curve = added(trial_with(trial, contact_for(values={})), trial, "knee_angle_r")
+    np.testing.assert_allclose(added(trial_with(trial, contact), trial, "knee_angle_r"), curve + 0.02, atol=1e-15)
+
+
+def test_a_note_and_the_inputs_say_which_file_was_applied(trial, tmp_path):
+    path = tmp_path / "contact.yaml"
+    save_contact(contact_for(), path)
+    fitted = trial_with(trial, load_contact(path), file=path)
+    assert fitted.notes[:-1] == trial.notes
+    assert "contact.yaml (strategy joint)" in fitted.notes[-1] and "knee_angle_r" in fitted.notes[-1]
+    assert fitted.inputs == trial.inputs | {"contact: contact.yaml": sha256(path)}
+    failed = trial_with(trial, contact_for(converged=False))
+    assert "DID NOT CONVERGE" in failed.notes[-1]
+
+
+def test_it_is_applied_once(trial):
+    with pytest.raises(InputError, match="has a fitted contact already"):
+        trial_with(trial_with(trial, contact_for()), contact_for())
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"prosthetic_side": "left"}, ["prosthetic_side", "prosthesis on the left", "one on the right"]),
+    ({"mass_kg": 86.0}, ["mass_kg", "a person of 86 kg", "has 80 kg"]),
+    ({"stature_m": 1.85}, ["stature_m", "a person of 1.85 m", "has 1.8 m"]),
+])
+def test_another_persons_contact_is_refused_with_both_numbers(trial, change, words):
+    contact = contact_for(subject=replace(SUBJECT, **change), values={}, curves=())
+    with pytest.raises(InputError) as caught:
+        trial_with(trial, contact, file="contact.yaml")
+    for word in ("contact.yaml", *words):
+        assert word in str(caught.value)
+
+
+def test_the_same_person_on_another_day_is_not_refused(trial):
+    trial_with(trial, contact_for(subject=replace(SUBJECT, mass_kg=83.0, stature_m=1.82)))
+
+
+def test_a_zone_that_the_model_lacks_and_offsets_beyond_reach_are_refused(trial):
+    with pytest.raises(InputError, match="no contact zones 'toe'"):
+        trial_with(trial, contact_for(values={"contact.toe.stiffness": 1e4}))
+    with pytest.raises(InputError, match="height_m"):
+        trial_with(trial, contact_for(values={"offset.height": 0.3}))
+
+
+def test_curves_need_a_whole_stance(trial):
+    plate = trial.prosthetic_plate
+    early = plate.time_s < 0.8
+    cut = replace(plate, time_s=plate.time_s[early], force_W=plate.force_W[early], cop_W=plate.cop_W[early],
+                  free_moment_nm=plate.free_moment_nm[early])
+    half = replace(trial, plates={"right": cut}, end_s=0.79)
+    with pytest.raises(InputError, match="only part of the stance"):
+        trial_with(half, contact_for())
+    assert trial_with(half, contact_for(curves=())).trajectory.names == trial.trajectory.names
+
+
+def test_fingerprint_is_of_the_recording_not_of_its_files(trial, trial_files, tmp_path):
+    mark = fingerprint(trial)
+    trial_files.manifest |= {"name": "another name", "prosthesis": {"fulcrum_mm": 100}}
+    trial_files.folder = tmp_path / "elsewhere"
+    trial_files.folder.mkdir()
+    assert fingerprint(load_trial(trial_files.write())) == mark
+    program = "import sys; from vsf_drake.motion.trial import load_trial; " \
+              "from vsf_drake.motion.fitted_trial import fingerprint; print(fingerprint(load_trial(sys.argv[1])))"
+    again = subprocess.run([sys.executable, "-c", program, trial_files.folder / "trial.yaml"], check=True,
+                           capture_output=True, text=True)
+    assert again.stdout.strip() == mark
+
+
+@pytest.mark.parametrize("change", ["angle", "force", "window"])
+def test_fingerprint_differs_with_what_was_recorded(trial, trial_files, change):
+    if change == "angle":
+        trial_files.columns["knee_angle_r"][50] += 0.01
+    elif change == "force":
+        trial_files.forces["ground_force_r_vy"][500] += 0.1
+    else:
+        trial_files.manifest["window"] = {"start_s": 0.1, "end_s": 1.7}
+    assert fingerprint(load_trial(trial_files.write())) != fingerprint(trial)
+
+
+def test_fingerprint_does_not_see_the_last_digits(trial):
+    """Another processor or library may round otherwise."""
+    values = trial.trajectory.values * (1.0 + 1e-15)
+    motion = type(trial.trajectory)(trial.trajectory.time_s, values, trial.trajectory.names)
+    assert fingerprint(replace(trial, trajectory=motion)) == fingerprint(trial)
