@@ -2,7 +2,7 @@
 
 Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel, as
 `analysis.bench_metrics.stiffness` has it of a curve that ends at F2. Here only the two loads are put on, each until
-the foot rests: at 50 mm/min damping and inertia have no part in a slope (3e-5 of it).
+the foot rests: at 50 mm/min damping has less than a thousandth of the slope, inertia nothing.
 
 At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its
 point of the keel whatever the foam does. keel(F) is that of `keel_statics`. foam(F): the spheres in the patch under the
@@ -28,6 +28,8 @@ from vsf_drake.simulation.variables import check_number
 LARGEST_DEPTH_M = 1.0
 """Depth of a foam beyond which it bears nothing worth the name: far more than a foot is thick, so that a search
 may pass through feet that are much too soft."""
+ROUNDING = 1e-9
+"""Least depth over the platen's travel since the first sphere that leaves a stiffness its digits."""
 MOST_ITERATIONS = 100
 _WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "course.")
 _LAW = {"stiffness": (1e-3, 1e30), "exponent": (1.0, 20.0), "rise": (-0.1, 0.1)}
@@ -150,7 +152,10 @@ class _Foam:
         self.share = np.eye(len(foot.zones))[self.zone]
 
     def press(self, loads_n: np.ndarray, law: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) m, height of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z), row by row.
+        """(n,) m, travel of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z), row by row.
+
+        Travel counts from the sphere that is touched first, its derivatives from a height that stays: in differences
+        between loads it is all one.
 
         The load is convex and rises with the platen, and at the height at which one sphere alone bears it the spheres
         together bear no less: from there Newton's method descends to the root without passing it.
@@ -164,12 +169,16 @@ class _Foam:
         for _ in range(MOST_ITERATIONS):
             depth = np.maximum(deepest[:, None] - (bottom - lowest), 0.0)
             slope = np.where(depth > 0.0, exponent * stiffness * depth ** (exponent - 1.0), 0.0)
-            force = stiffness * depth**exponent
-            change = (force.sum(axis=1) - loads_n) / slope.sum(axis=1)
+            force, steep = stiffness * depth**exponent, slope.sum(axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                change = (force.sum(axis=1) - loads_n) / steep
+            if not np.all((np.abs(change) <= deepest) & (loads_n > ROUNDING * steep * deepest)):
+                raise SimulationError("the foam is as good as rigid: how far it is pressed in is lost in rounding",
+                                      time_s=0.0)
             deepest = deepest - change
-            if np.all(change <= 1e-14 * deepest):
+            if np.all(np.abs(change) <= 1e-14 * deepest):
                 break
         with np.errstate(divide="ignore", invalid="ignore"):
             by_exponent = np.where(depth > 0.0, force * np.log(depth), 0.0)
             by = np.hstack([depth**exponent @ self.share, by_exponent @ self.share, -slope @ self.share])
-        return lowest + deepest, -by / slope.sum(axis=1)[:, None]
+        return deepest, -by / steep[:, None]

@@ -78,7 +78,8 @@ class KeelStatics:
         q[self.carriage] = fulcrum_m
         rises, by, at_rest = np.zeros(len(self.loads_n)), np.zeros((len(self.loads_n), 2)), True
         for i, load in enumerate(self.loads_n):
-            steps = math.ceil(self.steps_per_mm * 1e3 * (load / spring - raised) * LOAD_SPRING)
+            travel = min((load / spring - raised) * LOAD_SPRING, self.foot.load_point_m)  # no keel goes further
+            steps = math.ceil(self.steps_per_mm * 1e3 * travel)
             path = np.linspace(raised, load / spring, steps + 1)
             record = self._run(stepper, q, np.append(path, np.full(hold, path[-1])))
             raised = 2.0 * load / spring - record.site("depth")[-1, 0]
