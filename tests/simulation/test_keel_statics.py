@@ -87,6 +87,15 @@ def test_derivatives_are_those_of_the_balance(keel, fulcrum):
             assert by[i, p] == pytest.approx((more - less) / (2 * step[p]), rel=1e-5)
 
 
+@pytest.mark.parametrize("support", [0.17, 0.18, 0.25])
+def test_derivatives_are_also_those_of_a_keel_that_all_but_folds_up(keel, support):
+    """Where the pin turns by nearly a radian, rest takes many more steps."""
+    k = support * SUPPORT
+    _, by = keel.press(0.066, MODULUS, k)
+    more, less = (keel.press(0.066, MODULUS, k * factor)[0] for factor in (1.0001, 0.9999))
+    np.testing.assert_allclose(by[:, 1], (more - less) / (2e-4 * k), rtol=3e-7)
+
+
 @pytest.mark.parametrize("steps_per_mm", [0.02, 5.0])
 def test_path_to_a_load_does_not_matter(keel, steps_per_mm):
     for fulcrum in FULCRUMS:

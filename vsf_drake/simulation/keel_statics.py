@@ -30,8 +30,8 @@ STEP_S = 1.0
 """Of the steps to rest: inertia has no part at this, 1e-9 of a joint's stiffness."""
 HOLDS = 24, 400
 """Steps for which a load is held: usually enough; for feet near the end of what they bear."""
-AT_REST_M = 1e-10
-"""Of the load point in the last step."""
+AT_REST_M, AT_REST = 1e-10, 1e-8
+"""Of the load point in the last step, and of derivatives over themselves."""
 
 
 class KeelStatics:
@@ -85,10 +85,11 @@ class KeelStatics:
             raised = 2.0 * load / spring - record.site("depth")[-1, 0]
             record = self._run(stepper, record.q[-1], np.full(hold + 1, raised), edits)
             q, depth = record.q[-1], record.site("depth")[:, 0]
-            at_rest &= abs(depth[-1] - depth[-2]) <= AT_REST_M and bool(record.converged[-1])
+            force_by, before = record.wrench_by[-1, 5], record.wrench_by[-2, 5]
+            at_rest &= bool(abs(depth[-1] - depth[-2]) <= AT_REST_M and record.converged[-1]
+                            and np.all(np.abs(force_by - before) <= AT_REST * np.abs(force_by)))
             # The spring bears F = spring (raised - rise(F)): from the derivatives of F while its end stays follow
             # those of the rise while F stays, with 1 + spring rise' = depth / (dF / dspring).
-            force_by = record.wrench_by[-1, 5]
             rises[i] = raised - depth[-1]
             by[i] = -force_by[:2] * depth[-1] / (force_by[2] * spring)
         return rises, by, at_rest
