@@ -17,6 +17,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.errors import InputError
@@ -71,7 +72,8 @@ def _with_zone(foot: FootParameters, name: str, law: str, value: float) -> FootP
     def changed(zone: ContactZone) -> ContactZone:
         if law == "rise":
             return dataclasses.replace(zone, rise_mm=tuple(rise + 1e3 * value for rise in zone.rise_mm))
-        return dataclasses.replace(zone, **{_ZONE_FIELDS[law]: value})
+        field: dict[str, Any] = {_ZONE_FIELDS[law]: value}
+        return dataclasses.replace(zone, **field)
 
     return dataclasses.replace(
         foot, zones=tuple(changed(zone) if zone.name == name else zone for zone in foot.zones))

@@ -12,6 +12,7 @@ from vsf_drake.fitted_model import model_with
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.report.bench_figure import bench_figure
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 MODEL = ModelParameters()
 FOOT = FootParameters()
@@ -71,3 +72,21 @@ def test_a_very_hard_foam_still_carries_the_load():
     soft_start = replace(FOOT, series_exponent=6.0, series_stiffness_n_per_m=600.0 / 0.02**6)
     setting = Bench(soft_start).press(**PRESS)
     assert setting.load_n[-1] >= 600.0 and setting.unconverged_steps == 0
+
+
+@pytest.mark.parametrize("values", [
+    {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.5, "contact.heel.rise": -1e-3},
+    {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.5, "contact.toes.rise": 1e-3},
+], ids=["one law under the load", "two laws and heights"])
+def test_the_simulated_bench_agrees_with_the_statics_of_keel_and_spheres(values):
+    """The spheres' own laws at rest, one by one, against the bench's one foam; the heel likewise."""
+    forefoot = FOOT.zones[-1]
+    front = replace(forefoot, name="toes", **{key: getattr(forefoot, key)[6:] for key in ("x_mm", "y_mm", "rise_mm")})
+    back = replace(forefoot, **{key: getattr(forefoot, key)[:6] for key in ("x_mm", "y_mm", "rise_mm")})
+    whole = values if "contact.toes.rise" in values else {
+        **values, "contact.toes.stiffness": 2e5, "contact.toes.exponent": 1.5}
+    foot = replace(FOOT, zones=(*FOOT.zones[:-1], back, front))
+    statics = BenchStiffness(foot, fulcrums_m=(0.066, 0.129), heel=True).evaluate(whole)[0]
+    table = bench_table(run_bench(model_with(replace(MODEL, foot=foot), whole), fulcrums_m=(0.066, 0.129)))
+    simulated = [*(row["stiffness_n_per_mm"] for row in table["settings"]), table["heel_stiffness_n_per_mm"]]
+    np.testing.assert_allclose(simulated, 1e-3 * statics, rtol=2e-3)
