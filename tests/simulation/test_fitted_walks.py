@@ -86,7 +86,7 @@ def test_a_fitted_trial_walks_as_the_fit_did_with_courses(trial, person):
     wanted = walked(person, trial, values=values, courses=courses)
     fitted = trial_with(trial, contact)
     found = walked(Walker(fitted.subject, fitted.model), fitted)
-    assert_same(wanted, found, 1e-3)
+    assert_same(wanted, found, 1e-5)
     without = walked(person, trial, values={name: v for name, v in values.items() if not name.startswith("course.")})
     assert np.abs(without.prosthetic.grf_W - wanted.prosthetic.grf_W).max() > 20.0
 
