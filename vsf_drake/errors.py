@@ -47,3 +47,9 @@ class SimulationError(VsfError):
     def __init__(self, what: str, *, time_s: float) -> None:
         self.what, self.time_s = what, time_s
         super().__init__(f"the simulation failed at t = {time_s:.4f} s: {what}")
+
+
+class FitError(VsfError):
+    """A fit that did not come to an end that can be used, and whose result was asked for as if it had."""
+
+    exit_code = 4

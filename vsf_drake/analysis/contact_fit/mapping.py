@@ -1,0 +1,195 @@
+"""From the parameters of a fit to the variables of one trial's walk, and the derivatives of these by those."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.contact_fit.parameters import FitParameters
+from vsf_drake.analysis.contact_fit.standard import PATH_COEFFICIENTS, REFERENCE_DEPTH_M
+from vsf_drake.errors import InputError
+from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
+from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.courses import Course
+from vsf_drake.simulation.variables import Variable
+
+HEIGHT = "offset.height"
+
+
+@dataclass(frozen=True)
+class WalkValues:
+    """What one walk takes, at one point of the search.
+
+    Attributes:
+        values: of the walk's variables, by name.
+        names: the Q variables that free parameters change.
+        by: (Q, P) derivatives of those by the free parameters' search coordinates.
+    """
+
+    values: dict[str, float]
+    names: tuple[str, ...]
+    by: np.ndarray
+
+
+class TrialMap:
+    """The parameters' part in one trial.
+
+    Heights of trials enter as deviations from their mean: what they have in common is the height of the prosthesis, and
+    shall not be lost where a trial has none of its own.
+
+    Args:
+        parameters: of the fit. variables: of the walker.
+        label: of the trial, as parameters of its own name it; None for a trial that has none.
+        trial: the recording; None for what is not walked, which then has no courses.
+
+    Attributes:
+        courses: that the walk takes, one for each curve or path parameter.
+
+    Raises:
+        InputError: a parameter means nothing to this walker, or has the form of none.
+    """
+
+    def __init__(
+        self, parameters: FitParameters, variables: Mapping[str, Variable], label: str | None, trial: Trial | None
+    ) -> None:
+        self.parameters = parameters
+        self._own = f"trial.{label}." if label is not None else None
+        self._heights = tuple(name for name in parameters.by_name if re.fullmatch(r"trial\..+\.height", name))
+        self._zones = [name.split(".")[1] for name in variables
+                       if name.startswith("contact.") and name.endswith(".stiffness")]
+        self._defaults = {name: variable.default for name, variable in variables.items()}
+        self._known = {item.name: self._targets(item.name) for item in parameters.items}
+        self.courses = () if trial is None else _courses(self._known, trial)
+
+    def at(self, u: np.ndarray) -> WalkValues:
+        """The walk's values at u (P,)."""
+        values = self.parameters.values(u)
+        walk, by = self._walk(values), {}
+        slopes = self.parameters.slopes(u)
+        for p, name in enumerate(self.parameters.names):
+            for variable, slope in self._slopes(name, values):
+                by.setdefault(variable, np.zeros(len(self.parameters)))[p] += slope * slopes[p]
+        names = tuple(by)
+        return WalkValues(values=walk, names=names,
+                          by=np.array([by[name] for name in names]).reshape(len(names), len(self.parameters)))
+
+    def _targets(self, name: str) -> str | None:
+        """The variable that a parameter equals; "" for one of a contact law, None for another trial's."""
+        if name.startswith("trial."):
+            if self._own is None:
+                return None
+            if name in self._heights:
+                return HEIGHT
+            return f"course.{name.removeprefix(self._own)}" if name.startswith(self._own) else None
+        if name.startswith("curve."):
+            return f"course.{name}"
+        parts = name.split(".")
+        if name == "contact.damping_time" or (parts[0] == "contact" and parts[1] in self._zones and len(parts) == 3
+                                              and parts[2] in ("force", "exponent", "damping_time")):
+            return ""
+        if name not in self._defaults:
+            raise InputError(f"{name} is no parameter of a contact fit", where="parameters",
+                             right="See vsf_drake.analysis.contact_fit.standard for the names")
+        return name
+
+    def _walk(self, values: Mapping[str, float]) -> dict[str, float]:
+        walk: dict[str, float] = {}
+        for name, value in values.items():
+            target = self._known[name]
+            if target:
+                walk[target] = walk.get(target, 0.0) + self._share(name) * value
+        for zone in self._zones:
+            if f"contact.{zone}.force" in values:
+                force, n, time = self._law(zone, values)
+                walk[f"contact.{zone}.stiffness"] = force / REFERENCE_DEPTH_M**n
+                walk[f"contact.{zone}.exponent"] = n
+                walk[f"contact.{zone}.damping"] = time * n * force / REFERENCE_DEPTH_M
+        return walk
+
+    def _share(self, name: str) -> float:
+        """What a parameter counts for in its variable: 1, but heights of trials are deviations from their mean."""
+        if name not in self._heights:
+            return 1.0
+        return float(name == f"{self._own}height") - 1.0 / len(self._heights)
+
+    def _law(self, zone: str, values: Mapping[str, float]) -> tuple[float, float, float]:
+        time = values.get(f"contact.{zone}.damping_time", values.get("contact.damping_time"))
+        if time is None:
+            raise InputError(f"the damping of zone {zone} has no parameter", where="parameters",
+                             right="Give contact.damping_time, or one for the zone; it may be frozen")
+        return values[f"contact.{zone}.force"], values[f"contact.{zone}.exponent"], time
+
+    def _slopes(self, name: str, values: Mapping[str, float]) -> list[tuple[str, float]]:
+        """Variables that a parameter changes, with d variable / d parameter."""
+        target = self._known[name]
+        if target is None:
+            return []
+        if target:
+            return [(target, self._share(name))]
+        kind = name.rsplit(".", maxsplit=1)[-1]
+        zones = self._zones if name == "contact.damping_time" else [name.split(".")[1]]
+        found: list[tuple[str, float]] = []
+        for zone in zones:
+            if name == "contact.damping_time" and f"contact.{zone}.damping_time" in values:
+                continue
+            force, n, time = self._law(zone, values)
+            k, b = force / REFERENCE_DEPTH_M**n, time * n * force / REFERENCE_DEPTH_M
+            stiffness, damping = f"contact.{zone}.stiffness", f"contact.{zone}.damping"
+            if kind == "force":
+                found += [(stiffness, k / force), (damping, b / force)]
+            elif kind == "exponent":
+                found += [(stiffness, -k * np.log(REFERENCE_DEPTH_M)), (f"contact.{zone}.exponent", 1.0),
+                          (damping, b / n)]
+            else:
+                found.append((damping, b / time))
+        return found
+
+
+class _Sampled:
+    """A family of functions of time, worked out once for each of the few grids of times that walks have."""
+
+    def __init__(self, family: Callable[[np.ndarray], np.ndarray]) -> None:
+        self._known = functools.lru_cache(maxsize=8)(lambda times: family(np.frombuffer(times)))
+
+    def member(self, i: int) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda times: self._known(np.ascontiguousarray(times, dtype=float).tobytes())[:, i]
+
+
+def _courses(known: Mapping[str, str | None], trial: Trial) -> tuple[Course, ...]:
+    found: list[Course] = []
+    families: dict[str, _Sampled] = {}
+    for target in dict.fromkeys(target for target in known.values() if target and target.startswith("course.")):
+        name = target.removeprefix("course.")
+        kind, coordinate, index = name.rsplit(".", 2)
+        if kind not in families:
+            families[kind] = _Sampled(_curves(known, trial) if kind == "curve" else
+                                      window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
+        found.append(Course(name=name, coordinate=coordinate, shape=families[kind].member(int(index))))
+    return tuple(found)
+
+
+def _curves(known: Mapping[str, str | None], trial: Trial) -> Callable[[np.ndarray], np.ndarray]:
+    phase, basis = gait_phase(trial), periodic_bsplines(curve_coefficients(known))
+    return lambda times: basis(phase(times))
+
+
+def curve_coefficients(names: Sequence[str] | Mapping[str, object]) -> int:
+    """How many coefficients the curves have, all the same.
+
+    Raises:
+        InputError: they differ, or some are missing.
+    """
+    by: dict[str, list[int]] = {}
+    for name in names:
+        if name.startswith("curve."):
+            _, coordinate, index = name.split(".")
+            by.setdefault(coordinate, []).append(int(index))
+    counts = {len(indices) for indices in by.values()}
+    if len(counts) != 1 or any(sorted(indices) != list(range(len(indices))) for indices in by.values()):
+        raise InputError("the curves' coefficients are not 0, 1, 2 ... up to the same number", where="parameters")
+    return counts.pop()

@@ -1,0 +1,157 @@
+"""The joint contact fit as a mathematical program.
+
+    minimise    1/2 sum_trials sum_series weight^2 |model(u) - measured|^2 / sd^2
+              + 1/2 sum_bench  |stiffness(u) - measured|^2 / sd^2
+              + 1/2 sum_priors u_p^2
+    subject to  low <= u <= high
+
+over u, the parameters in standard deviations of their prior (`parameters`), with exact derivatives of everything.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue
+from pydrake.solvers import MathematicalProgram
+
+from vsf_drake.analysis.contact_fit.bench_terms import BenchTerms
+from vsf_drake.analysis.contact_fit.mapping import TrialMap
+from vsf_drake.analysis.contact_fit.options import ContactFitOptions
+from vsf_drake.analysis.contact_fit.parameters import FitParameters
+from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.standard import standard_parameters
+from vsf_drake.analysis.contact_fit.terms import Term, TrialTerms
+from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.walk import Walker
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The fit's residuals at one point.
+
+    Attributes:
+        residual: (m,) weighted. jacobian: (m, P) by the search coordinates; P = 0 without derivatives.
+        terms: what they are made of, the prior last.
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    terms: tuple[Term, ...]
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of the squared residuals."""
+        return 0.5 * float(self.residual @ self.residual)
+
+
+class ContactFit:
+    """One subject's trials, and what is to be fitted to them.
+
+    Args:
+        trials: one or more, at one or more positions of the fulcrum.
+        bench: the measured bench of this foot, so that what is fitted stays that foot; None to leave it out.
+        parameters: what may change; `standard_parameters` by default. See `parameters.changed` to free or freeze some.
+        options: how.
+        walker: of the subject and the trials' model, built before; made here if None.
+
+    Attributes:
+        labels: of the trials, by which parameters of a single trial are named.
+        evaluations: how many points were evaluated.
+
+    Raises:
+        InputError: the trials cannot be fitted together (see `recordings.check_recordings`), or a parameter is none.
+    """
+
+    def __init__(
+        self, trials: Sequence[Trial], *, bench: BenchMeasurement | None = None,
+        parameters: FitParameters | None = None, options: ContactFitOptions | None = None, walker: Walker | None = None
+    ) -> None:
+        self.trials, self.bench = tuple(trials), bench
+        self.options = options or ContactFitOptions()
+        check_recordings(self.trials, series=self.options.series)
+        self.labels = labels_of(self.trials)
+        subject, model = self.trials[0].subject, self.trials[0].model
+        self.walker = walker or Walker(subject, model)
+        if (self.walker.subject, self.walker.model) != (subject, model):
+            raise InputError("is of another subject or model than the trials", where="walker")
+        self.parameters = parameters or standard_parameters(
+            self.walker.variables, subject.prosthetic_side, self.labels)
+        self._check_own_parameters()
+        self.evaluations = 0
+        self._terms = [self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
+        self._bench = None if bench is None else BenchTerms(
+            model.foot, bench, self.parameters, self.walker.variables)
+        self._last: tuple[np.ndarray, bool, Evaluation] | None = None
+
+    def terms_of(self, trial: Trial, label: str | None) -> TrialTerms:
+        """The comparison of any trial under this fit's parameters; `label` None if it has none of its own."""
+        return TrialTerms(self.walker, trial, label or trial.path.stem,
+                          TrialMap(self.parameters, self.walker.variables, label, trial), noise=self.options.noise,
+                          series=self.options.series, step_s=self.options.step_s)
+
+    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
+        """The residuals at u (P,); trials are walked side by side.
+
+        Raises:
+            SimulationError: a walk, or the bench, fails there.
+        """
+        u = np.asarray(u, dtype=float)
+        if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] >= derivatives:
+            return self._last[2]
+        self.evaluations += 1
+        found: list[Term] = []
+        if len(self._terms) == 1:
+            found += self._terms[0].terms(u, derivatives=derivatives)
+        else:
+            with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
+                for terms in pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms):
+                    found += terms
+        if self._bench is not None:
+            found.append(self._bench.term(u, derivatives=derivatives))
+        found.append(self._prior(u, derivatives))
+        evaluation = Evaluation(
+            residual=np.concatenate([term.weight * term.residual for term in found]),
+            jacobian=np.vstack([term.weight * term.by for term in found]), terms=tuple(found))
+        self._last = (u.copy(), derivatives, evaluation)
+        return evaluation
+
+    def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
+        """The fit for Drake's solvers: bounded variables u and one cost with its gradient.
+
+        Args:
+            evaluate: in place of this fit's own, e.g. to count points or to survive those that fail.
+        """
+        evaluate = evaluate or self.evaluate
+        program = MathematicalProgram()
+        u = program.NewContinuousVariables(len(self.parameters), "u")
+        program.AddBoundingBoxConstraint(*self.parameters.bounds, u)
+
+        def cost(x: np.ndarray) -> float | AutoDiffXd:
+            if x.dtype != object:
+                return evaluate(x, derivatives=False).cost
+            at = evaluate(ExtractValue(x).ravel())
+            gradient = at.jacobian.T @ at.residual
+            seeds = np.array([entry.derivatives() for entry in x])
+            return AutoDiffXd(at.cost, gradient @ seeds)
+
+        program.AddCost(cost, vars=u)
+        program.SetInitialGuess(u, self.parameters.start)
+        return program
+
+    def _prior(self, u: np.ndarray, derivatives: bool) -> Term:
+        rows = np.flatnonzero(self.parameters.with_prior)
+        by = np.eye(len(u))[rows] if derivatives else np.zeros((len(rows), 0))
+        return Term(name="prior", trial="prior", times_s=None, residual=u[rows], by=by, weight=1.0)
+
+    def _check_own_parameters(self) -> None:
+        for name in self.parameters.by_name:
+            if name.startswith("trial.") and not any(name.startswith(f"trial.{label}.") for label in self.labels):
+                raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
+                                 right=f"The trials are: {', '.join(self.labels)}")
