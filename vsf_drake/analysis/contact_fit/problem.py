@@ -60,6 +60,7 @@ class ContactFit:
         parameters: what may change; `standard_parameters` by default. See `parameters.changed` to free or freeze some.
         options: how.
         walker: of the subject and the trials' model, built before; made here if None.
+        labels: of the trials; their files' names if None.
 
     Attributes:
         labels: of the trials, by which parameters of a single trial are named.
@@ -71,12 +72,13 @@ class ContactFit:
 
     def __init__(
         self, trials: Sequence[Trial], *, bench: BenchMeasurement | None = None,
-        parameters: FitParameters | None = None, options: ContactFitOptions | None = None, walker: Walker | None = None
+        parameters: FitParameters | None = None, options: ContactFitOptions | None = None, walker: Walker | None = None,
+        labels: Sequence[str] | None = None
     ) -> None:
         self.trials, self.bench = tuple(trials), bench
         self.options = options or ContactFitOptions()
         check_recordings(self.trials, series=self.options.series)
-        self.labels = labels_of(self.trials)
+        self.labels = labels_of(self.trials) if labels is None else tuple(labels)
         subject, model = self.trials[0].subject, self.trials[0].model
         self.walker = walker or Walker(subject, model)
         if (self.walker.subject, self.walker.model) != (subject, model):
@@ -121,6 +123,17 @@ class ContactFit:
             jacobian=np.vstack([term.weight * term.by for term in found]), terms=tuple(found))
         self._last = (u.copy(), derivatives, evaluation)
         return evaluation
+
+    def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
+        """(m,) N/m on the bench at u, the heel last if it was measured.
+
+        Raises:
+            ValueError: the fit has no bench.
+            SimulationError: the foot gives way.
+        """
+        if self._bench is None:
+            raise ValueError("this fit has no bench")
+        return self._bench.stiffness(u)
 
     def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
         """The fit for Drake's solvers: bounded variables u and one cost with its gradient.

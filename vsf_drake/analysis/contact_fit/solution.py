@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.mapping import HEIGHT, TrialMap
 from vsf_drake.analysis.contact_fit.multistart import FitProgress, run_searches
+from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
-from vsf_drake.analysis.contact_fit.solve import Search
+from vsf_drake.analysis.contact_fit.solve import Search, search
+from vsf_drake.analysis.contact_fit.terms import Term
 from vsf_drake.analysis.contact_fit.uncertainty import Uncertainty, uncertainty
-from vsf_drake.contact_file import FittedContact, FittedSubject, FittedTrial, JointCurve
+from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError
 from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.results import WalkResult
 
 JOINT = "joint"
 ALIKE = 2.0
@@ -56,7 +62,7 @@ class ContactFitSolution:
         Raises:
             FitError: the fit failed.
         """
-        self._check()
+        self.check()
         return self.fit.parameters.values(self.u)
 
     @property
@@ -67,7 +73,7 @@ class ContactFitSolution:
         Raises:
             FitError: the fit failed.
         """
-        self._check()
+        self.check()
         variables = self.fit.walker.variables
         values = TrialMap(self.fit.parameters, variables, None, None).at(self.u).values
         return {name: value for name, value in values.items()
@@ -86,7 +92,7 @@ class ContactFitSolution:
             if name.startswith("curve."):
                 curves.setdefault(name.split(".")[1], []).append(value)
         return FittedContact(
-            format="vsf_drake contact 1", strategy=self.strategy, converged=True, verdict=verdict,
+            format=FORMAT, strategy=self.strategy, converged=True, verdict=verdict,
             subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
                                   prosthetic_side=subject.prosthetic_side),
             values=self.walk_values,
@@ -101,7 +107,74 @@ class ContactFitSolution:
         values = [self.fit.parameters.values(u) for u in alike]
         return {name: float(np.ptp([v[name] for v in values])) for name in self.fit.parameters.names}
 
-    def _own(self, label: str, trial: Any, values: Mapping[str, float]) -> FittedTrial:
+    def noise_ratios(self) -> list[tuple[Term, float]]:
+        """Each series of residuals with their root mean square over the noise that was assumed."""
+        return [(term, float(np.sqrt(np.mean(term.residual**2)))) for term in self.evaluation.terms
+                if term.name != "prior"]
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        return self.fit.trials
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return self.fit.labels
+
+    @property
+    def series(self) -> tuple[str, ...]:
+        return self.fit.options.series
+
+    @property
+    def bench(self) -> BenchMeasurement | None:
+        return self.fit.bench
+
+    @property
+    def report_step_s(self) -> float:
+        return self.fit.options.report_step_s
+
+    def predict(
+        self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
+    ) -> tuple[Comparison, WalkResult]:
+        """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was not fitted.
+
+        Raises:
+            FitError: the fit failed. SimulationError: the walk diverges.
+        """
+        self.check()
+        comparison, result, _, _ = self.fit.terms_of(trial, label).walk(self.u, step_s=step_s, fulcrum_m=fulcrum_m)
+        return comparison, result
+
+    def bench_stiffness(self) -> np.ndarray:
+        """(m,) N/m of the fitted foot on the bench, the heel last if it was measured. Raises FitError if it failed."""
+        self.check()
+        return self.fit.bench_stiffness(self.u)
+
+    def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution:
+        """The same fit without these trials, searched once from this solution on.
+
+        Raises:
+            FitError: this fit failed, or the search did not converge, or no trial is left.
+        """
+        self.check()
+        fit = self.fit
+        kept = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
+        if not kept:
+            raise FitError("no trial is left to fit")
+        own = tuple(f"trial.{label}." for label in labels)
+        parameters = FitParameters(item for item in fit.parameters.items if not item.name.startswith(own))
+        fewer = ContactFit([trial for trial, _ in kept], bench=fit.bench, parameters=parameters, options=fit.options,
+                           walker=fit.walker, labels=[label for _, label in kept])
+        began = time.perf_counter()
+        solution = _finished(fewer, (search(fewer, parameters.u(self.values)),), began)
+        solution.check()
+        return solution
+
+    def check(self) -> None:
+        """Raises FitError if the fit failed."""
+        if not self.success:
+            raise FitError(f"the fit failed: {self.message}")
+
+    def _own(self, label: str, trial: Trial, values: Mapping[str, float]) -> FittedTrial:
         paths: dict[str, list[float]] = {}
         for name, value in values.items():
             if name.startswith(f"trial.{label}.path."):
@@ -110,10 +183,6 @@ class ContactFitSolution:
         own = heights.get(f"trial.{label}.height", 0.0) - (np.mean([*heights.values()]) if heights else 0.0)
         return FittedTrial(name=label, fingerprint=fingerprint(trial), height_m=float(own),
                            path={name: tuple(c) for name, c in paths.items()})
-
-    def _check(self) -> None:
-        if not self.success:
-            raise FitError(f"the fit failed: {self.message}")
 
 
 def solve(
@@ -130,7 +199,10 @@ def solve(
         FitError: the simulation fails wherever a search starts.
     """
     began = time.perf_counter()
-    searches = run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint)
+    return _finished(fit, run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint), began)
+
+
+def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> ContactFitSolution:
     best = min(range(len(searches)), key=lambda i: (not searches[i].success, searches[i].cost))
     found = searches[best]
     if not np.isfinite(found.cost):
@@ -155,8 +227,3 @@ def _unsound(fit: ContactFit, u: np.ndarray) -> str:
         if not result.converged:
             return f"{result.unconverged_steps} steps of the walk {label} did not converge"
     return ""
-
-
-def plain_options(fit: ContactFit) -> dict[str, Any]:
-    """The options as plain values."""
-    return asdict(fit.options)

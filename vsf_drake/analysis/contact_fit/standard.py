@@ -24,8 +24,8 @@ from collections.abc import Mapping, Sequence
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.simulation.variables import Variable
 
-REFERENCE_DEPTH_M = 3e-3
-"""Of the spheres of a foot that carries a person: body weight on 24 spheres of 10.6 N/mm (a choice)."""
+REFERENCE_DEPTH_M = 9e-3
+"""To which the bench's 600 N presses the nominal foot: 600 N / 65 N/mm at the heel, / 63 N/mm at the forefoot."""
 ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
 """Joint angles of the prosthetic side whose shared errors are fitted: the two that move the foot in the sagittal plane,
 and the one that moves it sideways."""

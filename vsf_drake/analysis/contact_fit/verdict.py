@@ -1,0 +1,123 @@
+"""A fit's worth in sentences, each with the numbers it comes from."""
+
+from __future__ import annotations
+
+from vsf_drake.analysis.contact_fit.scores import Assessment
+from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution
+from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
+
+PAPER_BW = 0.053
+"""Resultant error of McGeehan 2021 (doi 10.1115/1.4050456) on its fitted trial; 0.10 to 0.14 on others."""
+PAPER_BENCH_N_PER_MM = 1.37
+NOISE_TOO_SMALL = 1.5
+"""Residuals larger than this many times what was assumed mean that errors are told too small (a choice)."""
+
+
+def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
+    """What to make of a fit that succeeded: how it ended, what it predicts, what it cannot know."""
+    fitted, held = assessment.mean("fitted", "grf_rmse_bw"), assessment.mean("held out", "grf_rmse_bw")
+    assert fitted is not None
+    said = [f"The fitted trials are left with {_percent(fitted)} body weight (resultant, root mean square); "
+            f"the paper's fitted trial with {_percent(PAPER_BW)}."]
+    settings = {trial.fulcrum_m for trial in solution.fit.trials}
+    if len(settings) == 1:
+        said.append("All fitted trials have one fulcrum position: one stiffness does not identify the model, and what "
+                    "it predicts at others is not to be trusted before it has been seen to.")
+    said += [*_held_out(assessment, held), *_left_out(assessment), *_sweep(assessment), *_bench(assessment)]
+    return (*said, *_noise(solution), *_identified(solution), *_starts(solution))
+
+
+def _held_out(assessment: Assessment, held: float | None) -> list[str]:
+    if held is None:
+        return ["No trial was held out: how far the fit carries over to others is not known."]
+    scores = [s for s in assessment.scores if s.role == "held out"]
+    worst = max(scores, key=lambda s: s.metrics["grf_rmse_bw"])
+    said = [f"{len(scores)} held-out trial{'s' * (len(scores) > 1)}: {_percent(held)} body weight on average, at worst "
+            f"{_percent(worst.metrics['grf_rmse_bw'])} ({worst.label})."]
+    beaten = [s.label for s in scores if s.metrics["null_model_grf_rmse_bw"] is not None
+              and s.metrics["grf_rmse_bw"] >= s.metrics["null_model_grf_rmse_bw"]]
+    if beaten:
+        said.append("No better than a stretched measured curve without any model: " + ", ".join(beaten) + ".")
+    below = [s.label for s in assessment.scores if s.floor_grf_rmse_bw is not None
+             and s.metrics["grf_rmse_bw"] < s.floor_grf_rmse_bw]
+    if below:
+        said.append("Below what the true foot itself would be left with on this recorded motion, so that some of the "
+                    "recording's noise was fitted, or its errors happen to cancel: " + ", ".join(below) + ".")
+    return said
+
+
+def _left_out(assessment: Assessment) -> list[str]:
+    said = []
+    for kind, what in (("trial", "each trial"), ("stiffness", "each stiffness")):
+        rows = [row for row in assessment.left_out if row.kind == kind]
+        errors = [row.grf_rmse_bw for row in rows if row.grf_rmse_bw is not None]
+        if errors:
+            said.append(f"Fitted without {what} in turn, the one left out is predicted within {_percent(min(errors))} "
+                        f"to {_percent(max(errors))} body weight.")
+        failed = [", ".join(row.left_out) for row in rows if row.failed]
+        if failed:
+            said.append(f"The fit without {'; '.join(failed)} failed.")
+    return said
+
+
+def _sweep(assessment: Assessment) -> list[str]:
+    sweeps = [s for s in assessment.scores if s.sweep is not None]
+    if not sweeps:
+        return []
+    right = [s for s in sweeps if s.sweep is not None and s.sweep.right]
+    said = ["Moved over its range, the fulcrum fits best where it really stood in "
+            f"{len(right)} of {len(sweeps)} trials."]
+    said += [f"{s.label}: the fulcrum fits best at {1e3 * s.sweep.best_m:.0f} mm, but stood at "
+             f"{1e3 * s.sweep.true_m:.0f} mm." for s in sweeps if s.sweep is not None and not s.sweep.right]
+    return said
+
+
+def _bench(assessment: Assessment) -> list[str]:
+    if assessment.bench is None:
+        return ["No bench was given: whether this is still the foot of the bench is not known."]
+    error = assessment.bench.rmse_n_per_mm
+    still = "this is still the foot of the bench" if error <= PAPER_BENCH_N_PER_MM else "this is another foot"
+    return [f"On the bench it is {error:.2f} N/mm off (the paper's model {PAPER_BENCH_N_PER_MM} N/mm): {still}."]
+
+
+def _noise(solution: ContactFitSolution) -> list[str]:
+    large = [f"{term.trial} {term.name} ({ratio:.1f} times)" for term, ratio in solution.noise_ratios()
+             if ratio > NOISE_TOO_SMALL]
+    if not large:
+        return []
+    return ["Residuals are larger than the noise that was assumed, so that errors and intervals are told too small: "
+            + ", ".join(large) + "."]
+
+
+def _identified(solution: ContactFitSolution) -> list[str]:
+    u = solution.uncertainty
+    known = [name for name in u.names if name not in u.unidentified]
+    said = [f"{len(known)} of {len(u.names)} free parameters are told by the data (standard error below "
+            f"{SURE_SHARE:g} of what was believed before); {sum(s < 1.0 for s in u.singular_values)} directions are "
+            "told less than by the prior."]
+    own = [name for name in u.unidentified if not name.startswith(("curve.", "trial."))]
+    if own:
+        said.append("Not identified, mostly what was believed before: " + ", ".join(own) + ".")
+    if u.at_bound:
+        said.append("Ended at a bound, their errors mean nothing: " + ", ".join(u.at_bound) + ".")
+    if u.together:
+        said.append("Known only together: " + ", ".join(f"{a} and {b} ({c:+.2f})" for a, b, c in u.together[:5]) + ".")
+    return said
+
+
+def _starts(solution: ContactFitSolution) -> list[str]:
+    ended = [s for s in solution.searches if s.success]
+    lowest = solution.searches[solution.best].cost
+    alike = [s for s in ended if s.cost <= lowest + ALIKE]
+    lost = len(solution.searches) - len(ended)
+    said = [f"{len(alike)} of {len(solution.searches)} searches ended alike (cost within {ALIKE:g} of {lowest:.1f})."
+            + (f" {lost} did not converge." if lost else "")]
+    better = [s for s in solution.searches if not s.success and s.cost < lowest - ALIKE]
+    if better:
+        said.append(f"A search that did not converge got to a lower cost, {min(s.cost for s in better):.1f}: allow "
+                    "more iterations.")
+    return said
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
