@@ -94,29 +94,27 @@ def fit_like_the_paper(
         SimulationError: every walk of an iteration fails.
     """
     options = PaperOptions() if options is None else options
+    if isinstance(trials, Trial):
+        raise InputError("is one trial, not a sequence of trials", where="trials", right="Give [trial]")
     trials = tuple(trials)
     if not trials:
         raise InputError("there is no trial to fit", where="trials")
     walker = Walker(trials[0].subject, trials[0].model) if walker is None else walker
     objective = PaperObjective(trials, walker, step_s=options.step_s, workers=options.workers)
     key = _key(objective, options)
-    began = time.perf_counter()
     state = _begin(objective, options) if resume is None else _resumed(resume, key)
     space = _space(walker, options, state.stiffness)
-    began -= state.wall_s
-    longest = options.iterations * (1 + options.restarts)
-
-    def tell(fraction: float) -> None:
+    began = time.perf_counter() - state.wall_s
+    while True:
+        end = verdict(state, options)
         if progress:
+            fraction = 1.0 if end else len(state.history) / (options.iterations * (1 + options.restarts))
             progress(len(state.history), state.rms_n(state.objective_n2), fraction)
-
-    tell(len(state.history) / longest)
-    while (end := verdict(state, options)) is None:
+        if end:
+            break
         state = replace(iterate(state, space, objective.scores, options), wall_s=time.perf_counter() - began)
         if checkpoint:
             checkpoint({"key": key, **asdict(state)})
-        tell(len(state.history) / longest)
-    tell(1.0)
     return PaperFit(
         values=space.values(np.array(state.best)), objective_n2=state.objective_n2,
         rms_n=state.rms_n(state.objective_n2), initial_values=space.values(space.start),

@@ -40,15 +40,13 @@ class PaperObjective:
     ± 0.25 s.
 
     Args:
-        walker: of the trials' subject. step_s: of the walks. workers: threads.
+        trials: at least one. walker: of their subject. step_s: of the walks. workers: threads.
 
     Raises:
-        InputError: there is no trial, or one has another subject or model.
+        InputError: a trial has another subject than the walker, or another model than the first trial.
     """
 
     def __init__(self, trials: Sequence[Trial], walker: Walker, *, step_s: float, workers: int) -> None:
-        if not trials:
-            raise InputError("there is no trial to fit", where="trials")
         for trial in trials:
             for what, own, common in (("subject", trial.subject, walker.subject),
                                       ("model", trial.model, trials[0].model)):

@@ -63,17 +63,21 @@ class PaperOptions:
     def __post_init__(self) -> None:
         for name, least in (("scenarios", 1), ("iterations", 1), ("settled", 1), ("restarts", 0), ("seed", 0),
                             ("workers", 1)):
-            whole(getattr(self, name), name, least)
+            object.__setattr__(self, name, whole(getattr(self, name), name, least))
         for name, above in (("spread", 0.0), ("fold", 1.0), ("objective_tolerance_n", 0.0),
                             ("parameter_tolerance", 0.0), ("step_s", 0.0)):
             value = number(getattr(self, name), name)
             if not value > above:
                 raise InputError(f"{value:g} is not usable", where=name, right=f"It must be above {above:g}")
+            object.__setattr__(self, name, value)
         for name in ("exponents", "full_damping_mm"):
             bounds = getattr(self, name)
-            if not isinstance(bounds, tuple) or len(bounds) != 2 or not (
-                    number(bounds[0], name) < number(bounds[1], name)):
-                raise InputError(f"{bounds!r} are no bounds", where=name, right="Give (low, high), low below high")
+            if not isinstance(bounds, (tuple, list)) or len(bounds) != 2:
+                raise InputError(f"{bounds!r} are no bounds", where=name, right="Give (low, high)")
+            low, high = (number(bound, name) for bound in bounds)
+            if not low < high:
+                raise InputError(f"the bounds {low:g} to {high:g} cross", where=name, right="Give the lower one first")
+            object.__setattr__(self, name, (low, high))
         if not isinstance(self.friction, bool):
             raise InputError(f"{self.friction!r} is not usable", where="friction", right="Give True or False")
 
