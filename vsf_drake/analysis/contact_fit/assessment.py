@@ -147,8 +147,8 @@ def _score(
     weight, length = metrics["body_weight_n"], result.foot_length_m
     stance = comparison.stances[0]
     return TrialScore(
-        label=name, role="fitted" if label else "held out", fulcrum_m=trial.fulcrum_m, metrics=metrics, floor_grf_rmse_bw=floor,
-        sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
+        label=name, role="fitted" if label else "held out", fulcrum_m=trial.fulcrum_m, metrics=metrics,
+        floor_grf_rmse_bw=floor, sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
         curves={"time_s": comparison.time_s, "model_bw": comparison.model / weight,
                 "measured_bw": comparison.measured / weight, "cop_measured_fl": stance.measured_cop[:, 0] / length,
                 "cop_model_fl": stance.model_cop[:, 0] / length})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
 from vsf_drake.analysis.contact_fit.scores import Assessment
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution
 from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
@@ -9,21 +10,25 @@ from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
 PAPER_BW = 0.053
 """Resultant error of McGeehan 2021 (doi 10.1115/1.4050456) on its fitted trial; 0.10 to 0.14 on others."""
 PAPER_BENCH_N_PER_MM = 1.37
-NOISE_TOO_SMALL = 1.5
-"""Residuals larger than this many times what was assumed mean that errors are told too small (a choice)."""
+NOISE_TOO_SMALL, NOISE_TOO_LARGE = 1.5, 0.67
+"""Residuals outside of this many times what was assumed mean that errors are told too small or too large (choices)."""
 
 
-def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
+def verdict(solution: ContactFitSolution | PaperSolution, assessment: Assessment) -> tuple[str, ...]:
     """What to make of a fit that succeeded: how it ended, what it predicts, what it cannot know."""
     fitted, held = assessment.mean("fitted", "grf_rmse_bw"), assessment.mean("held out", "grf_rmse_bw")
     assert fitted is not None
     said = [f"The fitted trials are left with {_percent(fitted)} body weight (resultant, root mean square); "
             f"the paper's fitted trial with {_percent(PAPER_BW)}."]
-    settings = {trial.fulcrum_m for trial in solution.fit.trials}
+    settings = {trial.fulcrum_m for trial in solution.trials}
     if len(settings) == 1:
         said.append("All fitted trials have one fulcrum position: one stiffness does not identify the model, and what "
                     "it predicts at others is not to be trusted before it has been seen to.")
     said += [*_held_out(assessment, held), *_left_out(assessment), *_sweep(assessment), *_bench(assessment)]
+    if isinstance(solution, PaperSolution):
+        return (*said, "Fitted by the paper's procedure, to the resultant force alone: it knows neither centre of "
+                       "pressure nor bench, and tells nothing of what its data identify. It ended so: "
+                       f"{solution.message}.")
     return (*said, *_noise(solution), *_identified(solution), *_starts(solution))
 
 
@@ -81,8 +86,12 @@ def _bench(assessment: Assessment) -> list[str]:
 
 
 def _noise(solution: ContactFitSolution) -> list[str]:
-    large = [f"{term.trial} {term.name} ({ratio:.1f} times)" for term, ratio in solution.noise_ratios()
+    ratios = solution.noise_ratios()
+    large = [f"{term.trial} {term.name} ({ratio:.1f} times)" for term, ratio in ratios
              if ratio > NOISE_TOO_SMALL]
+    if max(ratio for _, ratio in ratios) < NOISE_TOO_LARGE:
+        return [f"All residuals are below {NOISE_TOO_LARGE:g} of the noise that was assumed, so that errors and "
+                "intervals are told too large."]
     if not large:
         return []
     return ["Residuals are larger than the noise that was assumed, so that errors and intervals are told too small: "
