@@ -37,7 +37,7 @@ class ContactFitOptions:
     screened: int = 12
     seed: int = 0
     solver: str = "gauss_newton"
-    iterations: int = 60
+    iterations: int = 100
     tolerance: float = 1e-5
     step_s: float = 2e-3
     report_step_s: float = 1e-3

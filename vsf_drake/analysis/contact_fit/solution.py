@@ -19,7 +19,7 @@ from vsf_drake.analysis.contact_fit.terms import Term
 from vsf_drake.analysis.contact_fit.uncertainty import Uncertainty, uncertainty
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
-from vsf_drake.errors import FitError
+from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.provenance import provenance
@@ -223,7 +223,10 @@ def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> Co
 def _unsound(fit: ContactFit, u: np.ndarray) -> str:
     """What is wrong with the walks at u in the step of the report; nothing if they are sound."""
     for trial, label in zip(fit.trials, fit.labels, strict=True):
-        _, result, _, _ = fit.terms_of(trial, label).walk(u, step_s=fit.options.report_step_s)
+        try:
+            _, result, _, _ = fit.terms_of(trial, label).walk(u, step_s=fit.options.report_step_s)
+        except SimulationError as error:
+            return f"the walk {label} fails at the step of the report: {error}"
         if not result.converged:
             return f"{result.unconverged_steps} steps of the walk {label} did not converge"
     return ""
