@@ -1,0 +1,117 @@
+"""One fit of the study, judged, as plain values."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from typing import Any
+
+from contact_fit_study.cases import PAPER, Case, transfer
+from contact_fit_study.floors import floor_bw
+from contact_fit_study.inputs import bench, trial
+from vsf_drake.analysis.contact_fit import (
+    Assessment,
+    ContactFit,
+    ContactFitOptions,
+    ContactFitSolution,
+    assess,
+    solve,
+    verdict,
+)
+from vsf_drake.analysis.contact_fit.assessment import SWEEP_STEP_S, bench_score
+from vsf_drake.analysis.contact_fit.noise import RESULTANT
+from vsf_drake.analysis.contact_fit.paper_search import PaperOptions
+from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution, solve_like_the_paper
+from vsf_drake.analysis.contact_fit.scores import BenchScore, TrialScore
+from vsf_drake.errors import FitError, SimulationError
+
+SEED = 0
+METRICS = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
+           "impulse_rmse_bws", "null_model_grf_rmse_bw", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
+           "toe_off_error_s", "unconverged_steps")
+"""What is kept of `walk_metrics`."""
+
+
+def run(case: Case) -> dict[str, Any]:
+    """Fits and judges; a fit that fails is told as such."""
+    judged_by = {name: floor_bw(case.tier, name, fitted=name in case.fitted) for name in (*case.fitted, *case.held_out)}
+    told: dict[str, Any] = {"tier": case.tier, "strategy": case.strategy, "fitted": list(case.fitted),
+                            "held_out": list(case.held_out), "bench_fitted": case.bench and case.strategy != PAPER,
+                            "seed": SEED}
+    load, wall, cpu = os.getloadavg()[0], time.perf_counter(), time.process_time()
+    try:
+        solution = _solve(case)
+        times = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, "load_before": load}
+        found = assess(solution, [trial(case.tier, name) for name in case.held_out], leave_out=case.leave_out,
+                       floors=judged_by)
+    except (FitError, SimulationError) as error:
+        return {**told, "failed": str(error)}
+    told |= {"time": times, "ended": solution.message, "verdict": list(verdict(solution, found)),
+             "trials": {score.label: _trial(score) for score in found.scores}, "left_out": _left_out(found)}
+    told |= _paper(solution, case) if isinstance(solution, PaperSolution) else _joint(solution)
+    measured = found.bench or _bench_of(solution)
+    return {**told, "bench": {"rmse_n_per_mm": measured.rmse_n_per_mm, **vars(measured)}}
+
+
+def warm_up(tier: str) -> None:
+    """Compiles, or loads, everything that the timed fits need."""
+    case = transfer(tier)
+    fit = ContactFit([trial(tier, name) for name in case.fitted], bench=bench())
+    fit.evaluate(fit.parameters.start)
+    fit.evaluate(fit.parameters.start, derivatives=False)
+    held = trial(tier, case.held_out[0])
+    fit.terms_of(held, None).walk(fit.parameters.start, step_s=SWEEP_STEP_S, fulcrum_m=0.1)
+
+
+def _solve(case: Case) -> ContactFitSolution | PaperSolution:
+    trials = [trial(case.tier, name) for name in case.fitted]
+    if case.strategy == PAPER:
+        return solve_like_the_paper(trials, bench=bench(),
+                                    options=PaperOptions(seed=SEED, settled=case.settled))
+    options = ContactFitOptions(starts=case.starts, seed=SEED)
+    if case.resultant:
+        options = dataclasses.replace(options, series=(RESULTANT,))
+    return solve(ContactFit(trials, bench=bench() if case.bench else None, options=options))
+
+
+def _trial(score: TrialScore) -> dict[str, Any]:
+    kept = {name: score.metrics[name] for name in METRICS}
+    times = kept["stance_model_s"], kept["stance_measured_s"]
+    assert score.sweep is not None
+    return {"role": score.role, "fulcrum_mm": 1e3 * score.fulcrum_m, **kept,
+            "stance_time_error_s": None if None in times else times[0] - times[1],
+            "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
+            "sweep": {"fulcrum_mm": [1e3 * x for x in score.sweep.fulcrum_m], "grf_rmse_bw": score.sweep.grf_rmse_bw,
+                      "best_mm": 1e3 * score.sweep.best_m, "right": score.sweep.right}}
+
+
+def _left_out(found: Assessment) -> list[dict[str, Any]]:
+    return [vars(row) for row in found.left_out]
+
+
+def _joint(solution: ContactFitSolution) -> dict[str, Any]:
+    told = solution.uncertainty
+    return {"starts": len(solution.searches), "series": list(solution.series), "values": solution.values,
+            "standard_errors": dict(zip(told.names, map(float, told.standard_error), strict=True)),
+            "not_identified": list(told.unidentified), "at_bound": list(told.at_bound),
+            "searches": [{"start_cost": s.start_cost, "cost": s.cost, "converged": s.success, "message": s.message,
+                          "evaluations": s.evaluations, "failed": s.failed} for s in solution.searches]}
+
+
+def _paper(solution: PaperSolution, case: Case) -> dict[str, Any]:
+    fit = solution.paper
+    return {"values": fit.values, "initial_values": fit.initial_values, "rms_n": fit.rms_n,
+            "initial_rms_n": fit.initial_rms_n, "iterations": len(fit.history), "simulations": fit.simulations,
+            "failed_simulations": fit.failed_simulations,
+            "settled": case.settled, "history": [list(row) for row in fit.history]}
+
+
+def _bench_of(solution: ContactFitSolution | PaperSolution) -> BenchScore:
+    """Of a fit that was not given the bench: it judges it all the same."""
+    assert isinstance(solution, ContactFitSolution)
+    fit = solution.fit
+    found = bench_score(dataclasses.replace(solution, fit=ContactFit(
+        fit.trials, bench=bench(), parameters=fit.parameters, options=fit.options, walker=fit.walker)))
+    assert found is not None
+    return found
