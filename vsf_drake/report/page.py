@@ -1,0 +1,46 @@
+"""What pages of results share: one HTML file with its style and figures inside, which needs no network."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Iterable, Sequence
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from vsf_drake.report.style import style
+
+_STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:1120px;margin:0 auto;padding:1.5rem}
+h1{font-size:1.5rem;margin:0 0 .3rem}h2{font-size:1.2rem;margin:2.2rem 0 .4rem;border-bottom:1px solid #ddd}
+h3{font-size:1rem;margin:1.2rem 0 .3rem}table{border-collapse:collapse;margin:.5rem 0}
+td,th{padding:.22rem .7rem .22rem 0;text-align:left;vertical-align:top;border-bottom:1px solid #eee}
+td.number{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}
+.mark{color:#fff;border-radius:3px;padding:0 .45rem;font-size:.85rem;white-space:nowrap}
+.synthetic{background:#fff3cd;padding:.4rem .8rem;border-radius:4px}ul{margin:.3rem 0;padding-left:1.2rem}
+img{max-width:100%;margin:.4rem 0}.error{color:#b3261e}summary{cursor:pointer}.quiet{color:#666}
+@media print{details{display:block}}
+"""
+
+
+def document(title: str, parts: Iterable[str], *, more_style: str = "") -> str:
+    """The whole page around its parts, which are HTML; `title` is plain text."""
+    return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+            f'<meta name="viewport" content="width=device-width"><style>{_STYLE}{more_style}</style></head><body>\n'
+            + "\n".join(parts) + "\n</body></html>\n")
+
+
+def bullets(lines: Sequence[str]) -> str:
+    """Plain lines as a list."""
+    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+
+
+def picture(figure: Figure, *, name: str = "") -> str:
+    """The figure as SVG within the page; letters are drawn as paths, so that no font is needed."""
+    stream = io.BytesIO()
+    with style(), rc_context({"svg.fonttype": "path"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return f'<img alt="{html.escape(name)}" src="data:image/svg+xml;base64,{data}">'
