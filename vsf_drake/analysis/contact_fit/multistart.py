@@ -54,22 +54,23 @@ def run_searches(
         checkpoint: called with plain values after each search.
 
     Raises:
-        InputError: `resume` is of another problem.
+        InputError: `resume` is of another problem, or damaged.
     """
     key = problem_key(fit)
     done = _resumed(resume, key, fit)
-    began, finished_before = time.perf_counter(), len(done)
+    began, finished_before, ended = time.perf_counter(), len(done), 0.0
     for i in range(len(done), fit.options.starts):
-        def told(evaluations: int, cost: float, i: int = i) -> None:
+        def told(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
             if progress is None:
                 return
             elapsed, own = time.perf_counter() - began, i - finished_before
-            left = elapsed / own * (fit.options.starts - i) - (elapsed - elapsed / (own + 1)) if own else None
+            left = ended / own * (fit.options.starts - i) - (elapsed - ended) if own else None
             best = min([cost, *(s.cost for s in done)])
             progress(FitProgress(search=i + 1, searches=fit.options.starts, evaluations=evaluations, cost=best,
                                  elapsed_s=elapsed, left_s=None if left is None else max(left, 0.0)))
 
         done.append(search(fit, _start(fit, i), told))
+        ended = time.perf_counter() - began
         if checkpoint:
             checkpoint({"key": key, "searches": [_plain(s) for s in done]})
     return tuple(done)
@@ -125,11 +126,14 @@ def _resumed(resume: Mapping[str, Any] | None, key: str, fit: ContactFit) -> lis
         raise InputError("was left by a fit of other trials, parameters or options", where="resume",
                          right="Give the same ones again, or begin anew")
     found = []
-    for plain in resume["searches"][: fit.options.starts]:
-        fields = dict(plain)
-        for name in ("start", "u"):
-            fields[name] = np.array(fields[name], dtype=float)
-        for name in ("start_cost", "cost"):
-            fields[name] = np.inf if fields[name] is None else float(fields[name])
-        found.append(Search(**fields))
+    try:
+        for plain in resume["searches"][: fit.options.starts]:
+            fields = dict(plain)
+            for name in ("start", "u"):
+                fields[name] = np.array(fields[name], dtype=float).reshape(len(fit.parameters))
+            for name in ("start_cost", "cost"):
+                fields[name] = np.inf if fields[name] is None else float(fields[name])
+            found.append(Search(**fields))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("is no state of such a fit", where="resume") from error
     return found

@@ -1,0 +1,148 @@
+"""What a contact fit leaves on disk: the contact, its table, curves, figures and page. All of it or nothing."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.json_file import write_json
+from vsf_drake.contact_file import FittedContact, save_contact
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced, sha256
+from vsf_drake.report.fit_figures import fit_figures
+from vsf_drake.report.fit_page import fit_page
+from vsf_drake.report.style import save_figure
+from vsf_drake.simulation.archive import check_target, result_folder
+
+FIT = "fit"
+CONTACT, TABLE, CURVES, PAGE, CHECKPOINT = "contact.yaml", "fit.json", "fit.npz", "report.html", "checkpoint.json"
+_KINDS = (".yaml", ".json", ".npz", ".html", ".png", ".svg")
+
+
+def check_fit_folder(out: Path) -> None:
+    """Whether a fit can go to `out`: a new or empty folder, or that of an earlier fit, finished or not.
+
+    Raises:
+        InputError: it cannot be written, or holds anything else.
+    """
+    check_target(out, FIT)
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    for name in (CONTACT, TABLE, CURVES, PAGE, CHECKPOINT):
+        if (out / name).is_dir():
+            raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
+    if not (out / TABLE).exists() and not (out / CHECKPOINT).exists():
+        raise InputError("holds other things than an earlier fit", file=out, right="Choose another folder")
+    if (out / TABLE).exists() and _table(out / TABLE).get("kind") != FIT:
+        raise InputError("is not the table of a fit", file=out / TABLE, right="Choose another folder")
+
+
+def clear_fit(out: Path) -> None:
+    """Removes what an earlier fit left in `out`; files of others stay.
+
+    Raises:
+        InputError: a file cannot be removed.
+    """
+    with _writing(out):
+        for name in (CONTACT, CHECKPOINT, *_written_before(out)):
+            (out / name).unlink(missing_ok=True)
+
+
+def write_fit(
+    table: Mapping[str, Any], curves: Mapping[str, np.ndarray], out: Path, *, contact: FittedContact | None = None
+) -> dict[str, Any]:
+    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint.
+
+    Args:
+        table, curves: of `analysis.contact_fit.table`.
+        contact: what was fitted; not for a fit that failed.
+
+    Returns:
+        What fit.json holds.
+
+    Raises:
+        InputError: `out` cannot be written.
+        ValueError: a contact is given with the table of a fit that failed.
+    """
+    if contact is not None and not table["success"]:
+        raise ValueError("a fit that failed leaves no contact")
+    stale = _written_before(out)
+    if contact is None:
+        with _writing(out):
+            (out / CONTACT).unlink(missing_ok=True)
+    figures = fit_figures(table, curves)
+    files = [TABLE, PAGE, *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
+             *([CURVES] if curves else []), *([CONTACT] if contact is not None else [])]
+    written = {**table, "files": sorted(files)}
+    with _writing(out), result_folder(out) as folder:
+        if curves:
+            with replaced(folder / CURVES, "wb") as stream:
+                np.savez_compressed(stream, allow_pickle=False, **dict(curves))
+        written["arrays_sha256"] = sha256(folder / CURVES) if curves else None
+        write_json(folder / TABLE, written)
+        for name, figure in figures.items():
+            save_figure(figure, folder / name)
+        with replaced(folder / PAGE) as stream:
+            stream.write(fit_page(written, figures))
+        if contact is not None:
+            save_contact(contact, folder / CONTACT)
+    with _writing(out):
+        for name in (stale | {CHECKPOINT}) - set(files):
+            (out / name).unlink(missing_ok=True)
+    return written
+
+
+def read_fit(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Table and curves that `write_fit` left in `folder`; `fit_figures` and `fit_page` make the rest of them.
+
+    Raises:
+        InputError: a file is missing or damaged, or the two do not belong together.
+    """
+    table, path = _table(Path(folder) / TABLE), Path(folder) / CURVES
+    if table.get("kind") != FIT:
+        raise InputError("is not the table of a fit", file=Path(folder) / TABLE)
+    if table["arrays_sha256"] is None:
+        return table, {}
+    if sha256(path) != table["arrays_sha256"]:
+        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=path)
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return table, {name: stored[name] for name in stored.files}
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise InputError(f"cannot be read ({error})", file=path) from None
+
+
+def _table(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path, right="A fit leaves one") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
+    if not isinstance(found, dict):
+        raise InputError("is not the table of a fit", file=path)
+    return found
+
+
+def _written_before(out: Path) -> set[str]:
+    """Files of an earlier fit in `out`, as its table names them; none if there is no such table."""
+    if not (out / TABLE).exists():
+        return set()
+    names = _table(out / TABLE).get("files")
+    return {name for name in names if isinstance(name, str) and Path(name).name == name
+            and Path(name).suffix in _KINDS} if isinstance(names, list) else set()
+
+
+@contextlib.contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Faults of the file system as InputError."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
