@@ -43,14 +43,14 @@ def check_fit_folder(out: Path) -> None:
         raise InputError("is not the table of a fit", file=out / TABLE, right="Choose another folder")
 
 
-def clear_fit(out: Path) -> None:
-    """Removes what an earlier fit left in `out`; files of others stay.
+def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
+    """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of others stay.
 
     Raises:
         InputError: a file cannot be removed.
     """
     with _writing(out):
-        for name in (CONTACT, CHECKPOINT, *_written_before(out)):
+        for name in (CONTACT, *([CHECKPOINT] if checkpoint else []), *_written_before(out)):
             (out / name).unlink(missing_ok=True)
 
 

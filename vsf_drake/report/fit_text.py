@@ -68,10 +68,12 @@ def title_of(table: Mapping[str, Any]) -> str:
     return words[0].upper() + words[1:] if table["success"] else f"FAILED: {words}"
 
 
-def trial_headings() -> tuple[str, ...]:
-    """Of the cells of `trial_cells`, each with its unit."""
-    return ("trial", "role", "fulcrum mm", "GRF % BW", "R²", "fore-aft % BW", "CoP % FL", "impulse BW s",
-            "stance error s", "null model % BW", "floor % BW", "sweep: best mm", "right")
+def trial_headings(*, between: str = " ") -> tuple[str, ...]:
+    """Of the cells of `trial_cells`, each with its unit; `between` stands where a heading may be broken."""
+    parts = (("trial",), ("role",), ("fulcrum", "mm"), ("GRF", "% BW"), ("R²",), ("fore-aft", "% BW"), ("CoP", "% FL"),
+             ("impulse", "BW s"), ("stance", "error s"), ("null", "model", "% BW"), ("floor", "% BW"),
+             ("sweep:", "best mm"), ("right",))
+    return tuple(between.join(words) for words in parts)
 
 
 def trial_cells(trial: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,0 +1,226 @@
+"""What `vsf-drake fit` does once its options are read: builds the problem, fits, judges, writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
+from vsf_drake.analysis.contact_fit.multistart import FitProgress
+from vsf_drake.analysis.contact_fit.noise import COP, FORCES, RESULTANT
+from vsf_drake.analysis.contact_fit.paper import PaperOptions
+from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
+from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
+from vsf_drake.analysis.json_file import write_json
+from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.cli.app import progress
+from vsf_drake.cli.fit_names import with_frozen
+from vsf_drake.errors import FitError, InputError, SimulationError
+from vsf_drake.files import sha256
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.report.fit_output import TABLE, clear_fit, write_fit
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+from vsf_drake.simulation.walk import Walker
+
+Show = Callable[[str, float], None]
+_SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
+"""Shares of the bar at which searching, scoring and fitting again end."""
+
+
+@dataclass(kw_only=True)
+class Task:
+    """What was asked for; see the options of the command."""
+
+    trials: list[Trial]
+    held_out: list[Trial]
+    strategy: str
+    bench: BenchMeasurement | None
+    bench_file: Path | None
+    seed: int
+    starts: int | None
+    solver: str | None
+    free: tuple[str, ...]
+    freeze: tuple[str, ...]
+    resultant: bool
+    cop: bool
+    paths: bool
+    damping_by_zone: bool
+    quick: bool
+    problem: ContactFit | None = field(init=False, default=None)
+
+    @property
+    def synthetic(self) -> list[str]:
+        """Labels of what nobody measured."""
+        every = [*self.trials, *self.held_out]
+        names = [label for trial, label in zip(every, labels_of(every), strict=True) if trial.synthetic]
+        return [*names, *(["the bench"] if self.bench is not None and self.bench.synthetic else [])]
+
+    @property
+    def series(self) -> tuple[str, ...]:
+        """What is compared."""
+        if self.strategy == PAPER:
+            return (RESULTANT,)
+        return (*((RESULTANT,) if self.resultant else FORCES), *(COP if self.cop else ()))
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """SHA-256 of the bench file."""
+        return {} if self.bench_file is None else {f"bench: {self.bench_file.name}": sha256(self.bench_file)}
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """For the table: what of the command is not in the options of the fit."""
+        own = to_plain(PaperOptions(seed=self.seed)) if self.strategy == PAPER else {
+            "free": self.free, "freeze": self.freeze, "paths": self.paths, "damping_by_zone": self.damping_by_zone}
+        return {**own, "quick": self.quick, "bench": None if self.bench_file is None else self.bench_file.name}
+
+    def check(self) -> None:
+        """Makes sure, before the long part, that all of it can be fitted and judged; builds the joint problem.
+
+        Raises:
+            InputError: see `recordings.check_recordings`, `ContactFit`, `fit_names.with_frozen`.
+        """
+        check_recordings(self.trials, self.held_out, series=self.series)
+        subject, model = self.trials[0].subject, self.trials[0].model
+        if self.bench is not None:
+            try:
+                BenchStiffness(model.foot, fulcrums_m=self.bench.fulcrum_m, max_load_n=self.bench.max_load_n,
+                               heel=self.bench.heel_stiffness_n_per_m is not None)
+            except InputError as error:
+                raise InputError(error.what, file=self.bench_file, where=error.where, right=error.right) from None
+        if self.strategy == PAPER:
+            return
+        given: dict[str, Any] = {"starts": self.starts, "solver": self.solver}
+        options = ContactFitOptions(series=self.series, seed=self.seed,
+                                    **{name: value for name, value in given.items() if value is not None})
+        walker = Walker(subject, model)
+        parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(self.trials),
+                                         damping_by_zone=self.damping_by_zone, paths=self.paths)
+        self.problem = ContactFit(self.trials, bench=self.bench, options=options, walker=walker,
+                                  parameters=with_frozen(parameters, self.free, self.freeze))
+
+
+class Checkpoint:
+    """The state of a fit on disk, and the moment from which on the folder is that fit's.
+
+    Args:
+        path: of the checkpoint file. resume: whether to go on from it.
+
+    Attributes:
+        state: to go on from, or None. note: what a user should know before the fit begins, or "".
+
+    Raises:
+        InputError: there is none to go on from, or it cannot be read.
+    """
+
+    def __init__(self, path: Path, *, resume: bool) -> None:
+        self.path, self.resumed, self.began, self.saved = path, resume, False, False
+        self.state: dict[str, Any] | None = None
+        self.note = ""
+        if resume:
+            self.state = self._load()
+        elif path.exists():
+            self.note = (f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
+                         "from it")
+
+    def begin(self, table: Callable[[], Mapping[str, Any]]) -> None:
+        """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one has not ended."""
+        if self.began:
+            return
+        self.began = True
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        clear_fit(self.path.parent, checkpoint=not self.resumed)
+        write_json(self.path.parent / TABLE, {**table(), "files": [TABLE], "arrays_sha256": None})
+
+    def save(self, state: Mapping[str, Any]) -> None:
+        """Replaces the state on disk."""
+        write_json(self.path, state)
+        self.saved = True
+
+    def after_interruption(self) -> str:
+        """What to tell who pressed Ctrl-C."""
+        if self.saved or (self.resumed and self.path.exists()):
+            return f"interrupted; {self.path} holds what was found: the same command with --resume goes on from it"
+        if self.began:
+            return "interrupted before anything was found; the same command begins again"
+        return "interrupted before the fit began; nothing was written"
+
+    def _load(self) -> dict[str, Any]:
+        try:
+            state = json.loads(self.path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError("there is no interrupted fit to go on from", file=self.path, where="--resume",
+                             right="Leave --resume out to begin one") from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot be read ({error})", file=self.path, where="--resume",
+                             right="Leave --resume out to begin again") from None
+        if not isinstance(state, dict):
+            raise InputError("is no state of a fit", file=self.path, where="--resume",
+                             right="Leave --resume out to begin again")
+        return state
+
+
+def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
+    """Fits, judges and writes to `out`; what fit.json holds, whether the fit succeeded or not.
+
+    Raises:
+        InputError: the checkpoint is of another fit, or `out` cannot be written.
+    """
+    def failed(message: str, solution: Any = None) -> dict[str, Any]:
+        return failed_table(task.trials, message, strategy=task.strategy, held_out=task.held_out, bench=task.bench,
+                            options=task.options, inputs=task.inputs, solution=solution)
+
+    with progress() as show:
+        solution = None
+        try:
+            solution = _solved(task, checkpoint, show, lambda: failed("the fit has not ended"))
+            solution.check()
+            judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
+                            progress=lambda what, share: show(what, _judging(what, share)))
+        except (FitError, SimulationError) as error:
+            # not of the fit itself: its walks or its foot fail where it is judged
+            good = solution is not None and solution.success
+            message = solution.message if solution is not None and not good else str(error)
+            return write_fit(failed(f"it cannot be judged: {message}" if good else message, solution), {}, out)
+        show("writing figures and page", _REFITTED)
+        table = fit_table(solution, judged, held_out=task.held_out, options=task.options, inputs=task.inputs)
+        return write_fit(table, fit_curves(judged), out, contact=solution.contact(tuple(table["verdict"])))
+
+
+def _solved(task: Task, checkpoint: Checkpoint, show: Show, unfinished: Callable[[], Mapping[str, Any]]) -> Any:
+    highest = 0.0
+
+    def tell(what: str, share: float) -> None:
+        nonlocal highest
+        checkpoint.begin(unfinished)
+        highest = max(highest, min(share, 1.0))
+        show(what, _SEARCHED * highest)
+
+    def joint(p: FitProgress) -> None:
+        first = (p.search - 1 + p.evaluations / (p.evaluations + 30.0)) / p.searches
+        share = first if p.left_s is None else p.elapsed_s / (p.elapsed_s + p.left_s)
+        tell(f"search {p.search} of {p.searches}, best cost {p.cost:.1f}", share)
+
+    def paper(iteration: int, rms_n: float, share: float) -> None:
+        tell(f"iteration {iteration}, resultant {rms_n:.1f} N off", share)
+
+    show("preparing", 0.0)
+    try:
+        if task.problem is not None:
+            return solve(task.problem, progress=joint, resume=checkpoint.state, checkpoint=checkpoint.save)
+        return solve_like_the_paper(task.trials, bench=task.bench, options=PaperOptions(seed=task.seed),
+                                    progress=paper, resume=checkpoint.state, checkpoint=checkpoint.save)
+    except InputError as error:
+        if error.where != "resume":
+            raise
+        raise InputError(error.what, file=checkpoint.path, where="--resume", right=error.right) from None
+
+
+def _judging(what: str, share: float) -> float:
+    low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
+    return low + (high - low) * share
