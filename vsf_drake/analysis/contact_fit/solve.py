@@ -7,13 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.solvers import IpoptSolver, MathematicalProgramResult, NloptSolver, SnoptSolver, SolverOptions
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
 from vsf_drake.errors import SimulationError
 
 Progress = Callable[[int, float], None]
 """Called with the number of evaluations so far and the lowest cost."""
+ENOUGH, AGAIN = 0.5, 3
+"""A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is
+then begun again where it stopped, this often. Trust regions that are scaled by the distance to the bounds can stop
+early where they begin on one."""
+INSIDE = 0.1
+"""So far within the bounds, in standard deviations of the prior, searches begin."""
 LOST = 100.0
 """What a failed simulation costs, over what the search began with, where a solver wants a number."""
 
@@ -50,8 +56,22 @@ def search(fit: ContactFit, start: np.ndarray, progress: Progress | None = None)
     start_cost = tried.best_cost
     method = _gauss_newton if fit.options.solver == "gauss_newton" else _drake
     success, message = method(fit, tried, start)
+    for _ in range(AGAIN):
+        if not success or _left_to_gain(fit, tried.best) <= ENOUGH:
+            break
+        success, message = _gauss_newton(fit, tried, tried.best)
+    left = _left_to_gain(fit, tried.best)
+    if success and left > ENOUGH:
+        success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
     return Search(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
                   message=message, evaluations=tried.count, failed=tried.failed)
+
+
+def _left_to_gain(fit: ContactFit, u: np.ndarray) -> float:
+    """By how much the best step within the bounds would lower the cost if the residuals were linear."""
+    at, (low, high) = fit.evaluate(u), fit.parameters.bounds
+    step = lsq_linear(at.jacobian, -at.residual, bounds=(low - u - 1e-9, high - u + 1e-9))
+    return at.cost - float(step.cost)
 
 
 class _Tried:
@@ -93,8 +113,12 @@ class _Tried:
 
 def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
     """Bounded Gauss-Newton with a trust region (Branch, Coleman & Li 1999), in scipy."""
-    first = tried.at(start)
-    assert first is not None
+    low, high = fit.parameters.bounds
+    inside = np.minimum(INSIDE, 0.25 * (high - low))
+    begin = np.clip(start, low + inside, high - inside)
+    first = tried.at(begin)
+    if first is None:
+        return False, f"the walk fails beside where the search starts: {tried.failure}"
     lost = np.full(len(first.residual), np.inf)
 
     def residual(u: np.ndarray) -> np.ndarray:
@@ -104,9 +128,8 @@ def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bo
     def jacobian(u: np.ndarray) -> np.ndarray:
         return fit.evaluate(u).jacobian
 
-    low, high = fit.parameters.bounds
-    solution = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jac=jacobian, bounds=(low, high),
-                             ftol=fit.options.tolerance, xtol=1e-6, gtol=1e-8, max_nfev=fit.options.iterations)
+    solution = least_squares(residual, begin, jac=jacobian, bounds=(low, high), ftol=fit.options.tolerance, xtol=1e-6,
+                             gtol=1e-8, max_nfev=fit.options.iterations)
     return bool(solution.success), str(solution.message)
 
 
