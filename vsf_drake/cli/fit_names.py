@@ -48,8 +48,10 @@ def _fits(pattern: str, name: str) -> bool:
 
 
 def _near(pattern: str, names: Sequence[str]) -> str:
-    near = difflib.get_close_matches(pattern.rstrip("*."), names, n=3, cutoff=0.6)
+    prefixes = dict.fromkeys(".".join(name.split(".")[:i]) for name in names for i in range(1, name.count(".") + 1))
+    known = {**{name: name for name in names}, **{prefix: f"{prefix}.*" for prefix in prefixes}}
+    near = difflib.get_close_matches(pattern.rstrip("*."), known, n=3, cutoff=0.6)
     if near:
-        return f"Did you mean {', '.join(near)}?"
+        return f"Did you mean {', '.join(known[name] for name in near)}?"
     families = dict.fromkeys(name.split(".")[0] for name in names)
     return f"Their names begin with {', '.join(families)}; fit.json of any fit lists them all"
