@@ -86,10 +86,10 @@ def write_fit(
                 np.savez_compressed(stream, allow_pickle=False, **dict(curves))
         written["arrays_sha256"] = sha256(folder / CURVES) if curves else None
         write_json(folder / TABLE, written)
-        for name, figure in figures.items():
-            save_figure(figure, folder / name)
         with replaced(folder / PAGE) as stream:
             stream.write(fit_page(written, figures))
+        for name, figure in figures.items():
+            save_figure(figure, folder / name)
         if contact is not None:
             save_contact(contact, folder / CONTACT)
     with _writing(out):

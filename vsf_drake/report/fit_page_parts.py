@@ -33,9 +33,9 @@ def grid(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def made_of(shares: Mapping[str, float]) -> str:
+def made_of(parts: Sequence[Mapping[str, Any]]) -> str:
     """A direction in the space of parameters."""
-    return ", ".join(f"{name} {share:+.2f}" for name, share in shares.items())
+    return ", ".join(f"{part['name']} {part['share']:+.2f}" for part in parts)
 
 
 def parameter_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
@@ -93,8 +93,8 @@ def options_part(table: Mapping[str, Any]) -> str:
     """Options, versions, hashes."""
     rows = [(name, _said(value)) for name, value in sorted(table["options"].items())]
     rows += [("seed", _said(table["seed"])), ("wall time (s)", shown(table["wall_s"], "{:.1f}"))]
-    versions = [(name, str(version)) for name, version in table["versions"].items()]
-    inputs = [(name, digest) for name, digest in table["inputs_sha256"].items()]
+    versions = [(name, str(version)) for name, version in sorted(table["versions"].items())]
+    inputs = sorted(table["inputs_sha256"].items())
     return ("<h2>How it was made</h2>" + f"<details open><summary>Options</summary>{grid(('option', 'value'), rows)}"
             f"</details><details><summary>Versions</summary>{grid(('software', 'version'), versions)}</details>"
             f"<details><summary>Files ({len(inputs)})</summary>{grid(('file', 'SHA-256'), inputs)}</details>")
@@ -117,7 +117,7 @@ def _is_number(text: str) -> bool:
 
 def _said(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_said(item)}" for name, item in value.items())
+        return ", ".join(f"{name} {_said(item)}" for name, item in sorted(value.items()))
     if isinstance(value, (list, tuple)):
         return ", ".join(map(_said, value)) or UNKNOWN
     if isinstance(value, bool):

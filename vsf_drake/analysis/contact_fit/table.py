@@ -158,7 +158,8 @@ def _joint(solution: ContactFitSolution) -> dict[str, Any]:
         "parameters": joint_rows(solution), "curves": curve_rows(solution.values),
         "correlations": {"names": known.names, "matrix": known.correlation},
         "singular_values": known.singular_values,
-        "weakest": [{"singular_value": value, "made_of": made_of} for value, made_of in known.weakest],
+        "weakest": [{"singular_value": value, "made_of": [{"name": name, "share": share} for name, share in
+                                                          made_of.items()]} for value, made_of in known.weakest],
         "unidentified": known.unidentified, "unidentified_above_share": SURE_SHARE,
         "together": [{"names": [a, b], "correlation": c} for a, b, c in known.together], "together_above": CLOSE,
         "at_bound": known.at_bound,

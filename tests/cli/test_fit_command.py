@@ -1,0 +1,272 @@
+"""`vsf-drake fit`: what comes out, what a failed or interrupted fit leaves, and how it goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import exit_code, read_json
+
+from vsf_drake.analysis.contact_fit import ContactFitOptions
+from vsf_drake.analysis.contact_fit.paper import PaperOptions
+from vsf_drake.cli import fit_run
+from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.report import fit_output
+from vsf_drake.report.fit_figures import fit_figures
+from vsf_drake.report.fit_output import read_fit
+from vsf_drake.report.fit_page import fit_page
+from vsf_drake.resources import resource
+
+DATA = resource("data/reference_subject")
+EXACT = DATA / "exact"
+TRIAL = EXACT / "medium_1.yaml"
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory) -> tuple[Path, str]:
+    """The folder of a quick fit of one trial, and what was said on the screen."""
+    out, said = tmp_path_factory.mktemp("quick") / "fit", io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert exit_code("fit", TRIAL, "--out", out, "--quick") == 0
+    return out, said.getvalue()
+
+
+@pytest.fixture
+def bare(monkeypatch):
+    """Fits write no figures, which take longer than a quick fit."""
+    monkeypatch.setattr(fit_output, "fit_figures", lambda *_: {})
+
+
+def left_by_a_failed_fit(out: Path) -> dict:
+    """The table of a failed fit in `out`, of which nothing looks like a good one."""
+    table = read_json(out / "fit.json")
+    assert not table["success"] and table["parameters"] == [] and table["verdict"] == []
+    assert not (out / "contact.yaml").exists() and not (out / "checkpoint.json").exists()
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.split("<h1")[1].split(">")[1].startswith("FAILED")
+    assert sorted(path.name for path in out.iterdir()) == table["files"]
+    return table
+
+
+def test_a_fit_leaves_the_files_that_its_table_names(quick):
+    out, _ = quick
+    table = read_json(out / "fit.json")
+    assert table["files"] == sorted(path.name for path in out.iterdir())
+    assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg",
+            "trial_1_medium_1.png"} < set(table["files"])
+    assert load_contact(out / "contact.yaml").verdict == tuple(table["verdict"])
+
+
+def test_a_fitted_contact_gives_the_walk_that_the_fit_reports(run, quick, tmp_path):
+    out, _ = quick
+    words = ("--contact", out / "contact.yaml", "--out", tmp_path / "walk", "--no-replay")
+    assert run("simulate", TRIAL, *words)[0] == 0
+    walked, fitted = read_json(tmp_path / "walk/metrics.json"), read_json(out / "fit.json")["trials"][0]["metrics"]
+    for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl"):
+        assert walked[key] == pytest.approx(fitted[key], rel=1e-3)
+
+
+def test_what_nobody_measured_is_called_synthetic_everywhere(quick):
+    out, said = quick
+    assert "SYNTHETIC, not recorded: medium_1." in said and "Trials (SYNTHETIC)" in said
+    table = read_json(out / "fit.json")
+    assert table["synthetic"] and table["trials"][0]["synthetic"]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: medium_1" in page
+
+
+def test_that_there_is_no_bench_is_said_on_screen_and_page(quick):
+    out, said = quick
+    assert "No bench was given" in said.splitlines()[1]
+    assert "No bench was given" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_screen_tells_trials_parameters_and_every_sentence_of_the_verdict(quick):
+    out, said = quick
+    table = read_json(out / "fit.json")
+    for sentence in table["verdict"]:
+        assert f"- {sentence}" in said
+    row = next(line for line in said.splitlines() if line.startswith("medium_1"))
+    assert f"{100 * table['trials'][0]['metrics']['grf_rmse_bw']:.1f}" in row.split()
+    assert "offset.height" in said and "Smooth errors of joint angles" in said
+    assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
+
+
+def test_page_and_figures_come_from_the_saved_table_alone(quick):
+    out, _ = quick
+    table, curves = read_fit(out)
+    assert fit_page(table, fit_figures(table, curves)) == (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run, quick, tmp_path, monkeypatch):
+    out = tmp_path / "fit"
+    shutil.copytree(quick[0], out)
+    (out / "notes.txt").write_text("mine")
+    monkeypatch.setattr(fit_run, "ContactFitOptions", functools.partial(ContactFitOptions, iterations=1))
+    code, _, error = run("fit", TRIAL, "--out", out, "--quick")
+    assert code == FitError.exit_code == 4
+    assert "the fit failed: no search converged" in error and "no contact.yaml was written" in error
+    (out / "notes.txt").unlink()  # the user's own file was left alone
+    table = left_by_a_failed_fit(out)
+    assert "searches.png" in table["files"] and not table["searches"][0]["success"]
+
+
+@pytest.mark.parametrize(("where", "error"), [
+    ("solve", FitError("the simulation fails wherever a search starts")),
+    ("solve", SimulationError("the walk diverges", time_s=0.5)),
+    ("assess", SimulationError("the foot gives way", time_s=0.0)), ("assess", FitError("of another kind"))])
+def test_a_simulation_that_fails_leaves_a_report_of_failure(run, tmp_path, monkeypatch, bare, where, error):
+    def fails(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(fit_run, where, fails)
+    code, _, said = run("fit", TRIAL, "--out", tmp_path / "fit", "--quick")
+    assert code == 4 and str(error) in said
+    table = left_by_a_failed_fit(tmp_path / "fit")
+    assert str(error) in table["message"]
+    assert ("cannot be judged" in table["message"]) == (where == "assess")
+
+
+def interrupted(monkeypatch, *, after: int) -> None:
+    """Ctrl-C as soon as the state has been saved so many times."""
+    saved = 0
+    save = fit_run.Checkpoint.save
+
+    def saving(self, state):
+        nonlocal saved
+        save(self, state)
+        saved += 1
+        if saved == after:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(fit_run.Checkpoint, "save", saving)
+
+
+def same_fit(one: Path, other: Path) -> None:
+    first, second = (read_json(path / "fit.json") for path in (one, other))
+    assert [row["value"] for row in first["parameters"]] == [row["value"] for row in second["parameters"]]
+    assert first["searches"] == second["searches"] and first["history"] == second["history"]
+    assert first["trials"][0]["metrics"]["grf_rmse_bw"] == second["trials"][0]["metrics"]["grf_rmse_bw"]
+
+
+@pytest.mark.slow
+def test_an_interrupted_fit_goes_on_to_the_same_end(run, tmp_path, monkeypatch, bare):
+    words = ("fit", TRIAL, "--freeze", "curve.*", "--starts", 2)
+    assert run(*words, "--out", tmp_path / "whole")[0] == 0
+    out = tmp_path / "parts"
+    with monkeypatch.context() as patch:
+        interrupted(patch, after=1)
+        code, _, error = run(*words, "--out", out)
+    assert code == 130
+    assert "the same command with --resume goes on from it" in error
+    assert sorted(path.name for path in out.iterdir()) == ["checkpoint.json", "fit.json"]
+    assert "has not ended" in read_json(out / "fit.json")["message"]
+    code, _, error = run(*words, "--no-cop", "--resume", "--out", out)
+    assert code == 2 and "checkpoint.json" in error and "other trials, parameters or options" in error
+    assert run(*words, "--resume", "--out", out)[0] == 0
+    assert not (out / "checkpoint.json").exists()
+    same_fit(out, tmp_path / "whole")
+
+
+def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick, tmp_path, monkeypatch, bare):
+    out = tmp_path / "fit"
+    shutil.copytree(quick[0], out)
+
+    def pressed(self: object, state: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fit_run.Checkpoint, "save", pressed)
+    code, _, error = run("fit", TRIAL, "--out", out, "--quick")
+    assert code == 130 and "begins again" in error
+    assert [path.name for path in out.iterdir()] == ["fit.json"]
+    assert not read_json(out / "fit.json")["success"]
+
+
+def test_a_checkpoint_that_is_not_resumed_is_replaced_with_a_note(run, tmp_path, bare):
+    out = tmp_path / "fit"
+    out.mkdir()
+    (out / "checkpoint.json").write_text("{}")
+    code, said, _ = run("fit", TRIAL, "--out", out, "--quick")
+    assert code == 0
+    assert "--resume would have gone on from it" in " ".join(said.split())
+    assert not (out / "checkpoint.json").exists()
+
+
+def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, bare):
+    words = ("--free", "friction.mu_kinetic", "--freeze", "curve.*", "--freeze", "contact.*", "--free",
+             "contact.forefoot.*", "--damping-by-zone", "--paths", "--resultant")
+    assert run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)[0] == 0
+    table = read_json(tmp_path / "fit" / "fit.json")
+    free = {row["name"] for row in table["parameters"] if not row["frozen"]}
+    assert "friction.mu_kinetic" in free and "friction.mu_static" not in free
+    assert {name for name in free if name.startswith(("curve.", "contact."))} == {
+        f"contact.forefoot.{name}" for name in ("force", "exponent", "rise", "full_damping_depth", "damping_time")}
+    assert "trial.medium_1.path.pelvis_tx.0" in free
+    assert table["options"]["series"] == ["resultant", "cop_fore_aft"]
+    start = {row["name"]: row for row in table["parameters"]}["contact.heel.force"]
+    assert start["value"] == start["start"] and start["standard_error"] is None
+
+
+@pytest.fixture
+def brief_paper(monkeypatch):
+    """The paper's procedure with few scenarios, that ends as soon as it may."""
+    options = functools.partial(PaperOptions, scenarios=3, iterations=3, restarts=0, settled=2,
+                                objective_tolerance_n=1e6, parameter_tolerance=10.0)
+    monkeypatch.setattr(fit_run, "PaperOptions", options)
+
+
+def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, monkeypatch, bare, brief_paper):
+    words = ("fit", TRIAL, "--strategy", "paper", "--quick", "--bench", DATA / "bench.yaml", "--seed", 3)
+    assert run(*words, "--out", tmp_path / "whole")[0] == 0
+    table = read_json(tmp_path / "whole/fit.json")
+    assert table["strategy"] == load_contact(tmp_path / "whole/contact.yaml").strategy == "paper"
+    assert [row["iteration"] for row in table["history"]] == [1, 2] and table["seed"] == 3
+    assert np.all(np.diff([table["initial_rms_n"], *(row["rms_n"] for row in table["history"])]) <= 0.0)
+    assert table["bench"]["model_n_per_mm"] is not None
+    with monkeypatch.context() as patch:
+        interrupted(patch, after=1)
+        assert run(*words, "--out", tmp_path / "parts")[0] == 130
+    assert run(*words, "--resume", "--out", tmp_path / "parts")[0] == 0
+    same_fit(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_a_state_of_the_other_strategy_is_refused(run, tmp_path, monkeypatch, bare, brief_paper):
+    with monkeypatch.context() as patch:
+        interrupted(patch, after=1)
+        assert run("fit", TRIAL, "--quick", "--out", tmp_path / "fit")[0] == 130
+    before = (tmp_path / "fit/checkpoint.json").read_bytes()
+    code, _, error = run("fit", TRIAL, "--strategy", "paper", "--resume", "--out", tmp_path / "fit")
+    assert code == 2 and "checkpoint.json: --resume: is no state of such a fit" in error
+    assert (tmp_path / "fit/checkpoint.json").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_two_trials_and_the_bench_predict_the_other_seven(run, tmp_path):
+    names = [f"{setting}_{i}" for setting in ("low", "medium", "high") for i in (1, 2, 3)]
+    held = [word for name in names if name not in ("low_1", "high_1")
+            for word in ("--hold-out", EXACT / f"{name}.yaml")]
+    out = tmp_path / "fit"
+    code, said, _ = run("fit", EXACT / "low_1.yaml", EXACT / "high_1.yaml", "--bench", DATA / "bench.yaml", *held,
+                        "--out", out, "--starts", 2)
+    assert code == 0
+    table = read_json(out / "fit.json")
+    assert [trial["role"] for trial in table["trials"]] == ["fitted"] * 2 + ["held out"] * 7
+    scores = [trial["metrics"] for trial in table["trials"][2:]]
+    assert np.mean([score["grf_rmse_bw"] for score in scores]) <= 0.02
+    assert np.mean([score["cop_rmse_fl"] for score in scores]) <= 0.025
+    assert all(trial["sweep"]["right"] for trial in table["trials"])
+    assert all(trial["null_model_grf_rmse_bw"] > 0.02 for trial in table["trials"])
+    assert table["bench"]["rmse_n_per_mm"] <= 0.7 and len(table["left_out"]) == 4
+    assert "Bench (SYNTHETIC)" in said and "9 of 9" in " ".join(said.split())
+    assert {"bench.png", "sweep.svg", "trial_9_high_3.png"} < set(table["files"])
+    code, _, _ = run("simulate", EXACT / "medium_1.yaml", "--contact", out / "contact.yaml", "--out", tmp_path / "walk",
+                     "--no-replay")
+    assert code == 0
+    assert read_json(tmp_path / "walk/metrics.json")["grf_rmse_bw"] == pytest.approx(
+        next(t for t in table["trials"] if t["label"] == "medium_1")["metrics"]["grf_rmse_bw"], rel=1e-3)
