@@ -12,6 +12,9 @@ ALONE = tuple(f"{setting}_1" for setting in SETTINGS)
 PAIR = ("low_1", "high_1")
 """The soft and the stiff trial of the reported transfer."""
 STARTS, SETTLED = 5, 10
+WRONG_KEEL, KEEL_SPREAD = 1.4, 0.5
+"""Of an unknown keel and fulcrum: how much too stiff the first guess of the keel is, and the relative standard
+deviation of what is believed of both (choices)."""
 JOINT, PAPER = "joint", "paper"
 
 
@@ -22,6 +25,8 @@ class Case:
     Attributes:
         tier: of the reference subject. strategy: JOINT or PAPER. fitted: trials.
         bench: whether the bench is fitted as well; without, and by PAPER, it only judges.
+        keel_known: whether the calibrated compliance of keel and fulcrum is given to JOINT; otherwise it begins with a
+            keel that is WRONG_KEEL times as stiff, and fits both.
         resultant: whether JOINT compares the resultant alone, in place of components and centre of pressure.
         starts: searches of JOINT. settled: of PAPER, see its options.
         leave_out: whether to fit again without each trial and each stiffness.
@@ -31,6 +36,7 @@ class Case:
     strategy: str
     fitted: tuple[str, ...]
     bench: bool = True
+    keel_known: bool = True
     resultant: bool = False
     starts: int = STARTS
     settled: int = 1
@@ -43,8 +49,8 @@ class Case:
     @property
     def name(self) -> str:
         how = (f"settled_{self.settled}",) if self.strategy == PAPER else (
-            *(() if self.bench else ("without_bench",)), *(("resultant",) if self.resultant else ()),
-            f"{self.starts}_starts")
+            *(() if self.bench else ("without_bench",)), *(() if self.keel_known else ("keel_unknown",)),
+            *(("resultant",) if self.resultant else ()), f"{self.starts}_starts")
         return "-".join((self.tier, self.strategy, "+".join(self.fitted), *how))
 
 
@@ -69,6 +75,12 @@ def without_bench(tier: str) -> list[Case]:
     return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False) for fitted in (*((a,) for a in ALONE), PAIR)]
 
 
+def keel_unknown(tier: str) -> list[Case]:
+    """One soft trial, one stiff trial and both, by recordings alone, of a device that nobody has calibrated."""
+    return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, keel_known=False)
+            for fitted in (PAIR[:1], PAIR[1:], PAIR)]
+
+
 def resultant_alone(tier: str) -> list[Case]:
     """One trial and the pair by the resultant force alone: neither components, centre of pressure nor bench."""
     return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, resultant=True)
@@ -87,5 +99,5 @@ def paper_settled(tier: str) -> list[Case]:
 
 def cases(tier: str) -> list[Case]:
     """All of a tier."""
-    return [transfer(tier), *one_trial(tier), *other_pairs(tier), *without_bench(tier), *resultant_alone(tier),
-            *paper_literal(tier), *paper_settled(tier)]
+    return [transfer(tier), *one_trial(tier), *other_pairs(tier), *without_bench(tier), *keel_unknown(tier),
+            *resultant_alone(tier), *paper_literal(tier), *paper_settled(tier)]

@@ -12,7 +12,8 @@ from contact_fit_study.cases import PAIR, TIERS, TRIALS
 from vsf_drake.report import style as look
 
 _WHAT = {"grf_rmse_bw": "resultant force (% BW)", "cop_rmse_fl": "centre of pressure (% FL)"}
-_FITS = ("joint, with the bench", "joint, without the bench", "paper, literally")
+_FITS = ("joint, with the bench", "joint, without the bench", "joint, without the bench, keel unknown",
+         "paper, literally")
 _DARKEST_PERCENT = 15.0
 
 
@@ -84,7 +85,7 @@ def _matrix(results: Mapping[str, Any], tiers: list[str]) -> Figure:
     for column, tier in enumerate(tiers):
         found = results[tier]
         blocks = ({**found["one_trial"], "+".join(PAIR): found["transfer"]}, found["without_bench"],
-                  found["paper"]["literal"])
+                  found["keel_unknown"], found["paper"]["literal"])
         for axes, rows, what in zip(grid[:, column], blocks, _FITS, strict=True):
             errors = np.array([[100 * fit["trials"][name]["grf_rmse_bw"] if "trials" in fit else np.nan
                                 for name in TRIALS] for fit in rows.values()])

@@ -7,7 +7,7 @@ import os
 import time
 from typing import Any
 
-from contact_fit_study.cases import PAPER, Case, transfer
+from contact_fit_study.cases import KEEL_SPREAD, PAPER, WRONG_KEEL, Case, transfer
 from contact_fit_study.floors import floor_bw
 from contact_fit_study.inputs import bench, trial
 from vsf_drake.analysis.contact_fit import (
@@ -27,6 +27,7 @@ from vsf_drake.analysis.contact_fit.scores import BenchScore, TrialScore
 from vsf_drake.errors import FitError, SimulationError
 
 SEED = 0
+KEEL, FULCRUM = "keel.flexural_modulus", "fulcrum.stiffness"
 METRICS = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
            "impulse_rmse_bws", "null_model_grf_rmse_bw", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
            "toe_off_error_s", "unconverged_steps")
@@ -72,7 +73,13 @@ def _solve(case: Case) -> ContactFitSolution | PaperSolution:
     options = ContactFitOptions(starts=case.starts, seed=SEED)
     if case.resultant:
         options = dataclasses.replace(options, series=(RESULTANT,))
-    return solve(ContactFit(trials, bench=bench() if case.bench else None, options=options))
+    fit = ContactFit(trials, bench=bench() if case.bench else None, options=options)
+    if not case.keel_known:
+        keel = fit.parameters.by_name[KEEL].start * WRONG_KEEL
+        unknown = fit.parameters.changed([KEEL, FULCRUM], frozen=False, scale=KEEL_SPREAD).changed(
+            [KEEL], start=keel, mean=keel)
+        fit = ContactFit(trials, bench=fit.bench, parameters=unknown, options=options, walker=fit.walker)
+    return solve(fit)
 
 
 def _trial(score: TrialScore) -> dict[str, Any]:
