@@ -1,9 +1,10 @@
 """What the contact fit is worth on the nine walks of the synthetic reference subject, whose truth is another model.
 
 In both tiers: the joint fit of one soft and one stiff trial, judged by the other seven, by a sweep of the fulcrum, by
-the bench, and by the other eight pairs like it; the joint fit of one trial, with and without the bench, with a keel that
-nobody calibrated, by the resultant alone, and the paper's procedure, judged by all other trials. Beside each error stand the null model and the floor: what
-the true foot itself is left with on the recorded motion. The results are in studies/results/contact_fit.json.
+the bench, and by the other eight pairs like it; the joint fit of one trial, also without the bench, of a device that
+nobody calibrated, and by the resultant alone; and the paper's procedure. All are judged by all other trials. Beside
+each error stand the null model and the floor: what the true foot itself is left with on the recorded motion. The
+results are in studies/results/contact_fit.json.
 
 Finished parts are kept in the folder for figures: after an interruption the same command goes on where it stopped. The
 whole takes half an hour on two free cores.

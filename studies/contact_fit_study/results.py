@@ -54,8 +54,8 @@ def definitions() -> dict[str, str]:
             "wall_s": "of the reported pair with all its starts, compiled before; load_before is the machine's load "
                       "average before it, cpu_s what the process used",
             "held_out": "means over the seven trials that the pair leaves, and the worst of them",
-            "without_bench": "by recordings alone, of a device whose keel and fulcrum are calibrated: two stiffnesses of "
-                             "the bench are in the model all the same",
+            "without_bench": "by recordings alone, keel and fulcrum being calibrated: two of the bench's "
+                             "stiffnesses are in the model all the same",
             "keel_unknown": f"by recordings alone, of a device that nobody has calibrated: the search begins with a "
                             f"keel {WRONG_KEEL:g} times as stiff, and believes it and the fulcrum within "
                             f"{100 * KEEL_SPREAD:g} %",
