@@ -80,7 +80,7 @@ class _Tried:
     def __init__(self, fit: ContactFit, progress: Progress | None) -> None:
         self.fit, self.progress = fit, progress
         self.count = self.failed = 0
-        self.failure = ""
+        self.failure, self.interrupted = "", False
         self.best, self.best_cost, self.first = np.zeros(0), np.inf, 0.0
 
     def at(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation | None:
@@ -90,6 +90,9 @@ class _Tried:
         except SimulationError as error:
             self.count, self.failed, self.failure = self.count + 1, self.failed + 1, str(error)
             return None
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise
         self.count += self.fit.evaluations - before
         if evaluation.cost < self.best_cost:
             self.best, self.best_cost = np.array(u), evaluation.cost
@@ -149,7 +152,14 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
         solver = NloptSolver()
         options.SetOption(solver.id(), "algorithm", "GN_DIRECT_L")
         options.SetOption(solver.id(), "max_eval", chosen.iterations)
-    result: MathematicalProgramResult = solver.Solve(program, start, options)
+    try:
+        result: MathematicalProgramResult = solver.Solve(program, start, options)
+    except RuntimeError:
+        if tried.interrupted:
+            raise KeyboardInterrupt from None
+        raise
+    if tried.interrupted:  # NLopt takes any exception for a wish to stop
+        raise KeyboardInterrupt
     if chosen.solver == "nlopt":
         return _gauss_newton(fit, tried, tried.best)
     return bool(result.is_success()), f"{chosen.solver}: {result.get_solution_result().name}"
