@@ -76,7 +76,8 @@ class Task:
     def options(self) -> dict[str, Any]:
         """For the table: what of the command is not in the options of the fit."""
         own = to_plain(PaperOptions(seed=self.seed)) if self.strategy == PAPER else {
-            "free": self.free, "freeze": self.freeze, "paths": self.paths, "damping_by_zone": self.damping_by_zone}
+            "seed": self.seed, "free": self.free, "freeze": self.freeze, "paths": self.paths,
+            "damping_by_zone": self.damping_by_zone}
         return {**own, "quick": self.quick, "bench": None if self.bench_file is None else self.bench_file.name}
 
     def check(self) -> None:

@@ -33,7 +33,7 @@ def fit_parameter_figure(table: Mapping[str, Any]) -> Figure:
                                                  if len(smooth) > MOST_ROWS else ""))) if rows]
     share = table["unidentified_above_share"]
     with style():
-        figure = new_figure(5.6 * len(columns), 1.5 + 0.19 * max(len(rows) for rows, _ in columns))
+        figure = new_figure(5.6 * len(columns), max(3.2, 1.5 + 0.19 * max(len(rows) for rows, _ in columns)))
         for axes, (rows, title) in zip(figure.subplots(1, len(columns), squeeze=False)[0], columns, strict=True):
             _rows(axes, rows, share)
             label(axes, x="from the prior's mean (its standard deviations)", y="parameter (one row each)", title=title)

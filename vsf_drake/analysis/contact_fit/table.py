@@ -95,8 +95,9 @@ def _common(
         "subject": {"name": subject.name, "mass_kg": subject.mass_kg, "stature_m": subject.stature_m,
                     "prosthetic_side": subject.prosthetic_side},
         "bench": None if bench is None else _bench(bench), "published": PUBLISHED,
-        "options": to_plain(dict(options or {})), "searches": [], "best_search": None, "history": [], "wall_s": None,
-        **provenance({**hashes, **(inputs or {})})}
+        "options": to_plain(dict(options or {})), "searches": [], "best_search": None, "history": [], "series": [],
+        "wall_s": None,
+        **provenance({**hashes, **(inputs or {})}, seed=(options or {}).get("seed"))}
     if solution is not None:
         table |= {"wall_s": solution.wall_s, "series": solution.series}
     if isinstance(solution, ContactFitSolution):
