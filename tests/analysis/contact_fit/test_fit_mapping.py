@@ -190,3 +190,23 @@ def test_curves_of_different_lengths_are_refused():
     names = [f"curve.{angle}.{i}" for angle, count in (("a", 4), ("b", 5)) for i in range(count)]
     with pytest.raises(InputError, match="up to the same number"):
         curve_coefficients(names)
+
+
+@pytest.mark.xfail(strict=True, reason="names of a known kind in the wrong form end in ValueError, IndexError or such")
+@pytest.mark.parametrize("names", [
+    ["contact"], ["contact.damping_time"], ["curve.knee_angle_r"], ["curve.knee_angle_r.0"], ["curve.knee_angle_r.x"],
+    ["trial.soft.colour"], ["trial.soft.path.pelvis_tx"], ["trial.soft.path.pelvis_tx.99"],
+    ["contact.heel.force", "contact.heel.exponent", "contact.damping_time", "contact.heel.stiffness"]])
+def test_names_in_the_wrong_form_are_refused(variables, soft, names):
+    parameters = FitParameters(one(name) for name in names)
+    with pytest.raises(InputError):
+        walk = TrialMap(parameters, variables, "soft", soft)
+        walk.at(parameters.start)
+        [course.shape(np.linspace(0.0, 1.0, 9)) for course in walk.courses]
+
+
+@pytest.mark.xfail(strict=True, reason="trial.walk.2.path... begins with trial.walk. too")
+def test_paths_of_a_trial_whose_name_goes_on_are_not_taken(variables, soft):
+    parameters = standard_parameters(variables, "right", ["walk", "walk.2"], paths=True)
+    walk = TrialMap(parameters, variables, "walk", soft)
+    assert not [course.name for course in walk.courses if "2." in course.name]

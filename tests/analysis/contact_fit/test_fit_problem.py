@@ -49,16 +49,24 @@ def mismatch(fit, u, step=1e-5):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("series", [("fore_aft", "lateral", "vertical", "cop_fore_aft"), ("resultant",)])
-def test_jacobian_of_every_parameter_is_that_of_differences(fit_walker, soft, stiff, measured_bench, series):
-    """All standard parameters, paths and the damping of each zone among them, on two trials and the bench."""
+@pytest.mark.parametrize(("series", "tolerance"), [
+    (("fore_aft", "lateral", "vertical", "cop_fore_aft"), 5e-3), (("resultant", "cop_fore_aft"), 0.03)])
+def test_jacobian_of_every_parameter_is_that_of_differences(
+        fit_walker, soft, stiff, measured_bench, series, tolerance):
+    """All standard parameters, paths and the damping of each zone among them, on two trials and the bench.
+
+    Two things are left out of the derivatives: that a path at its ends turns the mean direction of walking (3e-3 of
+    what it does at all), and the direction of a resultant below 1 N (2e-2 of what little some curves do).
+    """
     parameters = standard_parameters(fit_walker.variables, "right", BOTH, damping_by_zone=True, paths=True)
     parameters = parameters.changed([*parameters.by_name], frozen=False)
     fit = ContactFit([soft, stiff], bench=measured_bench, parameters=parameters, walker=fit_walker, labels=BOTH,
                      options=ContactFitOptions(series=series))
     off = mismatch(fit, somewhere(fit))
     assert len(off) == len(parameters.items)
-    assert max(off.values()) < 1e-3, sorted(off.items(), key=lambda item: -item[1])[:5]
+    assert max(off.values()) < tolerance, sorted(off.items(), key=lambda item: -item[1])[:5]
+    if "resultant" not in series:
+        assert max(value for name, value in off.items() if "path" not in name) < 1e-4
 
 
 def test_jacobian_of_a_parameter_of_each_kind_is_that_of_differences(both):
