@@ -56,7 +56,6 @@ def test_the_same_recording_twice_is_refused(soft, stiff):
     refused([soft], "Give it once", [stiff, replace(stiff, path=Path("copy.yaml"))])
 
 
-@pytest.mark.xfail(strict=True, reason="check_recordings compares a trial only with other Trial objects")
 def test_one_trial_object_given_twice_is_refused_too(soft, stiff):
     refused([soft, stiff, soft], "Give it once")
     refused([soft], "fitted and held out", [stiff, soft])

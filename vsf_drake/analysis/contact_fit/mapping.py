@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import functools
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.analysis.contact_fit.names import (
+    CURVE,
+    DAMPING_TIME,
+    HEIGHT,
+    LAW,
+    PATH,
+    curve_coefficients,
+    meanings,
+    zones_of,
+)
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.standard import PATH_COEFFICIENTS, REFERENCE_DEPTH_M
 from vsf_drake.errors import InputError
@@ -18,7 +27,7 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.courses import Course
 from vsf_drake.simulation.variables import Variable
 
-HEIGHT = "offset.height"
+OFFSET_HEIGHT = "offset.height"
 
 
 @dataclass(frozen=True)
@@ -58,13 +67,11 @@ class TrialMap:
         self, parameters: FitParameters, variables: Mapping[str, Variable], label: str | None, trial: Trial | None
     ) -> None:
         self.parameters = parameters
-        self._own = f"trial.{label}." if label is not None else None
-        self._heights = tuple(name for name in parameters.by_name if re.fullmatch(r"trial\..+\.height", name))
-        self._zones = [name.split(".")[1] for name in variables
-                       if name.startswith("contact.") and name.endswith(".stiffness")]
-        self._defaults = {name: variable.default for name, variable in variables.items()}
-        self._known = {item.name: self._targets(item.name) for item in parameters.items}
-        self.courses = () if trial is None else _courses(self._known, trial)
+        self._label, self._means = label, meanings(parameters.by_name, variables)
+        self._heights = sum(mean.kind == HEIGHT for mean in self._means.values())
+        self._laws = [zone for zone in zones_of(variables) if f"contact.{zone}.force" in parameters.by_name]
+        self._known = {name: self._target(name) for name in parameters.by_name}
+        self.courses = () if trial is None else _courses(self._known, trial, curve_coefficients(parameters.by_name))
 
     def at(self, u: np.ndarray) -> WalkValues:
         """The walk's values at u (P,)."""
@@ -78,24 +85,16 @@ class TrialMap:
         return WalkValues(values=walk, names=names,
                           by=np.array([by[name] for name in names]).reshape(len(names), len(self.parameters)))
 
-    def _targets(self, name: str) -> str | None:
-        """The variable that a parameter equals; "" for one of a contact law, None for another trial's."""
-        if name.startswith("trial."):
-            if self._own is None:
-                return None
-            if name in self._heights:
-                return HEIGHT
-            return f"course.{name.removeprefix(self._own)}" if name.startswith(self._own) else None
-        if name.startswith("curve."):
-            return f"course.{name}"
-        parts = name.split(".")
-        if name == "contact.damping_time" or (parts[0] == "contact" and parts[1] in self._zones and len(parts) == 3
-                                              and parts[2] in ("force", "exponent", "damping_time")):
+    def _target(self, name: str) -> str | None:
+        """The variable that a parameter sets; "" for those of a law, None for another trial's path."""
+        mean = self._means[name]
+        if mean.kind == LAW:
             return ""
-        if name not in self._defaults:
-            raise InputError(f"{name} is no parameter of a contact fit", where="parameters",
-                             right="See vsf_drake.analysis.contact_fit.standard for the names")
-        return name
+        if mean.kind == HEIGHT:
+            return OFFSET_HEIGHT if self._label is not None else None
+        if mean.kind == PATH and mean.owner != self._label:
+            return None
+        return f"course.{mean.course}" if mean.course else name
 
     def _walk(self, values: Mapping[str, float]) -> dict[str, float]:
         walk: dict[str, float] = {}
@@ -103,26 +102,23 @@ class TrialMap:
             target = self._known[name]
             if target:
                 walk[target] = walk.get(target, 0.0) + self._share(name) * value
-        for zone in self._zones:
-            if f"contact.{zone}.force" in values:
-                force, n, time = self._law(zone, values)
-                walk[f"contact.{zone}.stiffness"] = force / REFERENCE_DEPTH_M**n
-                walk[f"contact.{zone}.exponent"] = n
-                walk[f"contact.{zone}.damping"] = time * n * force / REFERENCE_DEPTH_M
+        for zone in self._laws:
+            force, n, time = self._law(zone, values)
+            walk[f"contact.{zone}.stiffness"] = force / REFERENCE_DEPTH_M**n
+            walk[f"contact.{zone}.exponent"] = n
+            walk[f"contact.{zone}.damping"] = time * n * force / REFERENCE_DEPTH_M
         return walk
 
     def _share(self, name: str) -> float:
         """What a parameter counts for in its variable: 1, but heights of trials are deviations from their mean."""
-        if name not in self._heights:
-            return 1.0
-        return float(name == f"{self._own}height") - 1.0 / len(self._heights)
+        mean = self._means[name]
+        return 1.0 if mean.kind != HEIGHT else float(mean.owner == self._label) - 1.0 / self._heights
 
     def _law(self, zone: str, values: Mapping[str, float]) -> tuple[float, float, float]:
-        time = values.get(f"contact.{zone}.damping_time", values.get("contact.damping_time"))
-        if time is None:
-            raise InputError(f"the damping of zone {zone} has no parameter", where="parameters",
-                             right="Give contact.damping_time, or one for the zone; it may be frozen")
-        return values[f"contact.{zone}.force"], values[f"contact.{zone}.exponent"], time
+        """Force (N), exponent and damping time (s) of a zone."""
+        own = f"contact.{zone}."
+        return (values[f"{own}force"], values[f"{own}exponent"],
+                values.get(f"{own}damping_time", values.get(DAMPING_TIME, 0.0)))
 
     def _slopes(self, name: str, values: Mapping[str, float]) -> list[tuple[str, float]]:
         """Variables that a parameter changes, with d variable / d parameter."""
@@ -132,10 +128,10 @@ class TrialMap:
         if target:
             return [(target, self._share(name))]
         kind = name.rsplit(".", maxsplit=1)[-1]
-        zones = self._zones if name == "contact.damping_time" else [name.split(".")[1]]
+        zones = self._laws if name == DAMPING_TIME else [self._means[name].owner]
         found: list[tuple[str, float]] = []
         for zone in zones:
-            if name == "contact.damping_time" and f"contact.{zone}.damping_time" in values:
+            if name == DAMPING_TIME and f"contact.{zone}.damping_time" in values:
                 continue
             force, n, time = self._law(zone, values)
             k, b = force / REFERENCE_DEPTH_M**n, time * n * force / REFERENCE_DEPTH_M
@@ -160,36 +156,21 @@ class _Sampled:
         return lambda times: self._known(np.ascontiguousarray(times, dtype=float).tobytes())[:, i]
 
 
-def _courses(known: Mapping[str, str | None], trial: Trial) -> tuple[Course, ...]:
+def _courses(known: Mapping[str, str | None], trial: Trial, coefficients: int) -> tuple[Course, ...]:
     found: list[Course] = []
     families: dict[str, _Sampled] = {}
     for target in dict.fromkeys(target for target in known.values() if target and target.startswith("course.")):
         name = target.removeprefix("course.")
         kind, coordinate, index = name.rsplit(".", 2)
         if kind not in families:
-            families[kind] = _Sampled(_curves(known, trial) if kind == "curve" else
+            families[kind] = _Sampled(_curves(trial, coefficients) if kind == CURVE else
                                       window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
+        if kind == PATH and int(index) >= PATH_COEFFICIENTS:
+            raise InputError(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path", where="parameters")
         found.append(Course(name=name, coordinate=coordinate, shape=families[kind].member(int(index))))
     return tuple(found)
 
 
-def _curves(known: Mapping[str, str | None], trial: Trial) -> Callable[[np.ndarray], np.ndarray]:
-    phase, basis = gait_phase(trial), periodic_bsplines(curve_coefficients(known))
+def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:
+    phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
     return lambda times: basis(phase(times))
-
-
-def curve_coefficients(names: Sequence[str] | Mapping[str, object]) -> int:
-    """How many coefficients the curves have, all the same.
-
-    Raises:
-        InputError: they differ, or some are missing.
-    """
-    by: dict[str, list[int]] = {}
-    for name in names:
-        if name.startswith("curve."):
-            _, coordinate, index = name.split(".")
-            by.setdefault(coordinate, []).append(int(index))
-    counts = {len(indices) for indices in by.values()}
-    if len(counts) != 1 or any(sorted(indices) != list(range(len(indices))) for indices in by.values()):
-        raise InputError("the curves' coefficients are not 0, 1, 2 ... up to the same number", where="parameters")
-    return counts.pop()

@@ -21,6 +21,7 @@ from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.bench_terms import BenchTerms
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
+from vsf_drake.analysis.contact_fit.names import owner
 from vsf_drake.analysis.contact_fit.options import ContactFitOptions
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
@@ -165,6 +166,6 @@ class ContactFit:
 
     def _check_own_parameters(self) -> None:
         for name in self.parameters.by_name:
-            if name.startswith("trial.") and not any(name.startswith(f"trial.{label}.") for label in self.labels):
+            if owner(name) not in (None, *self.labels):
                 raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
                                  right=f"The trials are: {', '.join(self.labels)}")

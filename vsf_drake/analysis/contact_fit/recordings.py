@@ -29,8 +29,9 @@ def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *,
         raise InputError("there is no trial to fit", where="trials")
     known: dict[str, tuple[Trial, bool]] = {}
     for trial, out in [(t, False) for t in trials] + [(t, True) for t in held_out]:
-        other = known.setdefault(fingerprint(trial), (trial, out))
-        if other[0] is not trial:
+        other = known.get(fingerprint(trial))
+        known[fingerprint(trial)] = (trial, out)
+        if other is not None:
             if other[1] != out:
                 raise InputError(f"is fitted and held out: it is the same recording as {other[0].path}",
                                  file=trial.path, right="A held-out trial must be one that the fit has not seen")

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison
-from vsf_drake.analysis.contact_fit.mapping import HEIGHT, TrialMap
+from vsf_drake.analysis.contact_fit.mapping import OFFSET_HEIGHT, TrialMap
 from vsf_drake.analysis.contact_fit.multistart import FitProgress, run_searches
+from vsf_drake.analysis.contact_fit.names import owner
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
 from vsf_drake.analysis.contact_fit.solve import Search, search
@@ -75,8 +76,7 @@ class ContactFitSolution:
         """
         self.check()
         variables = self.fit.walker.variables
-        values = TrialMap(self.fit.parameters, variables, None, None).at(self.u).values
-        return {name: value for name, value in values.items()
+        return {name: value for name, value in self._walk_values(None).items()
                 if name in variables and value != variables[name].default}
 
     def contact(self, verdict: tuple[str, ...] = ()) -> FittedContact:
@@ -85,19 +85,16 @@ class ContactFitSolution:
         Raises:
             FitError: the fit failed.
         """
-        values = self.values
+        self.check()
         subject = self.fit.walker.subject
-        curves: dict[str, list[float]] = {}
-        for name, value in values.items():
-            if name.startswith("curve."):
-                curves.setdefault(name.split(".")[1], []).append(value)
+        shared = self._walk_values(None)
         return FittedContact(
             format=FORMAT, strategy=self.strategy, converged=True, verdict=verdict,
             subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
                                   prosthetic_side=subject.prosthetic_side),
             values=self.walk_values,
-            curves=tuple(JointCurve(coordinate=name, coefficients=tuple(c)) for name, c in curves.items()),
-            trials=tuple(self._own(label, trial, values)
+            curves=tuple(JointCurve(coordinate=name, coefficients=c) for name, c in _splines(shared, "curve").items()),
+            trials=tuple(self._own(label, trial, shared)
                          for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)),
             provenance={**provenance({}), "seed": self.fit.options.seed, "solver": self.fit.options.solver})
 
@@ -160,8 +157,7 @@ class ContactFitSolution:
         kept = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
         if not kept:
             raise FitError("no trial is left to fit")
-        own = tuple(f"trial.{label}." for label in labels)
-        parameters = FitParameters(item for item in fit.parameters.items if not item.name.startswith(own))
+        parameters = FitParameters(item for item in fit.parameters.items if owner(item.name) not in labels)
         fewer = ContactFit([trial for trial, _ in kept], bench=fit.bench, parameters=parameters, options=fit.options,
                            walker=fit.walker, labels=[label for _, label in kept])
         began = time.perf_counter()
@@ -174,15 +170,24 @@ class ContactFitSolution:
         if not self.success:
             raise FitError(f"the fit failed: {self.message}")
 
-    def _own(self, label: str, trial: Trial, values: Mapping[str, float]) -> FittedTrial:
-        paths: dict[str, list[float]] = {}
-        for name, value in values.items():
-            if name.startswith(f"trial.{label}.path."):
-                paths.setdefault(name.removeprefix(f"trial.{label}.path.").split(".")[0], []).append(value)
-        heights = {name: value for name, value in values.items() if name.endswith(".height") and name != HEIGHT}
-        own = heights.get(f"trial.{label}.height", 0.0) - (np.mean([*heights.values()]) if heights else 0.0)
-        return FittedTrial(name=label, fingerprint=fingerprint(trial), height_m=float(own),
-                           path={name: tuple(c) for name, c in paths.items()})
+    def _own(self, label: str, trial: Trial, shared: Mapping[str, float]) -> FittedTrial:
+        own = self._walk_values(label)
+        return FittedTrial(name=label, fingerprint=fingerprint(trial), path=_splines(own, "path"),
+                           height_m=own.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0))
+
+    def _walk_values(self, label: str | None) -> dict[str, float]:
+        """All values of a walk, courses too, of a fitted trial or of any other."""
+        return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.u).values
+
+
+
+def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, ...]]:
+    """Coefficients by coordinate of the courses of a kind."""
+    found: dict[str, list[float]] = {}
+    for name, value in values.items():
+        if name.startswith(f"course.{kind}."):
+            found.setdefault(name.split(".")[2], []).append(value)
+    return {name: tuple(coefficients) for name, coefficients in found.items()}
 
 
 def solve(

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from vsf_drake.analysis.contact_fit.names import PATH_COORDINATES, zones_of
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.simulation.variables import Variable
 
@@ -31,7 +32,6 @@ ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
 and the one that moves it sideways."""
 CURVE_COEFFICIENTS = 8
 PATH_COEFFICIENTS = 6
-PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
 _ANGLE_SD, _CURVE_SD = math.radians(1.5), math.radians(0.5)
 
 
@@ -52,7 +52,7 @@ def standard_parameters(
     Raises:
         InputError: see `FitParameters`.
     """
-    zones = [name.split(".")[1] for name in variables if name.startswith("contact.") and name.endswith(".stiffness")]
+    zones = zones_of(variables)
     suffix = side[0]
     items = [item for zone in zones for item in _zone(variables, zone, damping_by_zone)]
     if not damping_by_zone:
