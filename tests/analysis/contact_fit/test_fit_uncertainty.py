@@ -1,0 +1,179 @@
+"""Errors of a fit, against closed forms and against drawing the noise again and again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vsf_drake.analysis.contact_fit.noise import FitNoise
+from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.terms import Term
+from vsf_drake.analysis.contact_fit.uncertainty import NORMAL_95, SURE_SHARE, uncertainty
+
+NOISE = FitNoise(correlation_s=0.05)
+TIMES = np.arange(0.0, 0.8, 0.01)
+DRAWS = 20_000
+
+
+def plain(name, *, scale=2.0, low=-50.0, high=50.0, **more):
+    return FitParameter(name=name, unit="m", start=0.0, mean=0.0, low=low, high=high, scale=scale, **more)
+
+
+def series(by, *, times=TIMES, name="vertical", weight=None, residual=None):
+    """Data with derivatives by (n, P)."""
+    spacing = 0.01 if times is None else times[1] - times[0]
+    weight = NOISE.weight(spacing) if weight is None else weight
+    residual = np.zeros(len(by)) if residual is None else residual
+    return Term(name=name, trial="a", times_s=times, residual=residual, by=np.asarray(by, dtype=float), weight=weight)
+
+
+def prior(count, rows=None):
+    rows = range(count) if rows is None else rows
+    return Term(name="prior", trial="prior", times_s=None, residual=np.zeros(len(rows)), by=np.eye(count)[list(rows)],
+                weight=1.0)
+
+
+def constant(size, times=TIMES):
+    return np.full((len(times), 1), size)
+
+
+def known(parameters, *terms, u=None):
+    return uncertainty(parameters, np.zeros(len(parameters)) if u is None else u, terms, NOISE)
+
+
+def curves(count):
+    """(n, count) slow functions of time, no two alike, of different sizes."""
+    return np.column_stack([(0.3 + j) * np.cos((j + 1) * math.pi * TIMES / 0.8 + 0.4 * j) for j in range(count)])
+
+
+def drawn(by, weight, rng, *, independent=None):
+    """(DRAWS, P) errors of the estimate that minimises the fit's cost, where truth and noise are drawn as is assumed.
+
+    The least squares of each draw are solved as they stand; nothing here knows a covariance of the estimate.
+    """
+    count = by.shape[1]
+    truth = rng.normal(size=(count, DRAWS))
+    noise = np.linalg.cholesky(NOISE.correlation(TIMES) + 1e-12 * np.eye(len(TIMES))) @ rng.normal(
+        size=(len(TIMES), DRAWS))
+    rows, right = [weight * by, np.eye(count)], [weight * (by @ truth + noise), np.zeros((count, DRAWS))]
+    if independent is not None:
+        rows.append(independent)
+        right.append(independent @ truth + rng.normal(size=(len(independent), DRAWS)))
+    estimate = np.linalg.lstsq(np.vstack(rows), np.vstack(right), rcond=None)[0]
+    return (estimate - truth).T
+
+
+@pytest.mark.parametrize("bench", [False, True])
+def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench):
+    by, weight = curves(4), NOISE.weight(0.01)
+    independent = np.array([[1.0, 0.0, -2.0, 0.5], [0.0, 0.3, 0.0, 3.0]]) if bench else None
+    off = drawn(by, weight, np.random.default_rng(1), independent=independent)
+    terms = [series(by), prior(4)]
+    if bench:
+        terms.insert(1, series(independent, times=None, name="bench", weight=1.0))
+    found = known(FitParameters([plain(name) for name in "abcd"]), *terms)
+    sampled = np.cov(off.T)
+    np.testing.assert_allclose(found.share_of_prior, np.sqrt(np.diag(sampled)), rtol=0.03)
+    np.testing.assert_allclose(found.correlation, np.corrcoef(off.T), atol=0.03)
+    np.testing.assert_allclose(found.standard_error, 2.0 * found.share_of_prior)
+    inside = np.abs(off) <= NORMAL_95 * found.share_of_prior
+    np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
+
+
+def test_errors_are_right_whatever_weight_the_series_got():
+    """A series counted four times too much: the estimate is worse, and so is what is said of it."""
+    by, heavy = curves(3), 4.0 * NOISE.weight(0.01)
+    off = drawn(by, heavy, np.random.default_rng(2))
+    found = known(FitParameters([plain(name) for name in "abc"]), series(by, weight=heavy), prior(3))
+    np.testing.assert_allclose(found.share_of_prior, off.std(axis=0), rtol=0.03)
+
+
+def test_a_constant_is_told_as_by_the_mean_of_a_correlated_series():
+    """Without prior: the variance of the mean of n errors with an exponential correlation."""
+    n, rho = len(TIMES), math.exp(-0.01 / 0.05)
+    variance = (n * (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (1 - rho) ** 2) / n**2
+    found = known(FitParameters([plain("a", prior=False)]), series(constant(3.0)))
+    assert found.share_of_prior[0] == pytest.approx(math.sqrt(variance) / 3.0, rel=1e-12)
+
+
+def test_the_priors_own_error_is_one_where_the_data_are_silent():
+    found = known(FitParameters([plain("a"), plain("b")]), series(np.hstack([constant(30.0), constant(0.0)])), prior(2))
+    assert found.share_of_prior[1] == pytest.approx(1.0)
+    assert found.share_of_prior[0] < 0.1
+    assert found.unidentified == ("b",)
+    assert found.singular_values[1] == 0.0
+    (value, made_of), = found.weakest
+    assert value == 0.0 and set(made_of) == {"b"} and abs(made_of["b"]) == pytest.approx(1.0)
+
+
+def test_independent_data_halve_the_error_with_four_times_as_many():
+    errors = [known(FitParameters([plain("a", prior=False)]), series(np.full((n, 1), 0.1), times=None, weight=1.0)
+                    ).share_of_prior[0] for n in (25, 100)]
+    assert errors == pytest.approx([2.0, 1.0])
+
+
+def test_what_neither_data_nor_prior_tell_has_no_finite_error():
+    parameters = FitParameters([plain("a", prior=False), plain("b")])
+    found = known(parameters, series(np.hstack([constant(0.0), constant(1.0)])), prior(2, [1]))
+    assert found.standard_error[0] == np.inf
+    np.testing.assert_array_equal(found.interval[0], [-50.0, 50.0])
+    assert np.isfinite(found.interval[1]).all()
+    assert "a" in found.unidentified
+    assert np.isfinite(found.correlation).all()
+
+
+@pytest.mark.xfail(strict=True, reason="only a parameter that no residual contains is told to be infinite")
+def test_a_direction_that_nothing_tells_has_no_finite_error_either():
+    """Two parameters that always act together, and no prior on either: each could be anything."""
+    parameters = FitParameters([plain("a", prior=False), plain("b", prior=False)])
+    found = known(parameters, series(np.hstack([constant(5.0), constant(5.0)])))
+    assert set(found.unidentified) == {"a", "b"}
+    assert np.all(found.standard_error == np.inf)
+
+
+def test_two_that_act_together_are_named_together():
+    by = np.hstack([constant(20.0), constant(20.0) + 0.2 * np.cos(4 * TIMES)[:, None]])
+    found = known(FitParameters([plain("a"), plain("b")]), series(by), prior(2))
+    (first, second, correlation), = found.together
+    assert (first, second) == ("a", "b") and correlation < -0.9
+    assert found.correlation[0, 1] == correlation == pytest.approx(found.correlation[1, 0], rel=1e-9)
+
+
+def test_singular_values_are_of_the_data_alone_and_fall():
+    by = np.diag([5.0, 0.5, 2.0])
+    terms = [series(by, times=None, weight=1.0), prior(3)]
+    found = known(FitParameters([plain(name) for name in "abc"]), *terms)
+    np.testing.assert_allclose(found.singular_values, [5.0, 2.0, 0.5])
+    np.testing.assert_allclose(found.share_of_prior, 1.0 / np.sqrt(1.0 + np.diag(by) ** 2))
+    (value, made_of), = found.weakest
+    assert value == pytest.approx(0.5) and set(made_of) == {"b"}
+
+
+def test_identified_is_what_the_data_tell_twice_as_well_as_the_prior():
+    edge = math.sqrt(1.0 / SURE_SHARE**2 - 1.0)
+    by = np.diag([1.01 * edge, 0.99 * edge])
+    found = known(FitParameters([plain("a"), plain("b")]), series(by, times=None, weight=1.0), prior(2))
+    assert found.unidentified == ("b",)
+
+
+def test_intervals_are_symmetric_in_the_search_and_cut_at_the_bounds():
+    parameters = FitParameters([
+        FitParameter(name="force", unit="N", start=200.0, low=20.0, high=2000.0, mean=200.0, scale=0.5,
+                     logarithmic=True), plain("shift", low=-1.0, high=1.0)])
+    found = known(parameters, prior(2), u=np.array([0.4, 0.3]))
+    np.testing.assert_allclose(found.share_of_prior, 1.0)
+    low, high = found.interval[0]
+    value = 200.0 * math.exp(0.2)
+    assert math.log(high / value) == pytest.approx(-math.log(low / value)) == pytest.approx(0.5 * NORMAL_95)
+    assert found.standard_error[0] == pytest.approx(0.5 * value)
+    np.testing.assert_array_equal(found.interval[1], [-1.0, 1.0])
+
+
+def test_what_ended_at_a_bound_is_named():
+    parameters = FitParameters([plain(name, low=-4.0, high=6.0) for name in "abc"])
+    found = known(parameters, series(10.0 * np.eye(3), times=None, weight=1.0), prior(3), u=np.array([-2.0, 0.0, 3.0]))
+    assert found.at_bound == ("a", "c")
+    assert found.interval[0, 0] == -4.0 and found.interval[2, 1] == 6.0
+    assert known(parameters, prior(3), u=np.array([-1.9, 0.0, 2.9])).at_bound == ()
