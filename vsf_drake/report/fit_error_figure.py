@@ -27,13 +27,13 @@ def fit_error_figure(table: Mapping[str, Any]) -> Figure:
         figure = new_figure(11.0, max(2.6, 1.7 + 0.27 * len(trials)))
         panels = figure.subplots(1, 3, sharey=True, width_ratios=(1.5, 1.0, 1.0))
         for axes, (key, x, title) in zip(panels, _PANELS, strict=True):
-            published = _published(axes, table["published"], key)
+            _published(axes, table["published"], key)
             for row, trial in enumerate(trials):
                 _trial(axes, row, trial, key)
             axes.set_xlim(left=0.0)
             axes.margins(x=0.08)
             axes.xaxis.set_major_locator(MaxNLocator(5))
-            label(axes, x=x, y="", title=title + published)
+            label(axes, x=x, y="", title=title)
         panels[0].set_yticks(range(len(trials)), [
             f"{t['label']}, {t['role']}, {t['fulcrum_mm']:g} mm" for t in trials], parse_math=False)
         panels[0].set_ylim(len(trials) - 0.4, -0.6)
@@ -59,17 +59,16 @@ def _trial(axes: Axes, row: int, trial: Mapping[str, Any], key: str) -> None:
                   markerfacecolor=colour if trial["role"] == "fitted" else "white", markeredgewidth=1.8)
 
 
-def _published(axes: Axes, published: Mapping[str, Any], key: str) -> str:
-    """Draws what the paper was left with; what to add to the title."""
+def _published(axes: Axes, published: Mapping[str, Any], key: str) -> None:
+    """Draws what the paper was left with; of the fore-aft force it says nothing."""
     if key == "grf_rmse_bw":
         axes.axvline(100.0 * published["fitted_grf_rmse_bw"], color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
         low, high = published["other_grf_rmse_bw"]
     elif key == "cop_rmse_fl":
         low, high = published["cop_rmse_fl"]
     else:
-        return " (the paper gives none)"
+        return
     axes.axvspan(100.0 * low, 100.0 * high, color=_BAND, linewidth=0.0, zorder=0)
-    return ""
 
 
 def _handles(trials: Sequence[Mapping[str, Any]]) -> list[Artist]:

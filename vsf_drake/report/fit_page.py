@@ -112,11 +112,11 @@ def _knowledge(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
         rows = [(f"{row['singular_value']:.3g}", made_of(row["made_of"])) for row in weakest[::-1]]
         parts.append("<details><summary>The directions that the data tell less of than the prior, weakest first"
                      f"</summary>{grid(('data over prior', 'made of (share of each)'), rows)}</details>")
-    rows = [(row["trial"], row["series"], f"{row['ratio']:.2f}") for row in table["noise"]["ratios"]]
+    ratios = [(row["trial"], row["series"], f"{row['ratio']:.2f}") for row in table["noise"]["ratios"]]
     parts += ["<h3>Residuals</h3>", sentence(
         "Root mean square of each compared series over the noise that was assumed: near 1 the errors of the "
         "parameters are told right, well above 1 too small, well below too large."),
-        grid(("trial", "series", "over assumed noise"), rows)]
+        grid(("trial", "series", "over assumed noise"), ratios)]
     return "".join(parts)
 
 

@@ -61,9 +61,9 @@ def parameter_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
                      f"{grid(head, [_parameter(row, table) for row in rest])}</details>")
     frozen = [row for row in table["parameters"] if row["frozen"]]
     if frozen:
-        rows = [(row["name"], value_of(row, "value"), unit_of(row)) for row in frozen]
+        stuck = [(row["name"], value_of(row, "value"), unit_of(row)) for row in frozen]
         parts.append(f"<details><summary>Frozen ({len(frozen)} parameters)</summary>"
-                     f"{grid(('parameter', 'value', 'unit'), rows)}</details>")
+                     f"{grid(('parameter', 'value', 'unit'), stuck)}</details>")
     if show("parameters"):
         parts += [sentence("Value and 95 % interval in standard deviations of the prior; an interval as wide as the "
                            "bands is the prior again."), show("parameters")]
@@ -78,7 +78,7 @@ def search_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
                 for i, s in enumerate(table["searches"], start=1)]
         return "<h2>Searches</h2>" + sentence(
             "Cost is half the sum of the squared residuals, each over its noise (no unit). Searches that end at one "
-            "cost speak for one minimum; the lowest converged one was taken."
+            "cost speak for one minimum" + ("; the lowest converged one was taken." if table["success"] else ".")
         ) + show("searches") + grid(("search", "cost at start", "cost at end", "evaluations", "failed walks",
                                      "converged", "how it ended"), rows)
     if table["history"]:

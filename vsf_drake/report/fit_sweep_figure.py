@@ -47,7 +47,9 @@ def fit_sweep_figure(table: Mapping[str, Any]) -> Figure:
                    *(Line2D([], [], color="black", marker="o", markersize=4.5, label=f"{role} trial",
                             markerfacecolor="black" if role == "fitted" else "white")
                      for role in dict.fromkeys(trial["role"] for trial in swept))]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        if any(None in trial["sweep"]["grf_rmse_bw"] for trial in swept):
+            handles.append(Line2D([], [], color="black", marker="x", linestyle="", label="the walk failed"))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         if any(trial["synthetic"] for trial in swept):
             figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
         figure.draw_without_rendering()

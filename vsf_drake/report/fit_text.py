@@ -21,7 +21,8 @@ def shown(value: float | None, form: str, factor: float = 1.0) -> str:
 
 def unit_of(row: Mapping[str, Any]) -> str:
     """In which a parameter is shown."""
-    return _SHOWN.get(row["unit"], (row["unit"], 1.0))[0]
+    unit: str = row["unit"]
+    return _SHOWN.get(unit, (unit, 1.0))[0]
 
 
 def value_of(row: Mapping[str, Any], key: str) -> str:
