@@ -1,0 +1,204 @@
+"""What a fit found: readable only if it succeeded, and the same walk wherever it is applied."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsf_drake.analysis.contact_fit.multistart import run_searches
+from vsf_drake.analysis.contact_fit.options import ContactFitOptions
+from vsf_drake.analysis.contact_fit.problem import ContactFit
+from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, solve
+from vsf_drake.analysis.contact_fit.solve import Search
+from vsf_drake.analysis.contact_fit.standard import standard_parameters
+from vsf_drake.analysis.contact_fit.uncertainty import uncertainty
+from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.contact_file import load_contact, save_contact
+from vsf_drake.errors import FitError, InputError, SimulationError
+from vsf_drake.fitted_model import model_with
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+from vsf_drake.simulation.walk import Walker, simulate_trial
+
+LABELS = ["low_1", "high_1"]
+SHORT = {"starts": 2, "screened": 2, "iterations": 30, "step_s": 2e-3}
+
+
+def ended(fit, u, **changes):
+    """A solution at u, as if a search had come there."""
+    at = fit.evaluate(u)
+    search = Search(start=u, u=u, start_cost=at.cost, cost=at.cost, success=True, message="done", evaluations=1,
+                    failed=0)
+    return replace(ContactFitSolution(
+        fit=fit, success=True, message="done", u=u, evaluation=at, searches=(search,), best=0, wall_s=1.0,
+        uncertainty=uncertainty(fit.parameters, u, at.terms, fit.options.noise)), **changes)
+
+
+@pytest.fixture(scope="module")
+def everything(fit_walker, soft, stiff, measured_bench):
+    """Two trials fitted in everything that there is, somewhere near the start."""
+    parameters = standard_parameters(fit_walker.variables, "right", LABELS, damping_by_zone=True, paths=True)
+    parameters = parameters.changed([*parameters.by_name], frozen=False)
+    fit = ContactFit([soft, stiff], bench=measured_bench, parameters=parameters, walker=fit_walker, labels=LABELS)
+    low, high = parameters.bounds
+    return ended(fit, np.clip(np.random.default_rng(4).normal(0.0, 0.3, len(parameters)), 0.9 * low, 0.9 * high))
+
+
+@pytest.fixture(scope="module")
+def contact_file(everything, tmp_path_factory):
+    path = tmp_path_factory.mktemp("contact") / "contact.yaml"
+    save_contact(everything.contact(("Made up.",)), path)
+    return path
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_applied_to_its_recording_the_contact_file_gives_the_fits_own_walk(everything, contact_file, label):
+    """To what samples 10 ms apart leave of curves that the fit knows at every instant."""
+    trial = everything.trials[LABELS.index(label)]
+    own, result = everything.predict(trial, label, step_s=1e-3)
+    applied = trial_with(trial, load_contact(contact_file))
+    walk = simulate_trial(applied, step_s=1e-3)
+    largest = np.abs(result.grf_W).max()
+    np.testing.assert_allclose(walk.grf_W, result.grf_W, atol=1e-4 * largest)
+    found = walk_metrics(walk, applied.prosthetic_plate)
+    wanted = walk_metrics(result, trial.prosthetic_plate, comparison=own)
+    for name in ("grf_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws"):
+        assert found[name] == pytest.approx(wanted[name], rel=1e-3), name
+
+
+def test_applied_to_another_recording_it_gives_the_prediction_of_a_held_out_trial(everything, contact_file):
+    """A recording of the same walk that the fit has not seen: no height and no path of its own."""
+    trial = everything.trials[0]
+    other = replace(trial, start_s=trial.start_s + 2e-3)
+    wanted = everything.predict(other, None, step_s=1e-3)[1]
+    walk = simulate_trial(trial_with(other, load_contact(contact_file)), step_s=1e-3)
+    np.testing.assert_allclose(walk.grf_W, wanted.grf_W, atol=1e-4 * np.abs(wanted.grf_W).max())
+    own = everything.predict(trial, "low_1", step_s=1e-3)[1]
+    assert np.abs(wanted.grf_W[:-2] - own.grf_W[2:len(wanted.grf_W)]).max() > 10.0, "its own height and path do count"
+
+
+def test_on_the_bench_the_contact_files_foot_is_the_fits(everything, contact_file, soft, measured_bench):
+    contact = load_contact(contact_file)
+    model = model_with(soft.model, {name: v for name, v in contact.values.items()
+                                    if not name.startswith(("offset", "coordinate"))})
+    stiffness, _ = BenchStiffness(model.foot, fulcrums_m=measured_bench.fulcrum_m, heel=True,
+                                  max_load_n=measured_bench.max_load_n).evaluate({})
+    np.testing.assert_allclose(stiffness, everything.bench_stiffness(), rtol=1e-9)
+
+
+def test_the_contact_file_says_whose_it_is_and_how_it_came(everything, soft):
+    contact = everything.contact(("One.", "Two."))
+    assert contact.verdict == ("One.", "Two.") and contact.converged and contact.strategy == "joint"
+    assert contact.subject.mass_kg == soft.subject.mass_kg and contact.subject.prosthetic_side == "right"
+    assert [trial.name for trial in contact.trials] == LABELS
+    assert sum(trial.height_m for trial in contact.trials) == pytest.approx(0.0, abs=1e-12)
+    values = everything.values
+    assert contact.trials[0].height_m == pytest.approx(
+        0.5 * (values["trial.low_1.height"] - values["trial.high_1.height"]))
+    assert contact.values["offset.height"] == pytest.approx(values["offset.height"])
+    assert contact.provenance["seed"] == everything.fit.options.seed
+
+
+def test_what_a_fit_left_at_the_models_value_is_not_written(few_free):
+    fit = few_free("offset.height")
+    values = ended(fit, np.array([0.5])).walk_values
+    assert values["offset.height"] == pytest.approx(0.005)
+    assert not [name for name in values if name.startswith(("friction", "keel", "fulcrum", "socket", "coordinate"))]
+
+
+def test_reading_a_fit_that_failed_raises_what_went_wrong(few_free, soft):
+    fit = few_free("offset.height")
+    failed = ended(fit, np.zeros(1), success=False, message="the walk fell over")
+    for read in (lambda: failed.values, lambda: failed.walk_values, failed.contact,
+                 lambda: failed.predict(soft, None, step_s=2e-3), failed.bench_stiffness,
+                 lambda: failed.refitted_without(["low_1"]), failed.check):
+        with pytest.raises(FitError, match="the fit failed: the walk fell over"):
+            read()
+
+
+def test_solve_ends_at_the_lowest_of_its_searches(few_free):
+    fit = few_free("offset.height", "contact.forefoot.force", **SHORT)
+    found = solve(fit)
+    assert found.success, found.message
+    searches = run_searches(few_free("offset.height", "contact.forefoot.force", **SHORT))
+    assert found.searches[found.best].cost == min(s.cost for s in searches)
+    assert fit.evaluate(found.u).cost == found.searches[found.best].cost == found.evaluation.cost
+    assert found.values["offset.height"] == pytest.approx(0.01 * found.u[1])
+    assert found.uncertainty.names == ("contact.forefoot.force", "offset.height")
+    assert found.wall_s > 0.0
+    spread = found.spread()
+    alike = [s.u[1] for s in searches if s.cost <= found.searches[found.best].cost + ALIKE]
+    assert spread["offset.height"] == pytest.approx(0.01 * np.ptp(alike), abs=1e-12)
+
+
+def test_noise_ratios_are_of_the_data(few_free, measured_bench):
+    found = ended(few_free("offset.height", bench=measured_bench), np.zeros(1))
+    ratios = {(term.trial, term.name): ratio for term, ratio in found.noise_ratios()}
+    assert set(ratios) == {*(("low_1", name) for name in ContactFitOptions().series), ("bench", "bench")}
+    for term in found.evaluation.terms[:-1]:
+        assert ratios[term.trial, term.name] == pytest.approx(np.sqrt(np.mean(np.square(term.residual))))
+
+
+def test_a_fit_of_too_few_walks_has_failed_and_says_so(few_free):
+    found = solve(few_free("offset.height", "offset.alignment", starts=1, iterations=2, step_s=4e-3))
+    assert not found.success
+    assert "no search converged" in found.message
+    with pytest.raises(FitError):
+        found.contact()
+
+
+def test_a_converged_search_is_preferred_to_a_lower_one_that_is_not(few_free, monkeypatch):
+    from vsf_drake.analysis.contact_fit import solution as module  # noqa: PLC0415 (to replace one of its names)
+    fit = few_free("offset.height")
+    good, low = np.zeros(1), np.array([-0.2])
+    searches = tuple(Search(start=u, u=u, start_cost=1.0, cost=cost, success=success, message="as it ended",
+                            evaluations=1, failed=0) for u, cost, success in ((low, 1.0, False), (good, 2.0, True)))
+    monkeypatch.setattr(module, "run_searches", lambda *_, **__: searches)
+    found = solve(fit)
+    assert found.best == 1 and found.success
+    np.testing.assert_array_equal(found.u, good)
+
+
+def test_a_walk_that_fails_wherever_a_search_starts_ends_the_fit(few_free, monkeypatch):
+    fit = few_free("offset.height", **SHORT)
+
+    def broken(*_, **__):
+        raise SimulationError("broke", time_s=0.2)
+
+    monkeypatch.setattr(fit, "evaluate", broken)
+    with pytest.raises(FitError, match=r"fails wherever a search starts: .*broke"):
+        solve(fit)
+
+
+def test_a_minimum_that_fails_at_the_reports_step_is_no_success(few_free, monkeypatch):
+    fit = few_free("offset.height", starts=1, step_s=4e-3)
+    walk = Walker.walk
+
+    def fragile(self, *words, step_s, **options):
+        if step_s < 2e-3:
+            raise SimulationError("broke in small steps", time_s=0.2)
+        return walk(self, *words, step_s=step_s, **options)
+
+    monkeypatch.setattr(Walker, "walk", fragile)
+    found = solve(fit)
+    assert not found.success
+    assert "low_1 fails at the step of the report" in found.message and "broke in small steps" in found.message
+
+
+def test_without_a_trial_the_fit_is_searched_again_from_where_it_was(few_free, soft, stiff):
+    fit = few_free("offset.height", "trial.low_1.height", "trial.high_1.height", trials=[soft, stiff], **SHORT)
+    found = solve(fit)
+    fewer = found.refitted_without(["high_1"])
+    assert fewer.labels == ("low_1",)
+    assert fewer.fit.parameters.names == ("offset.height", "trial.low_1.height")
+    np.testing.assert_allclose(fewer.searches[0].start, fit.parameters.u(found.values)[:2])
+    assert fewer.fit.options == fit.options and fewer.fit.walker is fit.walker
+    with pytest.raises(FitError, match="no trial is left"):
+        found.refitted_without(["low_1", "high_1"])
+
+
+def test_resuming_with_another_problems_state_is_refused(few_free):
+    with pytest.raises(InputError, match="other trials, parameters or options"):
+        solve(few_free("offset.height", **SHORT), resume={"key": "another", "searches": []})
