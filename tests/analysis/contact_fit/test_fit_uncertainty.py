@@ -124,7 +124,6 @@ def test_what_neither_data_nor_prior_tell_has_no_finite_error():
     assert np.isfinite(found.correlation).all()
 
 
-@pytest.mark.xfail(strict=True, reason="only a parameter that no residual contains is told to be infinite")
 def test_a_direction_that_nothing_tells_has_no_finite_error_either():
     """Two parameters that always act together, and no prior on either: each could be anything."""
     parameters = FitParameters([plain("a", prior=False), plain("b", prior=False)])

@@ -19,7 +19,7 @@ from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_o
 from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut, TrialScore
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.bench_file import BenchMeasurement
-from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.results import WalkResult
 
@@ -73,6 +73,9 @@ def assess(
 ) -> Assessment:
     """Judges a fit that succeeded.
 
+    A held-out trial is walked with what all trials share, and nothing of its own. Of its plate the model knows the
+    instants of strike and lift-off, by which the shared curves are laid over the gait cycle.
+
     Args:
         held_out: trials of the same subject that were not fitted.
         sweep: whether to move the fulcrum over its range in every trial.
@@ -90,6 +93,10 @@ def assess(
     every = [(trial, label, label) for trial, label in zip(solution.trials, solution.labels, strict=True)]
     names = labels_of([*solution.trials, *held_out])[len(solution.trials) :]
     every += [(trial, None, name) for trial, name in zip(held_out, names, strict=True)]
+    unknown = set(floors or {}) - {*solution.labels, *names}
+    if unknown:
+        raise InputError(f"there is no trial {min(unknown)}", where="floors",
+                         right=f"There are: {', '.join([*solution.labels, *names])}")
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in solution.trials]
     scores = []
     for i, (trial, label, name) in enumerate(every):
@@ -132,7 +139,8 @@ def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumS
         errors = np.array([*pool.map(error, positions)])
     best = _lowest(positions, errors)
     return FulcrumSweep(fulcrum_m=tuple(map(float, positions)), grf_rmse_bw=tuple(map(float, errors)), true_m=true,
-                        best_m=best, right=bool(abs(best - true) <= RIGHT_WITHIN_M))
+                        best_m=best, at_end=bool(min(abs(true - positions[0]), abs(true - positions[-1])) < 1e-3),
+                        right=bool(abs(best - true) <= RIGHT_WITHIN_M))
 
 
 def _score(

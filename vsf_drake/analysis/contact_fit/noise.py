@@ -42,9 +42,10 @@ class FitNoise:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (isinstance(value, (int, float)) and 0.0 < value < float("inf")):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 1.0:
                 raise InputError(f"{value!r} is no standard deviation or time", where=f"noise.{field.name}",
-                                 right="It must be a positive number")
+                                 right="It must be a positive number below 1: parts of body weight or foot length "
+                                       "(not percent), or seconds")
 
     def weight(self, spacing_s: float) -> float:
         """What each of many residuals in units of its standard deviation counts for, at most 1."""

@@ -50,6 +50,8 @@ class ContactFitOptions:
         if RESULTANT in self.series and any(name in FORCES for name in self.series):
             raise InputError("the resultant and its components are the same data twice", where="series",
                              right=f"Give {RESULTANT}, or some of {', '.join(FORCES)}")
+        if not isinstance(self.noise, FitNoise):
+            raise InputError(f"is a {type(self.noise).__name__}, no FitNoise", where="noise")
         if self.solver not in SOLVERS:
             raise InputError(f"{self.solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
         for name, least in (("starts", 1), ("screened", 1), ("seed", 0), ("iterations", 1)):
@@ -59,5 +61,5 @@ class ContactFitOptions:
                                  right=f"It must be a whole number from {least} on")
         for name in ("tolerance", "step_s", "report_step_s"):
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and 0.0 < value <= 0.01):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value <= 0.01:
                 raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0 and at most 0.01")

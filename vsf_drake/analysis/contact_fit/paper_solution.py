@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperFit, PaperOptions, fit_lik
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial
-from vsf_drake.errors import FitError
+from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -31,6 +31,7 @@ class PaperSolution:
 
     Attributes:
         paper: what the procedure ended with. success: whether by its own stopping rule; message: how, in words.
+        unsound: what is wrong with the walks at the end, in the step of the report; nothing if they are sound.
     """
 
     trials: tuple[Trial, ...]
@@ -38,17 +39,18 @@ class PaperSolution:
     walker: Walker
     bench: BenchMeasurement | None
     paper: PaperFit
+    unsound: str = ""
     strategy: str = PAPER
     series: tuple[str, ...] = (RESULTANT,)
     report_step_s: float = DEFAULT_STEP_S
 
     @property
     def success(self) -> bool:
-        return self.paper.converged
+        return self.paper.converged and not self.unsound
 
     @property
     def message(self) -> str:
-        return self.paper.stopped_by
+        return self.unsound or self.paper.stopped_by
 
     @property
     def wall_s(self) -> float:
@@ -120,4 +122,16 @@ def solve_like_the_paper(
     check_recordings(trials, series=(RESULTANT,))
     walker = Walker(trials[0].subject, trials[0].model)
     paper = fit_like_the_paper(trials, options, walker=walker, progress=progress, resume=resume, checkpoint=checkpoint)
-    return PaperSolution(trials=tuple(trials), labels=labels_of(trials), walker=walker, bench=bench, paper=paper)
+    solution = PaperSolution(trials=tuple(trials), labels=labels_of(trials), walker=walker, bench=bench, paper=paper)
+    return replace(solution, unsound=_unsound(solution)) if paper.converged else solution
+
+
+def _unsound(solution: PaperSolution) -> str:
+    for trial, label in zip(solution.trials, solution.labels, strict=True):
+        try:
+            _, result = solution.predict(trial, label, step_s=solution.report_step_s)
+        except SimulationError as error:
+            return f"the walk {label} fails at the step of the report: {error}"
+        if not result.converged:
+            return f"{result.unconverged_steps} steps of the walk {label} did not converge"
+    return ""

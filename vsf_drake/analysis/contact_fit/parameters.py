@@ -56,6 +56,9 @@ class FitParameter:
         for name, value in numbers.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise refuse(f"{name} is {value!r}", "It must be a finite number")
+        for name in ("prior", "frozen", "logarithmic"):
+            if not isinstance(getattr(self, name), bool):
+                raise refuse(f"{name} is {getattr(self, name)!r}", "It must be True or False")
         if not self.low < self.high:
             raise refuse(f"its bounds cross: low {self.low:g}, high {self.high:g} {self.unit}",
                          "The lower bound must be below the upper one")
@@ -113,6 +116,11 @@ class FitParameters:
         Raises:
             InputError: there is no such parameter, or what comes out is none.
         """
+        known = {field.name for field in dataclasses.fields(FitParameter)} - {"name"}
+        if isinstance(names, str) or not fields.keys() <= known:
+            raise InputError(f"{names!r} is no list of names" if isinstance(names, str) else
+                             f"a parameter has no {min(fields.keys() - known)}", where="parameters",
+                             right=f"Give a list of names, and of each {', '.join(sorted(known))}")
         for name in names:
             if name not in self.by_name:
                 raise InputError(f"there is no parameter {name!r}", where="parameters",

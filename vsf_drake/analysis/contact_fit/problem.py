@@ -5,7 +5,8 @@
               + 1/2 sum_priors u_p^2
     subject to  low <= u <= high
 
-over u, the parameters in standard deviations of their prior (`parameters`), with exact derivatives of everything.
+over u, the parameters in standard deviations of their prior (`parameters`), with exact derivatives, but for the
+direction of walking and the instants at which a foot counts as loaded, which are taken as they are.
 """
 
 from __future__ import annotations
@@ -76,9 +77,14 @@ class ContactFit:
         parameters: FitParameters | None = None, options: ContactFitOptions | None = None, walker: Walker | None = None,
         labels: Sequence[str] | None = None
     ) -> None:
-        self.trials, self.bench = tuple(trials), bench
         self.options = options or ContactFitOptions()
-        check_recordings(self.trials, series=self.options.series)
+        check_recordings(trials, series=self.options.series)
+        self.trials, self.bench = tuple(trials), bench
+        if bench is not None and not isinstance(bench, BenchMeasurement):
+            raise InputError(f"is a {type(bench).__name__}, no BenchMeasurement", where="bench",
+                             right="Give what load_bench_file returns")
+        if labels is not None and len(labels) != len(self.trials):
+            raise InputError(f"{len(labels)} labels for {len(self.trials)} trials", where="labels")
         self.labels = labels_of(self.trials) if labels is None else tuple(labels)
         subject, model = self.trials[0].subject, self.trials[0].model
         self.walker = walker or Walker(subject, model)
@@ -95,6 +101,9 @@ class ContactFit:
 
     def terms_of(self, trial: Trial, label: str | None) -> TrialTerms:
         """The comparison of any trial under this fit's parameters; `label` None if it has none of its own."""
+        if label is not None and (label not in self.labels or self.trials[self.labels.index(label)] is not trial):
+            raise InputError(f"{label!r} is not this trial's label", where="label",
+                             right="A trial that was not fitted has none: give None")
         return TrialTerms(self.walker, trial, label or trial.path.stem,
                           TrialMap(self.parameters, self.walker.variables, label, trial), noise=self.options.noise,
                           series=self.options.series, step_s=self.options.step_s)

@@ -12,10 +12,15 @@ from vsf_drake.motion.trial_record import Trial
 
 
 def labels_of(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """A short name for each: the manifest's file name, with its folder where two are the same."""
-    stems = [trial.path.stem for trial in trials]
-    return tuple(stem if stems.count(stem) == 1 else f"{trial.path.parent.name}/{stem}"
-                 for trial, stem in zip(trials, stems, strict=True))
+    """A short name for each: the manifest's file name, with as many folders as tell it from the others."""
+    parts = [trial.path.with_suffix("").parts for trial in trials]
+    names = []
+    for own in parts:
+        count = 1
+        while count < len(own) and sum(other[-count:] == own[-count:] for other in parts) > 1:
+            count += 1
+        names.append("/".join(own[-count:]))
+    return tuple(names)
 
 
 def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *, series: Sequence[str]) -> None:
@@ -25,6 +30,9 @@ def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *,
         InputError: there is none; two are the same recording, one of them perhaps held out; subject, side or model
             differ; a plate saw only part of the stance, or has no centre of pressure where that is compared.
     """
+    for name, given in (("trials", trials), ("held_out", held_out)):
+        if isinstance(given, (Trial, str, bytes)) or not all(isinstance(trial, Trial) for trial in given):
+            raise InputError("is no list of trials", where=name, right="Give a list of what load_trial returns")
     if not trials:
         raise InputError("there is no trial to fit", where="trials")
     known: dict[str, tuple[Trial, bool]] = {}

@@ -18,6 +18,7 @@ class FulcrumSweep:
     Attributes:
         fulcrum_m: (n,) m. grf_rmse_bw: (n,) resultant, BW; NaN where the walk fails.
         true_m: where it stood. best_m: where the error is lowest, by the parabola through the three lowest points.
+        at_end: whether it stood at an end of its range, so that an error outwards could not show.
         right: whether best_m is within `assessment.RIGHT_WITHIN_M` of it.
     """
 
@@ -25,6 +26,7 @@ class FulcrumSweep:
     grf_rmse_bw: tuple[float, ...]
     true_m: float
     best_m: float
+    at_end: bool
     right: bool
 
 

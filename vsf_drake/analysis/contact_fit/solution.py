@@ -208,17 +208,19 @@ def solve(
 
 
 def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> ContactFitSolution:
-    best = min(range(len(searches)), key=lambda i: (not searches[i].success, searches[i].cost))
+    order = sorted(range(len(searches)), key=lambda i: (not searches[i].success, searches[i].cost))
+    if not np.isfinite(searches[order[0]].cost):
+        raise FitError(f"the simulation fails wherever a search starts: {searches[order[0]].message}")
+    best, success = order[0], False
+    message = f"no search converged; the best one ended with: {searches[best].message}"
+    for i in (i for i in order if searches[i].success):
+        unsound = _unsound(fit, searches[i].u)
+        if not unsound:
+            best, success, message = i, True, searches[i].message
+            break
+        message = unsound
     found = searches[best]
-    if not np.isfinite(found.cost):
-        raise FitError(f"the simulation fails wherever a search starts: {found.message}")
     evaluation = fit.evaluate(found.u)
-    success, message = found.success, found.message
-    if not success:
-        message = f"no search converged; the best one ended with: {found.message}"
-    unsound = _unsound(fit, found.u) if success else ""
-    if unsound:
-        success, message = False, unsound
     return ContactFitSolution(
         fit=fit, success=success, message=message, u=found.u, evaluation=evaluation,
         uncertainty=uncertainty(fit.parameters, found.u, evaluation.terms, fit.options.noise), searches=searches,

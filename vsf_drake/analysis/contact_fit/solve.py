@@ -63,6 +63,8 @@ def search(fit: ContactFit, start: np.ndarray, progress: Progress | None = None)
     left = _left_to_gain(fit, tried.best)
     if success and left > ENOUGH:
         success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
+    elif not success and left <= ENOUGH:
+        success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
     return Search(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
                   message=message, evaluations=tried.count, failed=tried.failed)
 

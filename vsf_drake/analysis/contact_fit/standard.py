@@ -23,7 +23,9 @@ from collections.abc import Mapping, Sequence
 
 from vsf_drake.analysis.contact_fit.names import PATH_COORDINATES, zones_of
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.errors import InputError
 from vsf_drake.simulation.variables import Variable
+from vsf_drake.subject import SIDES
 
 REFERENCE_DEPTH_M = 9e-3
 """To which the bench's 600 N presses the nominal foot: 600 N / 65 N/mm at the heel, / 63 N/mm at the forefoot."""
@@ -52,6 +54,12 @@ def standard_parameters(
     Raises:
         InputError: see `FitParameters`.
     """
+    if side not in SIDES:
+        raise InputError(f"{side!r} is no side", where="side", right=f"It must be {' or '.join(SIDES)}")
+    unknown = sorted(set(curves) - {name[: -len(f"_{side[0]}")].removeprefix("coordinate.") for name in variables})
+    if unknown:
+        raise InputError(f"there is no joint angle {unknown[0]!r}", where="curves",
+                         right="Give names without the side, such as hip_flexion")
     zones = zones_of(variables)
     suffix = side[0]
     items = [item for zone in zones for item in _zone(variables, zone, damping_by_zone)]

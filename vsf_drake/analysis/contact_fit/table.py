@@ -139,7 +139,8 @@ def _score(score: TrialScore | None) -> dict[str, Any]:
         "stance_error_s": None if model is None or measured is None else model - measured,
         "sweep": None if sweep is None else {
             "fulcrum_mm": [1e3 * x for x in sweep.fulcrum_m], "grf_rmse_bw": sweep.grf_rmse_bw,
-            "true_mm": 1e3 * sweep.true_m, "best_mm": 1e3 * sweep.best_m, "right": sweep.right}}
+            "true_mm": 1e3 * sweep.true_m, "best_mm": 1e3 * sweep.best_m,
+            "at_end": sweep.at_end, "right": sweep.right}}
 
 
 def _bench(bench: BenchMeasurement) -> dict[str, Any]:

@@ -27,6 +27,9 @@ CLOSE = 0.9
 """Correlation from which two parameters are named together."""
 _TOLD = 0.3
 """Least share of a parameter in a direction for it to be named."""
+UNTOLD, _PART = 1e-12, 1e-6
+"""A direction with less of the largest information than this is told by nothing; parameters with more than this part in
+it have no error."""
 NORMAL_95 = 1.959964
 """97.5 % quantile of the normal distribution."""
 
@@ -78,11 +81,13 @@ def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term],
             spread += pulled.T @ noise.correlation(term.times_s) @ pulled
         if term.name != "prior":
             data.append(weighted)
-    inverse = np.linalg.pinv(information, hermitian=True)
+    known, directions = np.linalg.eigh(information)
+    untold = known <= UNTOLD * known[-1]
+    told = directions[:, ~untold]
+    inverse = told @ np.diag(1.0 / known[~untold]) @ told.T
     covariance = inverse @ spread @ inverse
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    untold = np.diag(information) <= 0.0
-    sd[untold] = np.inf
+    sd[(np.abs(directions[:, untold]) > _PART).any(axis=1)] = np.inf
     scale = np.where((sd > 0.0) & np.isfinite(sd), sd, 1.0)
     correlation = covariance / np.outer(scale, scale)
     np.fill_diagonal(correlation, 1.0)
