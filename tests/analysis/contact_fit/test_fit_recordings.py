@@ -134,3 +134,16 @@ def test_labels_are_file_names_with_their_folder_where_two_are_the_same(soft, st
     there = replace(stiff, path=Path("/a/monday/walk.yaml")), replace(stiff, path=Path("/a/tuesday/walk.yaml"))
     assert labels_of([soft, stiff]) == ("low_1", "high_1")
     assert labels_of([soft, *there]) == ("low_1", "monday/walk", "tuesday/walk")
+
+
+def test_a_trial_that_has_a_fitted_contact_is_refused(soft):
+    applied = replace(soft, notes=(*soft.notes, "A fitted contact was applied from contact.yaml."))
+    refused([applied], "has a fitted contact already")
+
+
+def test_as_many_folders_as_needed_tell_trials_apart(soft):
+    def at(path):
+        return replace(soft, path=Path(path))
+
+    trials = [at("monday/soft/walk.yaml"), at("tuesday/soft/walk.yaml"), at("tuesday/soft/run.yaml")]
+    assert labels_of(trials) == ("monday/soft/walk", "tuesday/soft/walk", "run")

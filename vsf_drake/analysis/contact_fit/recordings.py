@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from vsf_drake.analysis.contact_fit.noise import COP
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import find_stances
-from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.fitted_trial import APPLIED, fingerprint
 from vsf_drake.motion.trial_record import Trial
 
 
@@ -46,6 +46,9 @@ def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *,
             raise InputError(f"is the same recording as {other[0].path}", file=trial.path, right="Give it once")
     first = trials[0]
     for trial in (*trials, *held_out):
+        if any(note.startswith(APPLIED) for note in trial.notes):
+            raise InputError("has a fitted contact already", file=trial.path,
+                             right="Fit the trial as it was recorded: what one fit found would be lost in the next")
         _check_same(first, trial)
         _check_stances(trial)
         if any(name in COP for name in series) and not trial.prosthetic_plate.has_cop:
