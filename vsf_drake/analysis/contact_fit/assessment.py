@@ -90,7 +90,8 @@ def assess(
     """
     solution.check()
     check_recordings(solution.trials, held_out, series=solution.series)
-    every = [(trial, label, label) for trial, label in zip(solution.trials, solution.labels, strict=True)]
+    every: list[tuple[Trial, str | None, str]] = [
+        (trial, label, label) for trial, label in zip(solution.trials, solution.labels, strict=True)]
     names = labels_of([*solution.trials, *held_out])[len(solution.trials) :]
     every += [(trial, None, name) for trial, name in zip(held_out, names, strict=True)]
     unknown = set(floors or {}) - {*solution.labels, *names}
@@ -176,7 +177,7 @@ def _lowest(positions: np.ndarray, errors: np.ndarray) -> float:
 
 def _left_out(solution: Fitted, progress: Callable[[str, float], None] | None) -> tuple[LeftOut, ...]:
     settings = sorted({trial.fulcrum_m for trial in solution.trials})
-    groups = [("trial", (label,)) for label in solution.labels]
+    groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in solution.labels]
     if len(settings) > 1:
         groups += [("stiffness", tuple(label for label, trial in zip(solution.labels, solution.trials, strict=True)
                                        if trial.fulcrum_m == setting)) for setting in settings]

@@ -76,7 +76,8 @@ class TrialMap:
     def at(self, u: np.ndarray) -> WalkValues:
         """The walk's values at u (P,)."""
         values = self.parameters.values(u)
-        walk, by = self._walk(values), {}
+        walk = self._walk(values)
+        by: dict[str, np.ndarray] = {}
         slopes = self.parameters.slopes(u)
         for p, name in enumerate(self.parameters.names):
             for variable, slope in self._slopes(name, values):

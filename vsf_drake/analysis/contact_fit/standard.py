@@ -102,7 +102,7 @@ def _zone(variables: Mapping[str, Variable], zone: str, own_damping: bool) -> li
 
 def _default_time(variables: Mapping[str, Variable], zone: str) -> float:
     k, n, b = (variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent", "damping"))
-    return b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0))
+    return float(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
 
 
 def _damping_time(name: str, default: float) -> FitParameter:
