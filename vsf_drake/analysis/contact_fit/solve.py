@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.solvers import IpoptSolver, MathematicalProgramResult, NloptSolver, SnoptSolver, SolverInterface, SolverOptions
+from pydrake.solvers import IpoptSolver, MathematicalProgramResult, NloptSolver, SnoptSolver, SolverOptions
 from scipy.optimize import least_squares, lsq_linear
 
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
@@ -142,7 +142,7 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
     """SNOPT, IPOPT or NLopt on the mathematical program."""
     program, options, chosen = fit.program(tried.evaluate), SolverOptions(), fit.options
     if chosen.solver == "snopt":
-        solver: SolverInterface = SnoptSolver()
+        solver: SnoptSolver | IpoptSolver | NloptSolver = SnoptSolver()
         options.SetOption(solver.id(), "Major iterations limit", chosen.iterations)
         options.SetOption(solver.id(), "Major optimality tolerance", 1e-4)
     elif chosen.solver == "ipopt":
