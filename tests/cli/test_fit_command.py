@@ -133,6 +133,14 @@ def test_a_simulation_that_fails_leaves_a_report_of_failure(run, tmp_path, monke
     assert ("cannot be judged" in table["message"]) == (where == "assess")
 
 
+def test_a_bench_that_fails_where_the_search_starts_leaves_a_report_of_failure(run, tmp_path, bare):
+    bench, out = tmp_path / "bench.yaml", tmp_path / "fit"
+    bench.write_text((DATA / "bench.yaml").read_text(encoding="utf-8").replace("600", "100000"), encoding="utf-8")
+    code, _, said = run("fit", TRIAL, "--bench", bench, "--out", out, "--quick")
+    assert code == 4 and "wherever a search starts" in said
+    left_by_a_failed_fit(out)
+
+
 def interrupted(monkeypatch, *, after: int) -> None:
     """Ctrl-C as soon as the state has been saved so many times."""
     saved = 0

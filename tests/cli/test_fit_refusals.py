@@ -120,7 +120,7 @@ def test_a_bench_beyond_the_carriage_is_refused_before_the_fit(run, tmp_path, st
     bench = changed_bench(tmp_path / "far.yaml", forefoot=[{"fulcrum_mm": mm, "stiffness_n_per_mm": 10.0}])
     code, _, error = run("fit", LOW, "--bench", bench, "--strategy", strategy, "--out", tmp_path / "fit")
     assert code == 2
-    assert str(bench) in error and f"{mm}" in error and not (tmp_path / "fit").exists()
+    assert str(bench) in error and "forefoot" in error and f"{mm} mm" in error and not (tmp_path / "fit").exists()
 
 
 def test_folders_with_other_things_are_refused_and_left_alone(run, tmp_path):

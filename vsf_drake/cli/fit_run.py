@@ -93,7 +93,8 @@ class Task:
                 BenchStiffness(model.foot, fulcrums_m=self.bench.fulcrum_m, max_load_n=self.bench.max_load_n,
                                heel=self.bench.heel_stiffness_n_per_m is not None)
             except InputError as error:
-                raise InputError(error.what, file=self.bench_file, where=error.where, right=error.right) from None
+                where = "forefoot" if error.where == "fulcrums_m" else error.where
+                raise InputError(error.what, file=self.bench_file, where=where, right=error.right) from None
         if self.strategy == PAPER:
             return
         given: dict[str, Any] = {"starts": self.starts, "solver": self.solver}
@@ -210,12 +211,16 @@ def _solved(task: Task, checkpoint: Checkpoint, show: Show, unfinished: Callable
     def paper(iteration: int, rms_n: float, share: float) -> None:
         tell(f"iteration {iteration}, resultant {rms_n:.1f} N off", share)
 
+    def save(state: Mapping[str, Any]) -> None:
+        checkpoint.begin(unfinished)  # where a search's first walk fails, nothing was told yet
+        checkpoint.save(state)
+
     show("preparing", 0.0)
     try:
         if task.problem is not None:
-            return solve(task.problem, progress=joint, resume=checkpoint.state, checkpoint=checkpoint.save)
+            return solve(task.problem, progress=joint, resume=checkpoint.state, checkpoint=save)
         return solve_like_the_paper(task.trials, bench=task.bench, options=PaperOptions(seed=task.seed),
-                                    progress=paper, resume=checkpoint.state, checkpoint=checkpoint.save)
+                                    progress=paper, resume=checkpoint.state, checkpoint=save)
     except InputError as error:
         if error.where != "resume":
             raise
