@@ -26,7 +26,7 @@ def test_a_contact_is_written_and_read_back_equal(tmp_path):
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@given(numbers=st.lists(NUMBERS, min_size=4, max_size=4), value=NUMBERS, words=st.text(max_size=30))
+@given(numbers=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), value=NUMBERS, words=st.text(max_size=30))
 def test_every_digit_and_every_letter_comes_back(tmp_path_factory, numbers, value, words):
     path = tmp_path_factory.mktemp("contact") / "contact.yaml"
     trial = dataclasses.replace(OWN, name=words, path={"pelvis_tx": tuple(numbers)})
@@ -103,6 +103,9 @@ def put(*keys, value):
     (put("trials", 0, "fingerprint", value="low_1"), ["trials[0].fingerprint", "64 hexadecimal digits"]),
     (put("trials", value=[to_plain(OWN), to_plain(OWN)]), ["trials[1].fingerprint", "stands twice"]),
     (put("trials", 0, "path", value={"pelvis_ty": [0.0] * 4}), ["trials[0].path", "pelvis_tx, pelvis_tz"]),
+    (put("values", "coordinate.hip_flexion_r", value=5.7), ["values.coordinate.hip_flexion_r", "between -1 and 1"]),
+    (put("trials", 0, "path", "pelvis_tx", value=[0.0, 0.0, -1.5, 0.0]), ["path.pelvis_tx[2]", "between -1 and 1"]),
+    (lambda plain: plain.pop("provenance"), ["provenance: is missing", "cut short"]),
     (put("trials", 0, "path", "pelvis_tx", value=[0.0]), ["trials[0].path.pelvis_tx", "cubic"]),
     (put("trials", 0, "path", "pelvis_tx", value=[0.0, math.inf, 0.0, 0.0]), ["trials[0].path.pelvis_tx", "inf"]),
 ])
@@ -122,6 +125,16 @@ def test_a_name_that_stands_twice_is_refused(tmp_path):
     path.write_text(text.replace("values:\n", "values:\n  fulcrum.stiffness: 2e5\n"), encoding="utf-8")
     with pytest.raises(InputError, match=r"line \d+, values\.fulcrum\.stiffness: the key stands twice"):
         load_contact(path)
+
+
+def test_a_file_that_was_cut_between_its_keys_is_refused(tmp_path):
+    path, keys = tmp_path / "contact.yaml", ("values:", "curves:", "trials:", "provenance:")
+    save_contact(made_contact(), path)
+    text = path.read_text(encoding="utf-8")
+    for key in keys:
+        path.write_text(text[: text.index(f"\n{key}") + 1], encoding="utf-8")
+        with pytest.raises(InputError, match="cut short"):
+            load_contact(path)
 
 
 def test_a_model_file_is_no_contact_file(tmp_path):

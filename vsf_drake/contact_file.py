@@ -37,6 +37,8 @@ FEWEST_COEFFICIENTS = 4
 """Of a cubic spline."""
 PATHS = ("pelvis_tx", "pelvis_tz")
 """Translations of the pelvis that a fit may correct recording by recording."""
+LARGEST_CORRECTION = 1.0
+"""rad, m: of a coordinate, far beyond what any recording errs by."""
 _UNITS = {
     r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
     r"contact\..+\.(full_damping_depth|rise)": "m", r"friction\.mu_(static|kinetic)": "1",
@@ -79,7 +81,8 @@ class JointCurve:
     """A periodic curve over the gait cycle, added to one coordinate: see `motion.gait_cycle.periodic_bsplines`."""
 
     coordinate: str
-    coefficients: tuple[float, ...] = quantity(unit="rad (m for a translation)", low=-1.0, high=1.0, source="fitted")
+    coefficients: tuple[float, ...] = quantity(
+        unit="rad (m for a translation)", low=-LARGEST_CORRECTION, high=LARGEST_CORRECTION, source="fitted")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,10 +135,14 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     """Returns `contact` after checking what it names and every number in it.
 
     Raises:
-        InputError: a value is no variable that a fit may hold, or no finite number; a coordinate is not the person's;
-            a curve or path has too few coefficients; a coordinate or a recording stands twice.
+        InputError: a value is no variable that a fit may hold, or no finite number; a coordinate is not the person's,
+            or corrected beyond reason; a curve or path has too few coefficients; a coordinate or a recording stands
+            twice; the provenance is missing, as in a file that was cut short.
     """
     check(contact, file=file)
+    if not contact.provenance:
+        raise InputError("is missing", file=file, where="provenance",
+                         right="It stands last: without it the file may have been cut short, with values missing too")
     coordinates = person_coordinates(contact.subject.prosthetic_side)
     for name, value in contact.values.items():
         where = f"values.{name}"
@@ -143,6 +150,7 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
         _check_number(value, where, file)
         if name.startswith("coordinate."):
             _check_coordinate(name.removeprefix("coordinate."), coordinates, where, file)
+            _check_correction(value, where, file)
     for i, curve in enumerate(contact.curves):
         where = f"curves[{i}].coordinate"
         _check_coordinate(curve.coordinate, coordinates, where, file)
@@ -190,11 +198,18 @@ def _check_coefficients(values: tuple[float, ...], where: str, file: str | Path 
                          right=f"At least {FEWEST_COEFFICIENTS} are needed")
     for i, value in enumerate(values):
         _check_number(value, f"{where}[{i}]", file)
+        _check_correction(value, f"{where}[{i}]", file)
 
 
 def _check_number(value: Any, where: str, file: str | Path | None) -> None:
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         raise InputError(f"{value!r} is not a finite number", file=file, where=where)
+
+
+def _check_correction(value: float, where: str, file: str | Path | None) -> None:
+    if abs(value) > LARGEST_CORRECTION:
+        raise InputError(f"{value:g} corrects no recording", file=file, where=where,
+                         right=f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
 
 
 class _Dumper(yaml.SafeDumper):

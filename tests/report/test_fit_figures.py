@@ -146,6 +146,12 @@ def test_searches_that_did_not_converge_are_crosses():
     assert ends == {1: "*", 2: "x", 3: "x"}
 
 
+def test_searches_are_counted_in_whole_numbers():
+    whole = made_fit()
+    axes = fit_search_figure(made_fit(searches=whole["searches"][:1])).axes[0]
+    assert [tick for tick in axes.get_xticks() if 0.5 <= tick <= 1.7] == [1.0]
+
+
 def test_the_papers_search_falls_over_its_iterations():
     [line] = fit_search_figure(paper_fit()).axes[0].get_lines()
     np.testing.assert_allclose(line.get_xdata(), [0, 1, 2, 3])

@@ -15,7 +15,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_output import clear_fit, read_fit, write_fit
 from vsf_drake.report.fit_page import fit_page
-from vsf_drake.report.fit_text import UNKNOWN, shown, trial_cells, trial_headings
+from vsf_drake.report.fit_text import UNKNOWN, shown, smooth_errors, trial_cells, trial_headings
 
 VOID = {"meta", "img", "br"}
 
@@ -76,6 +76,26 @@ def test_every_trial_stands_there_with_all_its_numbers(page):
         row = "||".join(trial_cells(trial))
         assert row in text
     assert len(trial_headings()) == len(trial_cells(made_trial()))
+
+
+def test_only_columns_that_are_there_are_explained(page):
+    explained = ("The null model is", "The floor is", "The sweep moves", "right of its diamond")
+    assert all(words in page for words in explained)
+    bare = made_trial(null_model_grf_rmse_bw=None, floor_grf_rmse_bw=None, sweep=None)
+    table = made_fit(trials=[bare])
+    alone = fit_page(table, fit_figures(table, {}))
+    assert "Stance error is" in alone and not any(words in alone for words in explained)
+
+
+def test_curves_that_were_frozen_at_zero_are_no_smooth_errors():
+    flat = {"coordinate": "hip_flexion_r", "largest_deg": 0.0, "at_percent_of_cycle": 0.0}
+    assert smooth_errors(made_fit(curves=[flat])) == ""
+    assert "hip_flexion_r" not in smooth_errors(made_fit(curves=[flat, *made_fit()["curves"]]))
+
+
+def test_the_seed_stands_there_once():
+    for options in ({"starts": 3}, {"starts": 3, "seed": 0}):
+        assert fit_page(made_fit(options=options), {}).count(">seed<") == 1
 
 
 def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result():

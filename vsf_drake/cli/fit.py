@@ -80,7 +80,8 @@ def fit(
         errors.print(checkpoint.after_interruption(), highlight=False, soft_wrap=True, markup=False)
         sys.exit(130)
     if not table["success"]:
-        raise FitError(f"the fit failed: {table['message']}. See {out / 'report.html'}; no contact.yaml was written")
+        raise FitError(f"the fit failed: {table['message'].removesuffix('.')}. See {out / 'report.html'}; "
+                       "no contact.yaml was written")
     print_fit(table)
     console.print(f"written to {out}; read report.html first, contact.yaml is for --contact", highlight=False,
                   markup=False, soft_wrap=True)

@@ -17,16 +17,20 @@ _STYLE = """
 img,tr,.kept{break-inside:avoid}h2,h3{break-after:avoid}h1.error{color:#b3261e}th.number{text-align:right}.wide{overflow-x:auto}
 .wide table{font-size:.88rem}@media print{body{max-width:none;padding:0;font-size:10pt}}
 """
-_COLUMNS = (
+_ALWAYS = (
     "GRF is the resultant ground reaction force and R² the share of its variance that the model explains; fore-aft is "
     "its forward part, CoP the centre of pressure along the foot, impulse that of the resultant as it adds up over "
     "stance. All are root mean square differences of model and plate; BW: body weight, FL: foot length.",
-    "Stance error is how much longer the model's stance lasts than the measured one (seconds).",
-    "The null model is another trial's measured curve, stretched to this one's stance: a model that does not "
-    "beat it has told nothing.",
-    "The floor is what the true foot itself would be left with on this recorded motion, where it is known: an error "
-    "below it means that noise was fitted, or that errors happen to cancel.",
-    "The sweep moves the fulcrum through its range; where the error is least should be where it stood.")
+    "Stance error is how much longer the model's stance lasts than the measured one (seconds).")
+_WHERE_KNOWN = {
+    "null_model_grf_rmse_bw":
+        "The null model is another trial's measured curve, stretched to this one's stance: a model that does not "
+        "beat it has told nothing.",
+    "floor_grf_rmse_bw":
+        "The floor is what the true foot itself would be left with on this recorded motion, where it is known: an "
+        "error below it means that noise was fitted, or that errors happen to cancel.",
+    "sweep": "The sweep moves the fulcrum through its range; where the error is least should be where it stood."}
+"""What a column means, by what a trial must have for it to be there."""
 
 
 def fit_page(table: Mapping[str, Any], figures: Mapping[str, Figure]) -> str:
@@ -62,11 +66,14 @@ def _trials(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
         return f"<h2>Trials</h2>{grid(trial_headings()[:3], rows)}"
     kept = told_columns(judged)
     cells = [[trial_cells(trial)[i] for i in kept] for trial in judged]
-    parts = ["<h2>Trials</h2>", grid([trial_headings()[i] for i in kept], cells), bullets(_COLUMNS)]
+    parts = ["<h2>Trials</h2>", grid([trial_headings()[i] for i in kept], cells), bullets(
+        [*_ALWAYS, *(text for key, text in _WHERE_KNOWN.items() if any(trial[key] is not None for trial in judged))])]
     if show("errors"):
         parts += ["<h3>Errors by trial</h3>", sentence(
-            "Each dot is a trial; one right of its diamond is worse than no model, grey is what the paper's model was "
-            "left with (doi 10.1115/1.4050456)."), show("errors")]
+            "Each dot is a trial"
+            + ("; one right of its diamond is worse than no model" if any(
+                trial["null_model_grf_rmse_bw"] is not None for trial in judged) else "")
+            + ". Grey is what the paper's model was left with (doi 10.1115/1.4050456)."), show("errors")]
     if show("sweep"):
         parts += ["<h3>Fulcrum sweep</h3>", sentence(
             "Resultant error with the fulcrum moved (mm from the keel's posterior end); a least error at an end of the "

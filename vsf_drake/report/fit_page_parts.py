@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from vsf_drake.analysis.contact_fit.standard import REFERENCE_DEPTH_M
 from vsf_drake.report.fit_text import (
     UNKNOWN,
     interval_of,
@@ -17,6 +18,11 @@ from vsf_drake.report.fit_text import (
     value_of,
 )
 
+_NAMES = (
+    f"In a zone of the foot, force is the load of one sphere that is pressed in by {1e3 * REFERENCE_DEPTH_M:g} mm, "
+    "exponent that of its law, rise how much higher its spheres sit than drawn; damping time is damping over the "
+    "law's slope at that depth. Offsets move the foot under the pylon, coordinates are errors of joint angles that all "
+    "trials share.")
 _NUMBER = r"[+-]?[0-9.]+(e[+-]?[0-9]+)?"
 
 
@@ -53,7 +59,8 @@ def parameter_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
     parts = ["<h2>Parameters</h2>", sentence(
         "The 95 % interval is where the value lies if the model and the assumed noise are right. Share of prior is the "
         "standard error over that of what was believed before: near 100 % the data said nothing. Spread is the largest "
-        "difference among searches that ended alike."), grid(head, [_parameter(row, table) for row in own])]
+        "difference among searches that ended alike."), sentence(_NAMES),
+        grid(head, [_parameter(row, table) for row in own])]
     rest = [row for row in table["parameters"] if not row["frozen"] and row not in own]
     parts.append(sentence(smooth_errors(table)) if smooth_errors(table) else "")
     if rest:
@@ -92,7 +99,9 @@ def search_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
 def options_part(table: Mapping[str, Any]) -> str:
     """Options, versions, hashes."""
     rows = [(name, _said(value)) for name, value in sorted(table["options"].items())]
-    rows += [("seed", _said(table["seed"])), ("wall time (s)", shown(table["wall_s"], "{:.1f}"))]
+    if "seed" not in table["options"]:
+        rows.append(("seed", _said(table["seed"])))
+    rows += [("wall time (s)", shown(table["wall_s"], "{:.1f}"))]
     versions = [(name, str(version)) for name, version in sorted(table["versions"].items())]
     inputs = sorted(table["inputs_sha256"].items())
     return ("<h2>How it was made</h2>" + f"<details open><summary>Options</summary>{grid(('option', 'value'), rows)}"

@@ -23,7 +23,7 @@ def fit_search_figure(table: Mapping[str, Any]) -> Figure:
             _searches(axes, table)
         else:
             _history(axes, table)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         figure.draw_without_rendering()
     return figure
 

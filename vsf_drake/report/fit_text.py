@@ -51,8 +51,9 @@ def own_parameters(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def smooth_errors(table: Mapping[str, Any]) -> str:
-    """The curves of joint angles in one sentence, "" if there are none."""
-    told = [f"{row['coordinate']} {row['largest_deg']:+.2f}°" for row in table.get("curves", ())]
+    """The curves of joint angles in one sentence, "" if there are none or all were left at zero."""
+    told = [f"{row['coordinate']} {row['largest_deg']:+.2f}°" for row in table.get("curves", ())
+            if row["largest_deg"] != 0.0]
     return f"Smooth errors of joint angles over the gait cycle, at their largest: {', '.join(told)}." if told else ""
 
 
