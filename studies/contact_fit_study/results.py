@@ -50,7 +50,8 @@ def definitions() -> dict[str, str]:
                 f"{tier} tier {name} ({words[name]})" for tier, name in FITTED.items()),
             "null model": "the measured resultant of a fitted trial stretched to the stance of this one; of two fitted "
                           "trials the one that does better",
-            "fulcrum sweep": "right where the error over the fulcrum's travel is lowest within 10.5 mm of where it was",
+            "fulcrum sweep": "right where the error over the fulcrum's travel is lowest within 10.5 mm of its place, "
+                             "one-sided where that was an end of its travel, so that an error outwards could not show",
             "wall_s": "of the reported pair with all its starts, compiled before; load_before is the machine's load "
                       "average before it, cpu_s what the process used",
             "held_out": "means over the seven trials that the pair leaves, and the worst of them",
@@ -91,10 +92,17 @@ def pair_results(pair: Mapping[str, Any]) -> dict[str, Any]:
             SWEEP_KEY: sum(row["sweep"]["right"] for row in pair["trials"].values()),
             BENCH_KEY: pair["bench"]["rmse_n_per_mm"], WALL_KEY: pair["time"]["wall_s"],
             "held_out": held,
+            "fulcrum_sweep_one_sided": [name for name, row in pair["trials"].items() if _at_end(row)],
             "no_better_than_null_model": [
                 name for name in pair["held_out"]
                 if pair["trials"][name]["grf_rmse_bw"] >= pair["trials"][name]["null_model_grf_rmse_bw"]],
             "transfer": pair}
+
+
+def _at_end(row: Mapping[str, Any]) -> bool:
+    """Whether the fulcrum stood at an end of its travel, so that an error outwards could not show."""
+    swept = row["sweep"]["fulcrum_mm"]
+    return bool(min(abs(row["fulcrum_mm"] - swept[0]), abs(row["fulcrum_mm"] - swept[-1])) < 1.0)
 
 
 def spread(part: Mapping[str, Any], metric: str) -> dict[str, Any]:
