@@ -74,7 +74,7 @@ def quick(parts: Path) -> dict[str, Any]:
 def whole(parts: Path) -> dict[str, Any]:
     """All of it."""
     return {
-        "recovery": {name: recovered([recovery(parts, names, truth, starts=STARTS, direct=True)
+        "recovery": {name: recovered([recovery(parts, names, truth, starts=STARTS, direct=False)
                                       for truth in range(TRUTHS)]) for name, names in TRIALS.items()},
         "intervals": {name: covered([interval(parts, names, noise, seed) for seed in range(seeds)])
                       for name, (names, noise, seeds) in INTERVALS.items()}}
