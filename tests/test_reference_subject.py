@@ -56,7 +56,7 @@ def test_everything_says_that_it_is_synthetic(tier):
 
 def test_every_file_says_so_in_its_first_lines_and_the_folder_is_small():
     files = [path for path in FOLDER.rglob("*") if path.is_file()]
-    assert len(files) == 2 * 27 + 10 + 4
+    assert len(files) == 2 * 27 + 10 + 5
     for path in files:
         assert "SYNTHETIC" in path.read_text(encoding="utf-8")[:400], path
     assert sum(path.stat().st_size for path in files) < 8e6
