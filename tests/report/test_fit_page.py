@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html.parser
 import json
 import re
 
@@ -10,14 +9,13 @@ import numpy as np
 import pytest
 from made_contact import made_contact
 from made_fit import ODD, failed_fit, made_curves, made_fit, made_trial, paper_fit
+from page_reader import Balanced
 
 from vsf_drake.errors import InputError
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_output import clear_fit, read_fit, write_fit
 from vsf_drake.report.fit_page import fit_page
 from vsf_drake.report.fit_text import UNKNOWN, shown, smooth_errors, trial_cells, trial_headings
-
-VOID = {"meta", "img", "br"}
 
 
 @pytest.fixture(scope="module")
@@ -30,23 +28,6 @@ def written(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(written):
     return (written / "report.html").read_text(encoding="utf-8")
-
-
-class Balanced(html.parser.HTMLParser):
-    """Collects tags and fails on one that closes out of turn."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[tuple[str, dict]] = []
-
-    def handle_starttag(self, tag, attrs):
-        self.seen.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
 
 
 def test_page_is_whole_html_and_loads_nothing(page):

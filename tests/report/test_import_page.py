@@ -7,6 +7,7 @@ import html.parser
 import re
 
 import pytest
+from page_reader import Balanced
 
 from vsf_drake.analysis.recording.check import MARKS
 from vsf_drake.analysis.recording.examine import examine
@@ -14,8 +15,6 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.import_figures import angle_figure, floor_figure, force_figure, height_figure, residual_figure
 from vsf_drake.report.import_page import import_page, write_import_page
 from vsf_drake.resources import resource
-
-VOID = {"meta", "img", "br"}
 
 
 @pytest.fixture(scope="module")
@@ -27,23 +26,6 @@ def item():
 def page(item):
     odd = dataclasses.replace(item, trial=dataclasses.replace(item.trial, name="<b>trial</b> & $x$ ü"))
     return import_page([item, odd], title="Check <1>", failures={"walk <3>.c3d": "is cut & short"})
-
-
-class Balanced(html.parser.HTMLParser):
-    """Collects tags and fails on one that closes out of turn."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[tuple[str, dict]] = []
-
-    def handle_starttag(self, tag, attrs):
-        self.seen.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
 
 
 def test_page_is_whole_html_and_loads_nothing(page):
