@@ -20,7 +20,7 @@ def validate(
 ) -> None:
     """Bench and walks on the embedded data: published bench end points, and the synthetic reference subject."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation import QUICK_STEP_S, embedded_trials, validate_walk
+    from vsf_drake.analysis.validation import embedded_trials, validate_walk
     from vsf_drake.contact_file import load_contact
     from vsf_drake.motion.fitted_trial import check_person
     from vsf_drake.motion.subject_file import load_subject
@@ -43,7 +43,7 @@ def validate(
     for manifest in manifests:
         with progress() as show:
             walk = validate_walk(manifest, with_fit=contact is None, contact=contact,
-                                 step_s=QUICK_STEP_S if quick else DEFAULT_STEP_S,
+                                 step_s=2e-3 if quick else DEFAULT_STEP_S,
                                  progress=lambda what, f, name=manifest.stem: show(f"{name}: {what}", f))
         walks[manifest.stem] = write_walk(walk.result, walk.trial, out / manifest.stem, fit=walk.fit, replay=not quick)
     print_walks(walks, offsets="of the fitted contact" if contact else "fitted to each plate")

@@ -1,4 +1,4 @@
-"""The embedded validation: bench and walks on what `data/` ships."""
+"""Walks of the validation: one trial, with a fitted contact or with offsets fitted to its plate."""
 
 from __future__ import annotations
 
@@ -10,30 +10,19 @@ from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
 from vsf_drake.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.resources import resource
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 
-EMBEDDED_FOLDER, SETTINGS, REPEATS = "data/reference_subject/exact", ("low", "medium", "high"), 3
-QUICK_STEP_S = 2e-3
+_TYPICAL_EVALUATIONS = 25
 
 
 @dataclass(frozen=True)
 class ValidatedWalk:
-    """One trial of the validation: what was recorded, what was simulated, with which offsets."""
+    """One trial of the validation: what was recorded (as it was walked), what was simulated, with which offsets."""
 
     trial: Trial
     result: WalkResult
     fit: OffsetFit | None
-
-
-def embedded_trials(*, quick: bool = False) -> tuple[Path, ...]:
-    """Manifests of the trials that ship with the package, three a setting; one a setting if `quick`.
-
-    All are synthetic, and say so.
-    """
-    return tuple(resource(f"{EMBEDDED_FOLDER}/{setting}_{number}.yaml")
-                 for setting in SETTINGS for number in range(1, 2 if quick else REPEATS + 1))
 
 
 def validate_walk(
@@ -56,12 +45,23 @@ def validate_walk(
     trial = load_trial(manifest)
     if contact is not None:
         trial = trial_with(trial, load_contact(contact), file=contact)
+    return walk_trial(trial, with_fit=with_fit, step_s=step_s, progress=progress)
+
+
+def walk_trial(
+    trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S,
+    progress: Callable[[str, float], None] | None = None
+) -> ValidatedWalk:
+    """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`.
+
+    Raises:
+        InputError, SimulationError: see `fit_offsets`, `Walker.walk`.
+    """
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:
-        typical = 25
-        fit = fit_offsets(trial, walker=walker,
-                          progress=progress and (lambda n, _: progress("fitting offsets", min(0.99, n / typical))))
+        fit = fit_offsets(trial, walker=walker, progress=progress and (
+            lambda n, _: progress("fitting offsets", min(0.99, n / _TYPICAL_EVALUATIONS))))
     offsets = fit.offsets if fit else trial.offsets
     walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                        step_s=step_s, offsets=offsets, progress=progress and (lambda f: progress("walking", f)))
