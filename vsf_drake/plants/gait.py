@@ -91,8 +91,8 @@ def make_gait(
     driver = builder.AddNamedSystem("driver", servo(plant, prescribed, _servo_inertia(plant, prescribed)))
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
     ground = {
-        "prosthetic": _foot_ground(builder, "", person.foot.sites, model.foot.friction, ground_height),
-        "intact": _foot_ground(builder, "intact_", person.intact_sites, model.intact_foot.friction, ground_height),
+        "prosthetic": add_foot_ground(builder, "", person.foot.sites, model.foot.friction, ground_height),
+        "intact": add_foot_ground(builder, "intact_", person.intact_sites, model.intact_foot.friction, ground_height),
     }
     systems = [device.keel, device.fulcrum, device.carriage, bushing, driver]
     spatial = list(device.spatial_ports)
@@ -112,9 +112,13 @@ def make_gait(
                        bushing=bushing, driver=driver, ground=ground)
 
 
-def _foot_ground(
+def add_foot_ground(
     builder: DiagramBuilder, prefix: str, sites: ContactSites, friction: FrictionParameters, ground_height: float
 ) -> FootGround:
+    """Adds contact, friction and resultant of the foot's `sites`, and exports their outputs behind `prefix`.
+
+    The caller connects kinematics and forces (`wiring`).
+    """
     place = {"body_indices": sites.body_indices, "p_BS": sites.p_BS, "radius": sites.radius}
     contact = builder.AddNamedSystem(f"{prefix}contact", KelvinVoigtContact(
         **place, **sites.law, ground_height=ground_height))

@@ -36,13 +36,13 @@ def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no part.
     frictionless = [np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))]
     plant_context = bench.plant.GetMyContextFromRoot(context)
-    springs, index = _keel_springs(bench.plant, bench.foot, bench.device, context)
+    springs, index = keel_springs(bench.plant, bench.foot, bench.device, context)
     return Mechanism(
         plant=bench.plant, context=plant_context, tree=tree_of(bench.plant, plant_context),
         sites=np.column_stack([points, np.zeros(len(points)), *law, *frictionless]),
         site_bodies=_integers(bench.machine_bodies), ground_height=bench.contact_height,
-        springs=springs, spring_index=index, **_fulcrum(bench.plant, bench.foot, bench.device, context),
-        limits=_limits(bench.plant.num_velocities(), keel=index))
+        springs=springs, spring_index=index, **fulcrum_arrays(bench.plant, bench.foot, bench.device, context),
+        limits=coordinate_limits(bench.plant.num_velocities(), keel=index))
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
@@ -55,7 +55,7 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         ValueError: the two feet stand on different levels.
     """
     plant_context = gait.plant_context(context)
-    keel, keel_index = _keel_springs(gait.plant, gait.person.foot, gait.device, context)
+    keel, keel_index = keel_springs(gait.plant, gait.person.foot, gait.device, context)
     socket, socket_index = _socket_springs(gait, context)
     feet = (gait.ground["prosthetic"], gait.ground["intact"])
     heights = [float(_reader(foot.contact, context)("ground_height")) for foot in feet]
@@ -64,12 +64,12 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
                          "the stepper knows one level")
     return Mechanism(
         plant=gait.plant, context=plant_context, tree=tree_of(gait.plant, plant_context),
-        sites=np.vstack([_ground_sites(foot, context) for foot in feet]),
+        sites=np.vstack([ground_sites(foot, context) for foot in feet]),
         site_bodies=np.concatenate([_integers(foot.sites.body_indices) for foot in feet]),
         ground_height=heights[0],
         springs=np.vstack([keel, socket]), spring_index=np.concatenate([keel_index, socket_index]),
-        **_fulcrum(gait.plant, gait.person.foot, gait.device, context),
-        limits=_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
+        **fulcrum_arrays(gait.plant, gait.person.foot, gait.device, context),
+        limits=coordinate_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
 
 
 def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
@@ -90,7 +90,8 @@ def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapp
     return dataclasses.replace(mechanism, **arrays)
 
 
-def _limits(count: int, *, keel: np.ndarray, socket: np.ndarray | None = None) -> np.ndarray:
+def coordinate_limits(count: int, *, keel: np.ndarray, socket: np.ndarray | None = None) -> np.ndarray:
+    """(count,) coordinates beyond which the model means nothing; `keel` and `socket` are indices."""
     limits = np.full(count, UNLIMITED)
     limits[keel] = LARGEST_KEEL_ANGLE
     if socket is not None:
@@ -107,7 +108,8 @@ def _integers(indices) -> np.ndarray:
     return np.array([int(index) for index in indices], dtype=np.int64)
 
 
-def _keel_springs(plant, foot: FootHandles, device: DeviceSystems, context: Context) -> tuple[np.ndarray, np.ndarray]:
+def keel_springs(plant, foot: FootHandles, device: DeviceSystems, context: Context) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the keel's springs, and their coordinates."""
     keel = _reader(device.keel, context)
     stiffness, damping = keel("stiffness"), keel("damping")
     never = np.full(len(stiffness), UNLIMITED)
@@ -122,7 +124,8 @@ def _socket_springs(gait: GaitDiagram, context: Context) -> tuple[np.ndarray, np
     return rows, _integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names))
 
 
-def _fulcrum(plant: MultibodyPlant, foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
+def fulcrum_arrays(plant: MultibodyPlant, foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
+    """What a `Mechanism` knows of the fulcrum and of the keel over it, by name."""
     support = _reader(device.fulcrum, context)
     return {
         "fulcrum": np.array([float(support("stiffness")), float(support("damping"))]),
@@ -131,7 +134,8 @@ def _fulcrum(plant: MultibodyPlant, foot: FootHandles, device: DeviceSystems, co
         "frame_body": int(foot.frame.index())}
 
 
-def _ground_sites(foot: FootGround, context: Context) -> np.ndarray:
+def ground_sites(foot: FootGround, context: Context) -> np.ndarray:
+    """Rows of the foot's contact sites."""
     contact, friction = _reader(foot.contact, context), _reader(foot.friction, context)
     count = len(foot.sites.radius)
     normal = [contact(name) for name in ("radius", "stiffness", "exponent", "damping", "full_damping_depth")]
