@@ -12,7 +12,8 @@ import pytest
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.contact_fit import assessment as module
-from vsf_drake.analysis.contact_fit.assessment import RIGHT_WITHIN_M, assess, bench_score, sweep_fulcrum
+from vsf_drake.analysis.contact_fit.assessment import assess, bench_score, sweep_fulcrum
+from vsf_drake.analysis.contact_fit.fulcrum_sweep import RIGHT_WITHIN_M
 from vsf_drake.analysis.contact_fit.scores import Assessment, LeftOut
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison
+from vsf_drake.analysis.contact_fit.fulcrum_sweep import SWEEP_STEP_S, sweep_positions, swept
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut, TrialScore
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
@@ -22,13 +23,6 @@ from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.results import WalkResult
-
-SWEEP_POSITIONS = 18
-"""Evenly spaced over the carriage, 5 mm apart on the nominal foot."""
-RIGHT_WITHIN_M = 0.0105
-"""Half the distance of the device's five settings (66, 87, 108, 129, 151 mm, McGeehan 2021): nearer, and the sweep
-names the right one."""
-SWEEP_STEP_S = 2e-3
 
 
 class Fitted(Protocol):
@@ -125,9 +119,6 @@ def bench_score(solution: Fitted) -> BenchScore | None:
 
 def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumSweep:
     """Error of one trial over the carriage's range."""
-    reach, true = trial.model.foot.fulcrum, trial.fulcrum_m
-    positions = np.linspace(reach.rearmost_m, reach.foremost_m, SWEEP_POSITIONS)
-
     def error(position: float) -> float:
         try:
             comparison, result = solution.predict(trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
@@ -136,12 +127,9 @@ def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumS
         value: float = walk_metrics(result, trial.prosthetic_plate, comparison=comparison)["grf_rmse_bw"]
         return value
 
+    positions = sweep_positions(trial)
     with ThreadPoolExecutor(2) as pool:
-        errors = np.array([*pool.map(error, positions)])
-    best = _lowest(positions, errors)
-    return FulcrumSweep(fulcrum_m=tuple(map(float, positions)), grf_rmse_bw=tuple(map(float, errors)), true_m=true,
-                        best_m=best, at_end=bool(min(abs(true - positions[0]), abs(true - positions[-1])) < 1e-3),
-                        right=bool(abs(best - true) <= RIGHT_WITHIN_M))
+        return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
 
 
 def _score(
@@ -161,18 +149,6 @@ def _score(
         curves={"time_s": comparison.time_s, "model_bw": comparison.model / weight,
                 "measured_bw": comparison.measured / weight, "cop_measured_fl": stance.measured_cop[:, 0] / length,
                 "cop_model_fl": stance.model_cop[:, 0] / length})
-
-
-def _lowest(positions: np.ndarray, errors: np.ndarray) -> float:
-    """Where the errors are lowest, between the positions too; the errors' squares are nearly a parabola there."""
-    if np.isnan(errors).all():
-        return float("nan")
-    i = int(np.nanargmin(errors))
-    if not 0 < i < len(errors) - 1 or np.isnan(errors[i - 1 : i + 2]).any():
-        return float(positions[i])
-    a, b, c = errors[i - 1 : i + 2] ** 2
-    shift = 0.5 * (a - c) / (a - 2.0 * b + c)
-    return float(positions[i] + shift * (positions[i + 1] - positions[i]))
 
 
 def _left_out(solution: Fitted, progress: Callable[[str, float], None] | None) -> tuple[LeftOut, ...]:
