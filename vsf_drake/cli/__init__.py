@@ -1,6 +1,6 @@
 """The command line, one module a command; importing a module adds its command."""
 
-from vsf_drake.cli import bench, check, fit, import_, simulate, stand, sweep, validate
+from vsf_drake.cli import bench, check, fit, import_, report, simulate, stand, sweep, validate
 from vsf_drake.cli.app import app, main
 
-__all__ = ["app", "bench", "check", "fit", "import_", "main", "simulate", "stand", "sweep", "validate"]
+__all__ = ["app", "bench", "check", "fit", "import_", "main", "report", "simulate", "stand", "sweep", "validate"]

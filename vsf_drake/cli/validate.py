@@ -1,64 +1,101 @@
-"""`vsf-drake validate`: bench and walk on the embedded data."""
+"""`vsf-drake validate`: the paper's study, and more, as a report."""
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from vsf_drake.cli.app import Contact, Out, app, console, contact_hash, file_of, model_of, progress, target
-from vsf_drake.cli.bench import print_bench
+from vsf_drake.cli.app import Contact, Out, app, console, errors, file_of, progress
+from vsf_drake.errors import InputError, SimulationError
+
+MOST_ISO_FORCE_N = 10_000.0
+"""Beyond what any structural test presses a foot with (a choice)."""
 
 
 @app.command()
 def validate(
+    trials: Annotated[list[Path] | None, typer.Argument(
+        metavar="[TRIAL.yaml...]", help="Trial manifests; without any, the embedded synthetic subject.")] = None,
     out: Out = Path("results"),
     contact: Contact = None,
-    quick: Annotated[bool, typer.Option("--quick", help="One walk a setting, coarser step, no replay.")] = False,
+    bench: Annotated[Path | None, typer.Option(
+        help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
+    quick: Annotated[bool, typer.Option(
+        "--quick", help="The short form: one embedded walk a setting, coarser steps, small samples.")] = False,
+    seed: Annotated[int, typer.Option(help="Of all that is random.", min=0)] = 0,
+    workers: Annotated[int | None, typer.Option(
+        help="Processes for many walks; default one a core. The numbers do not depend on it.", min=1)] = None,
+    iso_force_n: Annotated[float | None, typer.Option(
+        help="Largest force of the ISO 22675 loading profile; default the subject's weight.")] = None,
 ) -> None:
-    """Bench and walks on the embedded data: published bench end points, and the synthetic reference subject."""
+    """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation import embedded_trials, validate_walk
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.motion.fitted_trial import check_person
-    from vsf_drake.motion.subject_file import load_subject
-    from vsf_drake.report.outputs import write_bench, write_walk
-    from vsf_drake.simulation.bench import run_bench
-    from vsf_drake.simulation.walk import DEFAULT_STEP_S
+    from vsf_drake.analysis.validation import (
+        StudyOptions,
+        embedded_bench,
+        embedded_contact,
+        embedded_trials,
+        make_study,
+    )
+    from vsf_drake.analysis.validation.content import first_line, validation_content
+    from vsf_drake.analysis.validation.run import failures, run_sections
+    from vsf_drake.report.validation.output import PAGE, UNFINISHED, check_validation_folder, write_validation
 
-    out, contact = target(out, "bench"), file_of(contact)
-    pressed, manifests = model_of(None, contact), embedded_trials(quick=quick)
-    console.print("Walking data are SYNTHETIC (a virtual laboratory's); bench end points are published.")
-    if contact:
-        check_person(load_subject(manifests[0]), load_contact(contact), file=contact)
-        console.print(f"The fitted contact of {contact} has its offsets: they are not fitted to each walk.",
-                      highlight=False, markup=False)
+    out, contact, bench = out.expanduser(), file_of(contact), file_of(bench)
+    check_validation_folder(out)
+    if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
+        raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
+                         right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")
+    options = StudyOptions(quick=quick, seed=seed, workers=workers, iso_force_n=iso_force_n)
+    exact = None
     with progress() as show:
-        result = run_bench(pressed, progress=lambda f: show("pressing", f),
-                           inputs=contact_hash(contact))
-    print_bench(write_bench(result, out))
-    walks: dict[str, dict[str, Any]] = {}
-    for manifest in manifests:
-        with progress() as show:
-            walk = validate_walk(manifest, with_fit=contact is None, contact=contact,
-                                 step_s=2e-3 if quick else DEFAULT_STEP_S,
-                                 progress=lambda what, f, name=manifest.stem: show(f"{name}: {what}", f))
-        walks[manifest.stem] = write_walk(walk.result, walk.trial, out / manifest.stem, fit=walk.fit, replay=not quick)
-    print_walks(walks, offsets="of the fitted contact" if contact else "fitted to each plate")
-    console.print(f"written to {out}", highlight=False)
+        if trials:
+            study = make_study([path.expanduser() for path in trials], contact=contact, bench=bench, options=options,
+                               progress=show)
+        else:
+            study = make_study(embedded_trials(quick=quick), contact=contact or embedded_contact(),
+                               bench=bench or embedded_bench(), options=options, progress=show)
+            if contact is None and not quick:
+                exact = make_study(embedded_trials("exact"), contact=embedded_contact("exact"), options=options,
+                                   progress=show)
+    console.print(first_line(study), highlight=False, markup=False)
+    with progress() as show:
+        finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
+        show("writing the report", 0.99)
+        written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
+    shutil.rmtree(out / UNFINISHED, ignore_errors=True)
+    print_summary(written)
+    console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False)
+    _finish(study.failed, failures(finished), study.bench_problem)
 
 
-def print_walks(walks: dict[str, dict[str, Any]], *, offsets: str) -> None:
-    """One row a walk, by name, then what is doubtful about any; `offsets` tells where they come from."""
-    grid = Table("walk", "GRF RMSE (BW)", "R²", "impulse", "CoP (FL)", "stance (s)", "model (s)",
-                 title=f"Walks (SYNTHETIC), offsets {offsets}; FL: foot lengths")
-    for name, walk in walks.items():
-        cells = (("{:.3f}", "grf_rmse_bw"), ("{:.3f}", "grf_r2"), ("{:+.1%}", "vertical_impulse_error"),
-                 ("{:.3f}", "cop_rmse_fl"), ("{:.3f}", "stance_measured_s"), ("{:.3f}", "stance_model_s"))
-        grid.add_row(name, *("not known" if walk[key] is None else form.format(walk[key]) for form, key in cells))
+def print_summary(content: dict[str, Any]) -> None:
+    """The summary's rows, then what is missing or doubtful."""
+    grid = Table("", "here", "unit", "paper", "asked", "met")
+    for row in content["summary"]:
+        met = {True: "yes", False: "NO", None: ""}[row["met"]]
+        cells = (row["what"], row["shown"] or "not known", row["unit"], row["paper"] or "", row["asked"] or "", met)
+        grid.add_row(*cells, style="bold yellow" if row["met"] is False else None)
     console.print(grid)
-    for name, walk in walks.items():
-        for doubt in walk["doubts"]:
-            console.print(f"! {name}: {doubt}", style="bold yellow", highlight=False, markup=False)
+    for note in content["notes"]:
+        console.print(f"! {note}", style="bold yellow", highlight=False, markup=False)
+    for trial in content["trials"]:
+        if trial["doubts"]:
+            console.print(f"! {trial['label']}: {trial['doubts']}", style="bold yellow", highlight=False, markup=False)
+
+
+def _finish(unread: tuple[tuple[str, str], ...], failed: dict[str, str], bench_problem: str | None) -> None:
+    """Names what could not be used, and ends with exit code 2 or 3 if there is anything."""
+    lines = [f"{label}: {why}" for label, why in unread] + ([bench_problem] if bench_problem else [])
+    for line in lines:
+        errors.print(f"error: {line}", style="red", highlight=False, soft_wrap=True, markup=False)
+    for name, why in failed.items():
+        errors.print(f"error: the section {name} failed: {why}", style="red", highlight=False, soft_wrap=True,
+                     markup=False)
+    if lines or failed:
+        sys.exit(InputError.exit_code if lines else SimulationError.exit_code)

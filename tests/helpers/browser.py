@@ -1,0 +1,79 @@
+"""Opens a page in headless Chromium and tells what a person would meet: messages, requests, overflow, broken images."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+_MEASURE = """
+<script>addEventListener("load", () => setTimeout(() => {
+  const page = document.documentElement, limit = page.clientWidth + 1;
+  const scrolls = e => { for (let p = e; p; p = p.parentElement) if (p.classList.contains("wide")) return true; };
+  const out = [...document.body.querySelectorAll("*")].filter(
+    e => e.getBoundingClientRect().right > limit && !scrolls(e)).map(e => e.tagName + " " + e.textContent.slice(0, 40));
+  const images = [...document.images];
+  parent.postMessage({width: page.clientWidth, scroll: page.scrollWidth, out: out.slice(0, 5), images: images.length,
+    broken: images.filter(i => !i.naturalWidth).length, unnamed: images.filter(i => i.alt.trim().length < 20).length}, "*");
+}, 300));</script>
+"""
+_FRAME = """<!doctype html><meta charset="utf-8"><style>body{{margin:0}}iframe{{border:0}}</style>
+<pre id="seen"></pre><script>addEventListener("message", e => {{
+document.getElementById("seen").textContent = JSON.stringify(e.data);}});</script>
+<iframe src="page.html" width="{width}" height="{height}"></iframe>"""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the browser saw of a page `width` pixels wide.
+
+    Attributes:
+        width, scroll: of the page and of its content. out: elements beyond the right edge, outside of what scrolls.
+        images, broken, unnamed: how many, how many do not show, how many have no alternative text worth the name.
+        console: messages. requests: addresses that are no files and no data.
+    """
+
+    width: int
+    scroll: int
+    out: list[str]
+    images: int
+    broken: int
+    unnamed: int
+    console: list[str]
+    requests: list[str]
+
+
+def chromium() -> str | None:
+    """The browser's command; None where there is none."""
+    return next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))),
+                None)
+
+
+def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot: Path | None = None) -> Seen:
+    """Opens `page` in a frame `width` pixels wide; `folder` is an empty one to work in."""
+    text = page.read_text(encoding="utf-8")
+    (folder / "page.html").write_text(text.replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
+    (folder / "frame.html").write_text(_FRAME.format(width=width, height=height), encoding="utf-8")
+    log = folder / "net.json"
+    command = [chromium(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+               "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
+               "--disable-default-apps", "--disable-extensions", "--hide-scrollbars", "--enable-logging=stderr",
+               f"--user-data-dir={folder / 'profile'}", f"--log-net-log={log}", "--virtual-time-budget=8000",
+               f"--window-size={max(width, 500)},{height + 40}", f"file://{folder / 'frame.html'}"]
+    ended = subprocess.run([*command, "--dump-dom"], capture_output=True, text=True, timeout=120, check=True)
+    seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', ended.stdout, re.DOTALL)[1]))
+    if screenshot is not None:
+        subprocess.run([*command, f"--screenshot={screenshot}"], capture_output=True, timeout=120, check=True)
+    console = [line for line in ended.stderr.splitlines() if "CONSOLE" in line]
+    return Seen(**seen, console=console, requests=_requests(log))
+
+
+def _requests(log: Path) -> list[str]:
+    """Addresses that the page asked for, beside files, data and what the browser asks for itself."""
+    found = set(re.findall(r'"url":"((?:https?|wss?|ftp):[^"]*)"', log.read_text(encoding="utf-8", errors="replace")))
+    own = re.compile(r"https?://[^/]*(google|gstatic|googleapis|chromium)[^/]*/")
+    return sorted(url for url in found if not own.match(url))

@@ -1,0 +1,76 @@
+"""Finished sections of an unfinished validation on disk, each complete or not there."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.validation.study import Section, Study
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced, sha256
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.many.keys import digest, software
+
+PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def study_key(study: Study) -> str:
+    """Of all that a section's numbers depend on: files, contact, options, software; not the number of workers."""
+    options = to_plain(study.options)
+    del options["workers"]
+    sources = hashlib.sha256()
+    for file in sorted((PACKAGE / "analysis").rglob("*.py")):
+        sources.update(f"\0{file.relative_to(PACKAGE).as_posix()}\0".encode() + file.read_bytes())
+    return digest({
+        "inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
+        "failed": [list(pair) for pair in study.failed], "options": options, "model": to_plain(study.model),
+        "contact": None if study.contact is None else study.contact.values, "bench_problem": study.bench_problem,
+        "software": software(), "analysis_sha256": sources.hexdigest()})
+
+
+class SectionStore:
+    """A folder of finished sections that belong to one key.
+
+    Args:
+        folder: created when the first section is written.
+        key: see `study_key`; what another key left is not read.
+    """
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self.folder, self.key = folder, key
+
+    def read(self, name: str) -> tuple[Section, float] | None:
+        """The section and how long it took (s); None if it is not there, damaged, or of another key."""
+        path = self.folder / f"{name}.json"
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            if found["key"] != self.key or found["arrays_sha256"] != sha256(path.with_suffix(".npz")):
+                return None
+            with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
+                arrays = {key: stored[key] for key in stored.files}
+            section = Section(table=found["table"], arrays=arrays, missing=tuple(found["missing"]))
+            return section, float(found["wall_s"])
+        except (OSError, ValueError, TypeError, KeyError, InputError, zipfile.BadZipFile):
+            return None
+
+    def write(self, name: str, section: Section, wall_s: float) -> None:
+        """Keeps a finished section.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=self.folder) from None
+        arrays = self.folder / f"{name}.npz"
+        with replaced(arrays, "wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **section.arrays)
+        write_json(self.folder / f"{name}.json", {
+            "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,
+            "arrays_sha256": sha256(arrays)})

@@ -1,0 +1,67 @@
+"""The chapters of a validation, made of its saved sections: in order, and with what is missing said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.report.validation.bench_chapter import bench_chapter
+from vsf_drake.report.validation.energy_chapter import energy_chapter
+from vsf_drake.report.validation.exact_chapter import exact_chapter
+from vsf_drake.report.validation.pieces import Chapter, Missing, Piece
+from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
+from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
+from vsf_drake.report.validation.settings_chapter import settings_chapter
+from vsf_drake.report.validation.standing_chapter import standing_chapter
+from vsf_drake.report.validation.summary_chapter import making_chapter, summary_chapter
+from vsf_drake.report.validation.walking_chapter import walking_chapter
+
+Maker = Callable[[Mapping[str, Any], Mapping[str, np.ndarray]], Chapter]
+_MAKERS: dict[str, tuple[str, Maker]] = {
+    "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
+    "walking": ("Walking", walking_chapter), "walking_exact": ("Without errors of measurement", exact_chapter),
+    "energy": ("Energy storage and return", energy_chapter), "roll_over": ("Roll-over", roll_over_chapter),
+    "settings": ("Can two settings be told apart?", settings_chapter),
+    "sensitivity": ("Sensitivity", sensitivity_chapter)}
+"""By section: what its chapter is called if it cannot be made, and what makes it."""
+_OPTIONAL = ("walking_exact",)
+
+
+def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, lenient: bool) -> list[Chapter]:
+    """Summary, one chapter a section, and how it was made.
+
+    Args:
+        content: of validation.json. arrays: of validation.npz, by "section/name".
+        lenient: whether a section that this version cannot show is named as missing instead of raising, as for results
+            that another version wrote or somebody edited.
+    """
+    chapters = [_made("summary", "Summary", lambda: summary_chapter(content), lenient)]
+    for name, (title, maker) in _MAKERS.items():
+        section = content["sections"].get(name)
+        if section is None:
+            if name not in _OPTIONAL:
+                chapters.append(_absent(name, title, "These results have no such section."))
+        elif section.get("failure") or section.get("table") is None:
+            chapters.append(_absent(name, title, f"This could not be computed: {section.get('failure') or 'unknown'}"))
+        else:
+            own = {key.partition("/")[2]: array for key, array in arrays.items() if key.partition("/")[0] == name}
+            made = _made(name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
+            missing: list[Piece] = [Missing(sentence) for sentence in section.get("missing", ())]
+            chapters.append(Chapter(name=name, title=made.title, pieces=(*missing, *made.pieces)))
+    return [*chapters, _made("made", "How this was made", lambda: making_chapter(content), lenient)]
+
+
+def _made(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
+    try:
+        return make()
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        if not lenient:
+            raise
+        return _absent(name, title, "This version cannot show what the results hold of it "
+                                    f"({type(error).__name__}: {error}).")
+
+
+def _absent(name: str, title: str, why: str) -> Chapter:
+    return Chapter(name=name, title=title, pieces=(Missing(why),))

@@ -1,0 +1,170 @@
+"""What a validation leaves on disk, all of it or nothing, and the page made again of it."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.validation.study import Study
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced, sha256
+from vsf_drake.report.style import save_figure
+from vsf_drake.report.validation.chapters import make_chapters
+from vsf_drake.report.validation.page import validation_page
+from vsf_drake.report.validation.pieces import Grid, Missing, Picture
+from vsf_drake.report.validation.walks import REPLAY, tidy_walks, write_replay_of, write_walks
+from vsf_drake.simulation.archive import check_target, result_folder
+
+VALIDATION, FORMAT = "validation", 1
+TABLE, ARRAYS, PAGE, UNFINISHED = "validation.json", "validation.npz", "report.html", "unfinished"
+FIGURES, TABLES = "figures", "tables"
+_KINDS = (".csv", ".png", ".svg")
+
+
+def check_validation_folder(out: Path) -> None:
+    """Whether a validation can go to `out`: a new or empty folder, or that of an earlier validation.
+
+    Raises:
+        InputError: it cannot be written, or holds anything else.
+    """
+    check_target(out, VALIDATION)
+    for name in (TABLE, ARRAYS, PAGE, REPLAY):
+        if (out / name).is_dir():
+            raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / TABLE).exists() and not (out / UNFINISHED).is_dir():
+        raise InputError("holds other things than an earlier validation", file=out, right="Choose another folder")
+
+
+def write_validation(
+    content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], out: Path, *, study: Study | None = None
+) -> dict[str, Any]:
+    """Writes validation.json, validation.npz, report.html, and a file for every figure and table.
+
+    Args:
+        content: everything but arrays, plain values. arrays: by "section/name".
+        study: what they were computed from; then also its walks, a folder each, and the replay of one.
+
+    Returns:
+        What validation.json holds.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
+    written: dict[str, Any] = plain({**content, "kind": VALIDATION, "format": FORMAT})
+    with _writing(out), result_folder(out) as folder:
+        with replaced(folder / ARRAYS, "wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **{k.replace("/", "__", 1): v for k, v in arrays.items()})
+        written["arrays_sha256"] = sha256(folder / ARRAYS)
+        if study is not None:
+            write_walks(study, folder)
+            written["replay"] = write_replay_of(study, folder)
+        files, _ = _write_pages(written, arrays, folder, lenient=False)
+        write_json(folder / TABLE, written)
+    _tidy(out, files)
+    if study is not None:
+        tidy_walks(study, out)
+    return written
+
+
+def read_validation(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What `write_validation` left: content, and arrays by "section/name".
+
+    Raises:
+        InputError: a file is missing or damaged, or the two do not belong together.
+    """
+    path = Path(folder) / TABLE
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path,
+                         right="Name the folder that `vsf-drake validate --out` wrote") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
+    known = isinstance(content, dict) and content.get("kind") == VALIDATION
+    if not known or not isinstance(content.get("sections"), dict):
+        raise InputError("is not the table of a validation", file=path)
+    arrays = Path(folder) / ARRAYS
+    if sha256(arrays) != content.get("arrays_sha256"):
+        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=arrays)
+    try:
+        with np.load(arrays, allow_pickle=False) as stored:
+            return content, {name.replace("__", "/", 1): stored[name] for name in stored.files}
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise InputError(f"cannot be read ({error})", file=arrays) from None
+
+
+def remake_report(folder: str | Path) -> list[str]:
+    """Makes page, figures and tables again of what is saved in `folder`, without simulating.
+
+    Returns:
+        What could not be shown, in sentences; empty if everything was.
+
+    Raises:
+        InputError: see `read_validation`; or the folder cannot be written.
+    """
+    folder = Path(folder)
+    content, arrays = read_validation(folder)
+    if content.get("format") != FORMAT:
+        content["notes"] = [*content.get("notes", []), f"These results have format {content.get('format')}; this "
+                            f"version writes format {FORMAT} and shows of them what it can."]
+    with _writing(folder), result_folder(folder) as temporary:
+        files, missing = _write_pages(content, arrays, temporary, lenient=True)
+    _tidy(folder, files)
+    return missing
+
+
+def _write_pages(
+    content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], folder: Path, *, lenient: bool
+) -> tuple[set[Path], list[str]]:
+    """Page, figures and tables into `folder`; their paths in it, and what is missing in sentences."""
+    chapters = make_chapters(content, arrays, lenient=lenient)
+    for name in (FIGURES, TABLES):
+        (folder / name).mkdir()
+    files = set()
+    for piece in (piece for chapter in chapters for piece in chapter.pieces):
+        if isinstance(piece, Picture):
+            files |= {path.relative_to(folder) for path in save_figure(piece.figure, folder / FIGURES / piece.name)}
+        elif isinstance(piece, Grid):
+            files.add(_write_csv(piece, folder / TABLES / f"{piece.name}.csv").relative_to(folder))
+    links = {"replay of one trial (opens in a browser, needs no network)": REPLAY} if content.get("replay") else {}
+    page = validation_page(content.get("title", "Validation"), content.get("first_line", ""), chapters,
+                           synthetic=bool(content.get("synthetic")), links=links)
+    with replaced(folder / PAGE) as stream:
+        stream.write(page)
+    return files, [f"{chapter.title}: {piece.text}" for chapter in chapters for piece in chapter.pieces
+            if isinstance(piece, Missing)]
+
+
+def _tidy(out: Path, files: set[Path]) -> None:
+    """Removes figures and tables of an earlier report that this one does not have."""
+    with _writing(out):
+        for path in (path for name in (FIGURES, TABLES) for path in (out / name).iterdir()):
+            if path.suffix in _KINDS and path.relative_to(out) not in files:
+                path.unlink()
+
+
+def _write_csv(grid: Grid, path: Path) -> Path:
+    """Values as they are, in full precision; nothing for what is unknown."""
+    with replaced(path) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([column.key for column in grid.columns])
+        writer.writerows([["" if (value := row.get(column.key)) is None else value for column in grid.columns]
+                          for row in grid.rows])
+    return path
+
+
+@contextlib.contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Faults of the file system as InputError."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None

@@ -1,0 +1,81 @@
+"""The validation's page: chapters as one HTML file that needs no network, reads on a telephone and prints."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from vsf_drake.report.page import bullets, document, picture
+from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Piece, Text
+
+_STYLE = """
+img,figure,tr{break-inside:avoid}h2,h3,caption{break-after:avoid}figure{margin:.8rem 0}
+figcaption,caption{color:#555;font-size:.88rem;text-align:left}caption{padding-bottom:.3rem}
+.wide{overflow-x:auto;margin:.6rem 0}.wide table{font-size:.88rem}th.number{text-align:right}
+thead th{border-bottom:2px solid #bbb}.missing{border-left:4px solid #b26a00;padding:.2rem .8rem;background:#fbf4e8}
+nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption,caption{overflow-wrap:anywhere}
+@media(max-width:600px){body{padding:.8rem;font-size:14px}}
+@media print{nav{display:none}body{max-width:none;padding:0;font-size:10pt}.wide{overflow-x:visible}
+.wide table{font-size:7.5pt}}
+"""
+
+
+def validation_page(
+    title: str, first_line: str, chapters: Sequence[Chapter], *, synthetic: bool, links: Mapping[str, str]
+) -> str:
+    """The page as HTML.
+
+    Args:
+        first_line: what is measured and what is not, in plain text; the first thing that one reads.
+        links: file beside the page by what it is called.
+    """
+    mark = ' class="synthetic"' if synthetic else ""
+    parts = [f"<p{mark}>{html.escape(first_line)}</p>", f"<h1>{html.escape(title)}</h1>"]
+    if links:
+        beside = ", ".join(f'<a href="{html.escape(file)}">{html.escape(name)}</a>' for name, file in links.items())
+        parts.append(f"<p>Beside this page: {beside}.</p>")
+    anchors = "".join(f'<a href="#{chapter.name}">{html.escape(chapter.title)}</a> ' for chapter in chapters)
+    parts.append(f"<nav>{anchors}</nav>")
+    for chapter in chapters:
+        parts.append(f'<section id="{chapter.name}"><h2>{html.escape(chapter.title)}</h2>')
+        parts += [_piece(piece) for piece in chapter.pieces]
+        parts.append("</section>")
+    return document(title, parts, more_style=_STYLE)
+
+
+def cell(column: Column, value: Any) -> str:
+    """A value as the page shows it; an unknown one as an en dash."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return column.form.format(value * column.scale) if column.form else str(value)
+
+
+def _piece(piece: Piece) -> str:
+    match piece:
+        case Text(text):
+            return f"<p>{html.escape(text)}</p>"
+        case Missing(text):
+            return f'<p class="missing">{html.escape(text)}</p>'
+        case Heading(text):
+            return f"<h3>{html.escape(text)}</h3>"
+        case Bullets(lines):
+            return bullets(lines)
+        case Grid():
+            return _grid(piece)
+        case Picture():
+            return (f"<figure>{picture(piece.figure, name=piece.alt)}"
+                    f"<figcaption>{html.escape(piece.caption)}</figcaption></figure>")
+
+
+def _grid(grid: Grid) -> str:
+    marks = [' class="number"' if column.form else "" for column in grid.columns]
+    head = "".join(f'<th scope="col"{mark}>{html.escape(column.heading)}</th>'
+                   for column, mark in zip(grid.columns, marks, strict=True))
+    rows = "".join("<tr>" + "".join(f"<td{mark}>{html.escape(cell(column, row.get(column.key)))}</td>"
+                                    for column, mark in zip(grid.columns, marks, strict=True)) + "</tr>"
+                   for row in grid.rows)
+    return (f'<div class="wide" tabindex="0"><table><caption>{html.escape(grid.caption)}</caption>'
+            f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>")

@@ -1,0 +1,68 @@
+"""The walks of a study on disk: a folder each, and the replay of one."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.validation.study import HELD_OUT, Study, StudyWalk
+from vsf_drake.errors import InputError
+from vsf_drake.report.replay import write_replay
+from vsf_drake.report.style import save_figure
+from vsf_drake.report.walk_figure import walk_figure
+from vsf_drake.simulation.archive import SIDECAR_FILE
+from vsf_drake.simulation.results import save_walk
+
+WALKS, REPLAY = "walks", "replay.html"
+
+
+def write_walks(study: Study, out: Path) -> None:
+    """`walks/LABEL/` in the existing folder `out` for each walk: its saved result, metrics.json and figure.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
+    for walk in study.walks:
+        metrics = {**walk.metrics, "role": walk.role, "doubts": list(walk.doubts), "notes": list(walk.result.notes)}
+        folder = out / WALKS / _folder(walk)
+        folder.mkdir(parents=True)
+        save_walk(walk.result, folder)
+        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, metrics), folder / "walk")
+        write_json(folder / "metrics.json", metrics)
+
+
+def tidy_walks(study: Study, out: Path) -> None:
+    """Removes walks of an earlier validation from `out` that this study does not have.
+
+    Raises:
+        InputError: one cannot be removed.
+    """
+    own = {_folder(walk) for walk in study.walks}
+    for folder in (out / WALKS).iterdir():
+        if folder.name not in own and (folder / SIDECAR_FILE).is_file():
+            try:
+                shutil.rmtree(folder)
+            except OSError as error:
+                raise InputError(f"cannot be removed ({error.strerror})", file=folder) from None
+
+
+def write_replay_of(study: Study, out: Path) -> str:
+    """Writes the replay of one walk, a held-out one of the middle condition where there is one; returns its label.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
+    walk = _shown(study)
+    write_replay(walk.result, out / REPLAY, plate=walk.recorded.prosthetic_plate)
+    return walk.label
+
+
+def _folder(walk: StudyWalk) -> str:
+    return walk.label.replace("/", "_").replace("..", "_")
+
+
+def _shown(study: Study) -> StudyWalk:
+    conditions = [*study.conditions().values()]
+    middle = conditions[len(conditions) // 2]
+    return next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
