@@ -70,11 +70,15 @@ def make_study(
         progress: called with what is being done and the finished fraction of everything.
 
     Raises:
-        InputError: there is no trial; the contact file cannot be used; no trial can.
+        InputError: there is no trial, or one twice; the contact file cannot be used; no trial can.
     """
     options = options or StudyOptions()
     if not manifests:
         raise InputError("there is no trial", right="Name at least one manifest")
+    files = [Path(manifest).resolve() for manifest in manifests]
+    for i, file in enumerate(files):
+        if file in files[:i]:
+            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
     fitted = None if contact is None else load_contact(contact)
     read: list[tuple[Trial, Trial]] = []
     failed: list[tuple[str, str]] = []

@@ -1,0 +1,154 @@
+"""What a validation leaves on disk, and the page made again of it: without simulating, and of another version too."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.report.style import label, new_figure, style
+from vsf_drake.report.validation import chapters
+from vsf_drake.report.validation.output import (
+    check_validation_folder,
+    read_validation,
+    remake_report,
+    write_validation,
+)
+from vsf_drake.report.validation.pieces import Chapter, Column, Grid, Picture, Text
+
+THIRD = 1.0 / 3.0
+
+
+def walking(table, arrays):
+    with style():
+        figure = new_figure(6.0, 3.0)
+        axes = figure.subplots()
+        axes.plot(arrays["force_bw"])
+        label(axes, x="stance (%)", y="force (BW)")
+    return Chapter(name="walking", title="Walking", pieces=(
+        Text(f"Error {table['error_bw']:.3f} BW."),
+        Grid(name="errors", caption="Errors.", rows=[{"label": "low_1", "error_bw": table["error_bw"], "cop_fl": None}],
+             columns=(Column(key="label", heading="trial"), Column(key="error_bw", heading="GRF (BW)", form="{:.3f}"),
+                      Column(key="cop_fl", heading="CoP (FL)", form="{:.3f}"))),
+        Picture(name="force", figure=figure, alt="The force rises over the whole of stance.", caption="Force.")))
+
+
+def content(**changes):
+    section = {"table": {"error_bw": THIRD}, "missing": ["No CoP was measured."], "wall_s": 1.0, "failure": ""}
+    return {
+        "title": "Validation", "first_line": "Walking data are SYNTHETIC.", "synthetic": True, "notes": [],
+        "failed": [["low_9", "there is no such file"]], "summary": [], "trials": [], "contact": "none",
+        "options": {"quick": True, "seed": 0, "step_s": 0.002},
+        "provenance": {"versions": {"vsf-drake": "0.1.0"}, "inputs_sha256": {}},
+        "sections": {"walking": section}} | changes
+
+
+ARRAYS = {"walking/force_bw": np.array([0.0, THIRD, np.nan])}
+
+
+@pytest.fixture(autouse=True)
+def one_chapter(monkeypatch):
+    monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", walking), "bench": ("Bench", walking)})
+
+
+def test_page_figures_tables_and_numbers_are_written(tmp_path):
+    out = tmp_path / "out"
+    write_validation(content(), ARRAYS, out)
+    assert {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()} == {
+        "validation.json", "validation.npz", "report.html", "figures/force.png", "figures/force.svg",
+        "tables/errors.csv", "tables/summary.csv", "tables/trials.csv", "tables/times.csv", "tables/files.csv"}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
+                  "These results have no such section."):
+        assert words in page
+
+
+def test_tables_hold_every_digit_and_nothing_for_what_is_unknown(tmp_path):
+    write_validation(content(), ARRAYS, tmp_path / "out")
+    with (tmp_path / "out" / "tables" / "errors.csv").open(encoding="utf-8") as stream:
+        row = next(csv.DictReader(stream))
+    assert float(row["error_bw"]) == THIRD
+    assert row["cop_fl"] == ""
+
+
+def test_results_read_back_are_those_that_were_written(tmp_path):
+    written = write_validation(content(), ARRAYS, tmp_path / "out")
+    found, arrays = read_validation(tmp_path / "out")
+    assert found == written
+    np.testing.assert_array_equal(arrays["walking/force_bw"], ARRAYS["walking/force_bw"])
+
+
+def test_the_report_made_again_is_the_same_to_the_byte(tmp_path):
+    out = tmp_path / "out"
+    write_validation(content(), ARRAYS, out)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for path in before:
+        if path.suffix in (".html", ".png", ".svg", ".csv"):
+            path.unlink()
+    remake_report(out)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_path):
+    out = tmp_path / "out"
+    write_validation(content(), ARRAYS, out)
+    table = json.loads((out / "validation.json").read_text())
+    table["format"] = 7
+    table["sections"]["walking"]["table"] = {"error_percent": 3.0}
+    table["sections"]["bench"] = {"table": {"error_bw": 0.5}, "missing": [], "wall_s": 1.0, "failure": ""}
+    (out / "validation.json").write_text(json.dumps(table))
+    missing = remake_report(out)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "These results have format 7" in page
+    assert "This version cannot show what the results hold of it (KeyError: &#x27;error_bw&#x27;)" in page
+    assert any(sentence.startswith("Walking: This version cannot show") for sentence in missing)
+    assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
+
+
+def test_a_chapter_that_this_version_wrote_itself_must_not_fail(tmp_path):
+    with pytest.raises(KeyError):
+        write_validation(content(sections={"walking": {"table": {}, "missing": [], "wall_s": 0.0, "failure": ""}}),
+                         {}, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_section_that_failed_says_why(tmp_path):
+    failed = {"walking": {"table": None, "missing": [], "wall_s": 0.0, "failure": "the keel gave way"}}
+    write_validation(content(sections=failed), {}, tmp_path / "out")
+    assert "This could not be computed: the keel gave way" in (tmp_path / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("validation.json", None, "vsf-drake validate --out"),
+        ("validation.json", "{", "cannot be read as JSON"),
+        ("validation.json", "[]", "not the table of a validation"),
+        ("validation.json", '{"kind": "fit"}', "not the table of a validation"),
+        ("validation.npz", "other", "SHA-256"),
+    ],
+)
+def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, words):
+    out = tmp_path / "out"
+    write_validation(content(), ARRAYS, out)
+    page = (out / "report.html").read_bytes()
+    if text is None:
+        (out / name).unlink()
+    else:
+        (out / name).write_text(text)
+    with pytest.raises(InputError, match=words) as raised:
+        remake_report(out)
+    assert name in str(raised.value)
+    assert (out / "report.html").read_bytes() == page
+
+
+def test_a_folder_of_something_else_is_not_written_to(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="other things"):
+        check_validation_folder(tmp_path)
+    check_validation_folder(tmp_path / "new")
+    write_validation(content(), ARRAYS, tmp_path / "out")
+    check_validation_folder(tmp_path / "out")
