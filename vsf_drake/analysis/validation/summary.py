@@ -36,7 +36,7 @@ _LINES = (
     _Line(what="Bench: RMSE of stiffness", key="bench/stiffness_rmse_n_per_mm", unit="N/mm", paper="1.37", most=1.37),
     _Line(what="Bench: RMSE of mid-range displacement", key="bench/mid_range_rmse_mm", unit="mm", paper="0.45",
           most=0.45),
-    _Line(what="Standing: mass predicted less mass known, largest", key="standing/weight_error_max", unit="%",
+    _Line(what="Standing: mass predicted less mass known, largest", key="standing/worst_mass_error", unit="%",
           scale=100.0, paper="-2.6"),
     _Line(what="Fitted walks: resultant GRF, RMSE, mean", key="walking/fitted/grf_rmse_bw", unit="% BW", scale=100.0,
           paper="5.3", most=0.053),
