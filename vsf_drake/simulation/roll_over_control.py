@@ -1,0 +1,194 @@
+"""Force control of the roll-over machine: a smooth path of the mount's height on which the foot bears a given force.
+
+First the heights are found one after the other in coarse steps: the force at a step's end rises as the mount goes
+down, so each is the root of one equation. In fine steps this would not do: pressed at its toe, the keel's inertia makes
+the inverse from force to height unstable. So the path is then a cubic spline, and all of its coefficients are improved
+together by Gauss-Newton steps on the force over the whole stance. What a coefficient changes dies out soon after it, so
+that one run tells the effect of several that lie far apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, make_lsq_spline
+
+from vsf_drake.simulation.roll_over_paths import line_of_force, mount_path
+from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
+
+FOLLOWS_WITHIN = 0.01
+"""Share of the largest force by which a run that follows its profile may be off (a choice)."""
+COARSE_STEPS, COARSE_TOLERANCE_N = 60, 0.1
+KNOTS, DEGREE = 120, 3
+APART = 7
+"""Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and dies out in 3."""
+MOST_IMPROVEMENTS = 6
+_GOOD_ENOUGH, _WORTHWHILE = 1e-3, 0.95
+ROUGHNESS_N_PER_M = 300.0
+"""What a second difference of the coefficients costs: 25 m/s^2 as much as an error of 0.2 N (a
+choice), so that the mount does not fling the foot about where its force hardly depends on it."""
+_TRIAL_M = 5e-5
+_MOST_TRIALS = 40
+_FIRST_STIFFNESS = 5e4
+_LONGEST_MOVE_M = 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """How a rolled foot follows its force: n instants, the ends of the steps.
+
+    Attributes:
+        wanted_n, force_n: (n,) N along the fixed line.
+        height_m: (n,) of the mount's origin above the tilt axis, along that line.
+        deflection_m: (n,) how much lower that is than where the unloaded foot would touch at the same tilt.
+    """
+
+    wanted_n: np.ndarray
+    force_n: np.ndarray
+    height_m: np.ndarray
+    deflection_m: np.ndarray
+
+    @classmethod
+    def of(
+        cls, grf_W: np.ndarray, mount: np.ndarray, wanted_n: np.ndarray, height_m: np.ndarray, unloaded_m: np.ndarray
+    ) -> Following:
+        """From the ground's force (n, 3), the mount's coordinates (n, 3) and the heights (n,), loaded and unloaded."""
+        force = np.sum(grf_W * line_of_force(mount[:, 2]), axis=1)
+        return cls(wanted_n=np.asarray(wanted_n, dtype=float), force_n=force, height_m=height_m,
+                   deflection_m=unloaded_m - height_m)
+
+    @property
+    def residual_n(self) -> float:
+        """Largest difference (N) between the force and the wanted one."""
+        return float(np.abs(self.force_n - self.wanted_n).max())
+
+    @property
+    def follows(self) -> bool:
+        """Whether that is within FOLLOWS_WITHIN of the largest wanted force."""
+        return self.residual_n <= FOLLOWS_WITHIN * float(np.max(self.wanted_n))
+
+
+def follow_coarsely(
+    stepper: Stepper, first: Inputs, q0: np.ndarray, *, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
+    start_height_m: float, axis_ahead_m: float
+) -> np.ndarray:
+    """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step by step.
+
+    Args:
+        first: inputs of a single step, whose prescribed coordinates are the mount's three, then the carriage.
+        q0: the state to start from, at rest.
+        time_s, tilt_rad, force_n: (n + 1,), in steps of about 10 ms.
+
+    Raises:
+        SimulationError: a step diverges.
+    """
+    heights = np.full(len(time_s), start_height_m)
+    q, v = np.array(q0), np.zeros_like(q0)
+    rate, stiffness = 0.0, _FIRST_STIFFNESS
+    for k in range(len(time_s) - 1):
+        now = mount_path(tilt_rad[k : k + 1], heights[k : k + 1], axis_ahead_m=axis_ahead_m)
+        last: list[Record] = []
+
+        def force(
+            height: float, k: int = k, now: np.ndarray = now, q: np.ndarray = q, v: np.ndarray = v,
+            last: list[Record] = last
+        ) -> float:
+            then = mount_path(tilt_rad[k + 1 : k + 2], np.array([height]), axis_ahead_m=axis_ahead_m)
+            path = np.column_stack([np.vstack([now, then]), first.prescribed_q[:, 3:]])
+            record = stepper.run(dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v)
+            last[:] = [record]
+            normal, along = record.site("normal_force").sum(), record.site("friction_x").sum()
+            return float(np.cos(then[0, 2]) * normal - np.sin(then[0, 2]) * along)
+
+        step = float(time_s[k + 1] - time_s[k])
+        heights[k + 1], stiffness = _root(force, heights[k] + rate * step, float(force_n[k + 1]), stiffness)
+        rate = (heights[k + 1] - heights[k]) / step
+        q, v = last[0].q[-1], last[0].v[-1]
+    return heights
+
+
+def smooth_path(
+    coarse_s: np.ndarray, coarse_m: np.ndarray, time_s: np.ndarray, force_along: Callable[[np.ndarray], np.ndarray],
+    wanted_n: np.ndarray
+) -> np.ndarray:
+    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one as it comes.
+
+    Args:
+        coarse_s, coarse_m: a first guess of the heights.
+        force_along: from the heights (n + 1,) at `time_s` to the force (n,) N at the ends of the steps.
+        wanted_n: (n,) N.
+
+    Raises:
+        SimulationError: from `force_along`, on the first guess.
+    """
+    inner = np.linspace(time_s[0], time_s[-1], KNOTS + 1)
+    knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
+    basis = BSpline.design_matrix(np.clip(time_s, inner[0], inner[-1]), knots, DEGREE).toarray()
+    guess = make_lsq_spline(time_s, np.interp(time_s, coarse_s, coarse_m), knots, DEGREE)
+    coefficients = np.asarray(guess.c)
+    coefficients[0] = coarse_m[0]
+    residual = force_along(basis @ coefficients) - wanted_n
+    bending = np.diff(np.eye(len(coefficients)), n=2, axis=0)
+    weight = ROUGHNESS_N_PER_M**2 * len(residual) / (time_s[-1] - time_s[0]) * 1e-3
+
+    def cost(c: np.ndarray, r: np.ndarray) -> float:
+        return float(r @ r + weight * np.sum((bending @ c) ** 2))
+
+    for _ in range(MOST_IMPROVEMENTS):
+        if np.abs(residual).max() <= _GOOD_ENOUGH * np.max(wanted_n):
+            break
+        slopes = _slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n)[:, 1:]
+        matrix = slopes.T @ slopes + weight * bending[:, 1:].T @ bending[:, 1:]
+        downhill = -slopes.T @ residual - weight * bending[:, 1:].T @ (bending @ coefficients)
+        change = np.linalg.solve(matrix, downhill)
+        before = cost(coefficients, residual)
+        for share in (1.0, 0.5, 0.25, 0.1):
+            trial = coefficients.copy()
+            trial[1:] += share * change
+            found = force_along(basis @ trial) - wanted_n
+            if cost(trial, found) < cost(coefficients, residual):
+                coefficients, residual = trial, found
+                break
+        if cost(coefficients, residual) > _WORTHWHILE * before:
+            break
+    return np.asarray(basis @ coefficients)
+
+
+def _slopes(
+    basis: np.ndarray, knots: np.ndarray, coefficients: np.ndarray, time_s: np.ndarray,
+    force_along: Callable[[np.ndarray], np.ndarray], force_n: np.ndarray
+) -> np.ndarray:
+    """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by differences."""
+    slopes = np.zeros((len(time_s) - 1, len(coefficients)))
+    interval = knots[DEGREE + 1] - knots[DEGREE]
+    for group in range(APART):
+        columns = np.arange(group, len(coefficients), APART)
+        trial = coefficients.copy()
+        trial[columns] -= _TRIAL_M
+        change = (force_along(basis @ trial) - force_n) / -_TRIAL_M
+        for column in columns:
+            end = knots[column] + (APART - DEGREE + max(0, DEGREE - column) + DEGREE) * interval
+            rows = (time_s[1:] >= knots[column]) & (time_s[1:] < end)
+            slopes[rows, column] = change[rows]
+    return slopes
+
+
+def _root(force: Callable[[float], float], guess: float, wanted: float, stiffness: float) -> tuple[float, float]:
+    """The height with the wanted force, and the slope -dF/dh (N/m) there; `force` is last called at that height."""
+    height, low, high = guess, -np.inf, np.inf  # the force is too large at `low`, too small at `high`
+    before: tuple[float, float] | None = None
+    for trial in range(_MOST_TRIALS):
+        excess = force(height) - wanted
+        if abs(excess) <= COARSE_TOLERANCE_N or trial == _MOST_TRIALS - 1:
+            break
+        low, high = (max(low, height), high) if excess > 0.0 else (low, min(high, height))
+        if before is not None and height != before[0]:
+            slope = -(excess - before[1]) / (height - before[0])
+            stiffness = slope if slope > 1.0 else stiffness
+        before = (height, excess)
+        following = height + float(np.clip(excess / stiffness, -_LONGEST_MOVE_M, _LONGEST_MOVE_M))
+        height = following if low < following < high else 0.5 * (low + high)
+    return height, stiffness
