@@ -14,6 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from virtual_laboratory.bench_curve_truth import write_bench_curves
 from virtual_laboratory.bench_truth import write_bench
 from virtual_laboratory.figures import null_error, stance_curve, trial_figures
 from virtual_laboratory.markers import write_standing, write_walk
@@ -59,6 +60,7 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
     placement = draw_placement(SEED)
     figures, curves = {}, {}
     write_bench(out)
+    write_bench_curves(out)
     write_standing(out / "markers", person)
     for draw in wanted:
         began = time.perf_counter()

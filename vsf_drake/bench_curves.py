@@ -1,13 +1,51 @@
-"""Load-displacement curves of a materials testing machine, from a CSV file."""
+"""Load-displacement curves of a materials testing machine, from a CSV file.
+
+    # name: subject 3's foot
+    # synthetic: false
+    fulcrum_mm,displacement_mm,load_n,repeat
+    66,0.00,0,1
+    66,0.52,4.1,1
+    ...
+    ,0.00,0,1
+
+One row a sample, in the order of loading, compression positive. Columns in any order, each with its unit in its name:
+fulcrum in mm or m from the keel's posterior end (an empty cell is the heel), displacement in mm or m, load in n or kn,
+and `repeat` (1, 2, ...) where a setting was pressed more than once. Cells are separated by commas, semicolons or
+tabs; between the latter two numbers may have decimal commas. Lines that begin with # are comments.
+
+Touch-down, from which displacement counts, is where the load is zero: interpolated after the last sample at or below
+0 N; for a pass that begins loaded, at most at 5 % of its largest load, on the straight line through its first samples.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.text import as_label, cell_number, text_lines
+
+FEWEST_SAMPLES = 5
+"""Of a pass, from touch-down on."""
+LATEST_START = 0.05
+"""Share of the largest load with which a pass may begin, and over which its first slope is taken."""
+FARTHEST_TOUCH = 0.1
+"""Share of a pass's travel by which touch-down may lie before its first sample."""
+LARGEST_FALL = 0.05
+"""Share of the largest load by which the load may fall while a pass loads: noise and no more."""
+_NEEDED = "It needs the columns fulcrum_mm, displacement_mm and load_n (or fulcrum_m, displacement_m, load_kn), and " \
+          "repeat where a setting was pressed more than once"
+_COLUMNS = {
+    "fulcrum_mm": ("fulcrum", 1e-3), "fulcrum_m": ("fulcrum", 1.0), "displacement_mm": ("displacement", 1e-3),
+    "displacement_m": ("displacement", 1.0), "load_n": ("load", 1.0), "load_kn": ("load", 1e3),
+    "repeat": ("repeat", 1.0)}
+_UNITS = {"fulcrum": "mm or m", "displacement": "mm or m", "load": "n or kn"}
+_FULCRUM_M, _TRAVEL_M, _LOAD_N = (0.010, 1.0), (1e-4, 0.3), (5.0, 2e4)
+"""What a position, the travel of a pass and its largest load can be: beyond, the unit is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,13 +56,15 @@ class MeasuredCurve:
         fulcrum_m: m from the keel's posterior end A; None for the heel.
         repeat: number of the pass at this setting, from 1.
         displacement_m: (n,) m of the platen, increasing, 0 where it touches the foot.
-        load_n: (n,) N.
+        load_n: (n,) N, 0 there; it may fall within noise.
+        first_load_n: N of the first sample that was recorded; where it is above 0, touch-down was extrapolated.
     """
 
     fulcrum_m: float | None
     repeat: int
     displacement_m: np.ndarray
     load_n: np.ndarray
+    first_load_n: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +85,170 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
     """Reads a file of load-displacement curves.
 
     Raises:
-        InputError: always, yet.
+        InputError: the file is missing, empty or no text; a column is missing, unknown, doubled or in another unit; a
+            cell holds no finite number; a number cannot be of its unit; within a pass the displacement falls or the
+            load falls by more than noise; a pass has too few samples, begins too late or is never loaded.
     """
-    raise InputError("cannot be read yet", file=path)
+    path = Path(path)
+    notes: dict[str, str] = {}
+    head: tuple[list[str], list[float], str] | None = None
+    passes: dict[tuple[float, int], list[tuple[float, float, int]]] = {}
+    for number, raw in text_lines(path):
+        line = as_label(raw)
+        if line.startswith(("#", '"#')):
+            key, colon, value = line.strip('",;\t ').lstrip("# ").partition(":")
+            if colon and key.strip().lower() in ("name", "synthetic"):
+                notes.setdefault(key.strip().lower(), value.strip())
+        elif head is None and line.strip(",;\t "):
+            head = _header(line, path, number)
+        elif head is not None and line.strip(",;\t "):
+            fulcrum, repeat, x, load = _row(line, head, path, number)
+            passes.setdefault((fulcrum, repeat), []).append((x, load, number))
+    if head is None:
+        raise InputError("is empty", file=path, right=_NEEDED)
+    if not passes:
+        raise InputError("there are no rows of numbers", file=path, right="One row a sample of each pass")
+    curves = tuple(_curve(key, passes[key], path) for key in sorted(passes))
+    return BenchCurves(name=notes.get("name") or path.stem, synthetic=_synthetic(notes, path), curves=curves)
+
+
+def _synthetic(notes: dict[str, str], path: Path) -> bool:
+    word = notes.get("synthetic", "false").lower()
+    if word not in ("true", "false"):
+        raise InputError(f"{word!r} is neither true nor false", file=path, where="# synthetic")
+    return word == "true"
+
+
+def _header(line: str, path: Path, number: int) -> tuple[list[str], list[float], str]:
+    """What each column is, its factor to SI, and the separator."""
+    separator = next((mark for mark in ("\t", ";") if mark in line), ",")
+    cells = [cell.strip().strip('"').strip().lower() for cell in line.split(separator)]
+    where, kinds = f"line {number}", [_COLUMNS.get(cell, ("", 1.0))[0] for cell in cells]
+    for cell, kind in zip(cells, kinds, strict=True):
+        if not kind:
+            stem, _, unit = cell.partition("_")
+            if _is_number(cell):
+                raise InputError("there is no line of column names above the numbers", file=path, where=where,
+                                 right=_NEEDED)
+            if stem in _UNITS:
+                what = f"the unit {unit!r} is unknown" if unit else "the unit is missing"
+                raise InputError(what, file=path, where=f"{where}, column {cell}",
+                                 right=f"It must be {_UNITS[stem]}, as in {stem}_{_UNITS[stem].split()[0]}")
+            raise InputError(f"the column {cell!r} is unknown" if cell else "a column has no name", file=path,
+                             where=where, right=_NEEDED)
+        if kinds.count(kind) > 1:
+            raise InputError(f"there are {kinds.count(kind)} columns of {kind}", file=path, where=where, right=_NEEDED)
+    for kind in ("fulcrum", "displacement", "load"):
+        if kind not in kinds:
+            raise InputError(f"there is no column of {kind}", file=path, where=where, right=_NEEDED)
+    return kinds, [_COLUMNS[cell][1] for cell in cells], separator
+
+
+def _row(
+    line: str, head: tuple[list[str], list[float], str], path: Path, number: int
+) -> tuple[float, int, float, float]:
+    """Fulcrum (m, infinite for the heel), repeat, displacement (m) and load (N)."""
+    kinds, factors, separator = head
+    cells = [cell.strip().strip('"').strip() for cell in line.split(separator)]
+    if len(cells) != len(kinds):
+        commas = separator == "," and len(cells) > len(kinds)
+        raise InputError(f"the row has {len(cells)} cells, there are {len(kinds)} columns", file=path,
+                         where=f"line {number}",
+                         right="Numbers need a decimal point, not a comma" if commas else "Is the file cut short?")
+    found = {"repeat": 1.0}
+    for kind, factor, cell in zip(kinds, factors, cells, strict=True):
+        where = f"line {number}, column {kind}"
+        if kind == "fulcrum" and not cell:
+            found[kind] = math.inf
+            continue
+        text = cell if separator == "," or "." in cell else cell.replace(",", ".")
+        try:
+            value = factor * cell_number(text)
+        except ValueError:
+            raise InputError(f"{cell[:40]!r} is not a number", file=path, where=where) from None
+        if not math.isfinite(value):
+            raise InputError(f"{cell[:40]!r} is not a finite number", file=path, where=where)
+        found[kind] = value
+    fulcrum, repeat = round(found["fulcrum"], 9), found["repeat"]
+    if not (fulcrum == math.inf or _FULCRUM_M[0] <= fulcrum <= _FULCRUM_M[1]):
+        raise InputError(f"{1e3 * fulcrum:g} mm is no fulcrum position", file=path, where=f"line {number}",
+                         right="It counts from the keel's posterior end; is it in the unit of its column?")
+    if repeat != round(repeat) or repeat < 1:
+        raise InputError(f"{repeat:g} is no number of a pass", file=path, where=f"line {number}, column repeat",
+                         right="Passes count from 1")
+    return fulcrum, int(repeat), found["displacement"], found["load"]
+
+
+def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: Path) -> MeasuredCurve:
+    fulcrum, repeat = key
+    setting = "the heel" if fulcrum == math.inf else f"fulcrum at {1e3 * fulcrum:g} mm"
+    where = f"{setting}, pass {repeat}"
+    x, load, line = (np.array(column, dtype=float) for column in zip(*rows, strict=True))
+
+    def refuse(what: str, right: str, row: int | None = None) -> InputError:
+        place = where if row is None else f"line {line[row]:.0f}: {where}"
+        return InputError(what, file=path, where=place, right=right)
+
+    largest = float(load.max())
+    if largest <= 0.0:
+        raise refuse("the foot is never loaded", "Load and displacement of compression are positive")
+    if not _LOAD_N[0] <= largest <= _LOAD_N[1]:
+        raise refuse(f"the largest load is {largest:g} N", "Is it in the unit of its column?")
+    if np.any(np.diff(x) < 0.0):
+        row = int(np.argmax(np.diff(x) < 0.0)) + 1
+        raise refuse(
+            f"the displacement falls from {1e3 * x[row - 1]:g} to {1e3 * x[row]:g} mm",
+            "A pass is loading only, in the order it was recorded; a second pass at a setting has another number in a "
+            "column repeat", row)
+    below = np.maximum.accumulate(load) - load
+    if below.max() > LARGEST_FALL * largest:
+        row = int(np.argmax(below > LARGEST_FALL * largest))
+        raise refuse(f"the load falls by {below[row]:.3g} N to {load[row]:g} N", "A pass rises up to noise: end it "
+                     "before it unloads, slips or breaks", row)
+    first = float(load[0])
+    x, load = _merged(x, load)
+    x, load = _from_touch_down(x, load, refuse)
+    if len(x) < FEWEST_SAMPLES:
+        raise refuse(f"has {len(x)} samples from touch-down on", f"At least {FEWEST_SAMPLES} are needed")
+    if not _TRAVEL_M[0] <= x[-1] <= _TRAVEL_M[1]:
+        raise refuse(f"the platen travels {1e3 * x[-1]:g} mm", "Is it in the unit of its column?")
+    return MeasuredCurve(fulcrum_m=None if fulcrum == math.inf else fulcrum, repeat=repeat, displacement_m=x,
+                         load_n=load, first_load_n=max(first, 0.0))
+
+
+def _merged(x: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Samples at one displacement (a slow machine, a fast clock) as one, with their mean load."""
+    places, which, count = np.unique(x, return_inverse=True, return_counts=True)
+    return places, np.bincount(which, weights=load) / count
+
+
+def _from_touch_down(
+    x: np.ndarray, load: np.ndarray, refuse: Callable[[str, str], InputError]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The samples from touch-down on, the first at (0, 0); `refuse` makes the error."""
+    largest, idle = float(load.max()), np.flatnonzero(load <= 0.0)
+    if idle.size:
+        last = int(idle[-1])
+        if last + 1 == len(x):
+            raise refuse("the foot is never loaded as the platen moves", "One row a sample, in the order of loading")
+        touch = x[last] - load[last] * (x[last + 1] - x[last]) / (load[last + 1] - load[last])
+        x, load = x[last + 1 :], load[last + 1 :]
+    else:
+        if load[0] > LATEST_START * largest:
+            raise refuse(f"begins at {load[0]:.3g} N of {largest:.4g} N",
+                         f"A pass must begin before the platen touches, or at most at {LATEST_START:.0%} of its load")
+        count = max(3, int(np.searchsorted(load - load[0], LATEST_START * largest)))
+        slope = float(np.polyfit(x[:count], load[:count], 1)[0]) if len(x) >= count else 0.0
+        touch = x[0] - load[0] / slope if slope > 0.0 else -math.inf
+        if x[0] - touch > FARTHEST_TOUCH * (x[-1] - x[0]):
+            raise refuse(f"begins at {load[0]:.3g} N without rising, so that touch-down cannot be told",
+                         "Tare the load cell, or cut the pass to where the load rises")
+    return np.concatenate(([0.0], x - touch)), np.concatenate(([0.0], load))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
