@@ -94,9 +94,9 @@ def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int
 
     With three samples they are the least and the largest of the three.
     """
-    picks = np.random.default_rng(list(seed)).integers(0, len(samples), size=(resamples, len(samples)))
-    counts = np.apply_along_axis(np.bincount, 1, picks, minlength=len(samples))
-    low, high = np.percentile(counts @ samples / len(samples), [50.0 * ALPHA, 100.0 - 50.0 * ALPHA], axis=0)
+    n = len(samples)
+    counts = np.random.default_rng(list(seed)).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    low, high = np.percentile(counts @ samples / n, [50.0 * ALPHA, 100.0 - 50.0 * ALPHA], axis=0)
     return low, high
 
 

@@ -30,7 +30,7 @@ def standing_mass_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarr
                       label=f"{condition_label(1e-3 * row['fulcrum_mm'])}, mean {row['mean_vertical_n']:.1f} N")
         left.set_xlim(0.0, min(table["duration_s"], _SETTLED_S))
         left.legend(loc="upper right")
-        label(left, x="time (s)", y="vertical force on both feet (N)", title="Simulated standing, let go off rest: the start")
+        label(left, x="time (s)", y="vertical force on both feet (N)", title="Let go off rest: the start")
         places = np.arange(len(rows))
         for key, shade, hatch, name in (("mean_prosthetic_n", "0.35", "", "prosthetic foot"),
                                         ("mean_intact_n", "0.85", "///", "intact foot")):

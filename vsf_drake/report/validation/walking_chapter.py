@@ -108,7 +108,8 @@ def _differences(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> 
 
 
 def _largest(found: Mapping[str, Any]) -> str:
-    share = "" if found["share"] is None else f", different over {found['share']:.0%} of the curve"
+    share = "" if found["share"] is None else ", no region differs" if not found["regions"] else (
+        f", different over {found['share']:.0%} of the curve")
     return f"{NAMES[found['quantity']][0]} {found['largest_difference']:+.3g} {found['unit']}{share}"
 
 

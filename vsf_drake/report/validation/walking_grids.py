@@ -104,7 +104,7 @@ def region_grid(table: Mapping[str, Any]) -> Grid | None:
                Column(key="end_percent", heading="to, % stance", form="{:.0f}"),
                Column(key="mean_difference", heading="mean difference", form="{:+.3g}"),
                Column(key="unit", heading="unit"), Column(key="p", heading="p"))
-    return Grid(name="walking_differences", columns=columns, rows=rows, caption="Where on the curve model and plate "
+    return Grid(name="walking_regions", columns=columns, rows=rows, caption="Where on the curve model and plate "
                 f"differ: model less plate, mean over region and walks, by {table['difference_method']}.")
 
 

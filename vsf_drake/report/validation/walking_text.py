@@ -95,7 +95,7 @@ def differences(table: Mapping[str, Any]) -> list[str]:
              "not agreement: the walks are few."]
     fitted = sum(row["role"] != "held out" for row in table["rows"])
     if fitted:
-        found.append(f"{fitted} of the {len(table['rows'])} walks were fitted; they pull the mean difference to zero.")
+        found.append(f"{fitted} of the {len(table['rows'])} walks, or their offsets, were fitted; they pull the mean difference to zero.")
     for d in own:
         if d["method"] is None:
             continue

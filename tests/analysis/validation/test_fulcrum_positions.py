@@ -1,0 +1,76 @@
+"""The fulcrum sweep of the validation on real walks, and with walks that fail."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+from made_study_walk import with_walks
+
+from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.series import rmse
+from vsf_drake.analysis.validation import fulcrum_positions as module
+from vsf_drake.analysis.validation.fulcrum_positions import QUICK_POSITIONS, sweep_entry, sweep_study
+from vsf_drake.simulation.many import WalkOutcome
+from vsf_drake.simulation.walk import Walker
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return sweep_study(embedded_study())
+
+
+def test_error_is_least_where_the_fulcrum_stood_in_every_walk(sweeps):
+    assert {label: sweep.right for label, sweep in sweeps.items()} == {"low_2": True, "medium_2": True, "high_2": True}
+    assert [sweeps[label].at_end for label in ("low_2", "medium_2", "high_2")] == [True, False, True]
+
+
+def test_wrong_position_is_an_error_of_a_different_size(sweeps):
+    """From 10 to 32 N/mm: the far end of the carriage is another foot."""
+    for sweep in sweeps.values():
+        assert max(sweep.grf_rmse_bw) > 5.0 * min(sweep.grf_rmse_bw)
+
+
+def test_error_of_a_position_is_that_of_a_walk_made_by_hand(sweeps):
+    walk = embedded_study().walks[1]
+    trial, i = walk.trial, 4
+    walker = Walker(trial.subject, trial.model)
+    made = walker.result(walker.walk(
+        trial.trajectory, fulcrum_m=sweeps[walk.label].fulcrum_m[i], start_s=trial.start_s, end_s=trial.end_s,
+        step_s=2e-3, offsets=trial.offsets), trial, trial.offsets, energy=False)
+    c = compare(made, trial.prosthetic_plate)
+    sizes = [np.linalg.norm(force, axis=1)[c.scored] for force in (c.model, c.measured)]
+    assert sweeps[walk.label].grf_rmse_bw[i] == pytest.approx(
+        rmse(*sizes) / (trial.subject.mass_kg * 9.81), rel=1e-6)
+
+
+def test_positions_where_the_walk_fails_are_unknown_and_the_others_stand(monkeypatch, sweeps):
+    real = module.simulate_many
+
+    def failing(cases, **options):
+        return [WalkOutcome(case=o.case, failure="it diverged") if o.case.fulcrum_m > 0.12 else o
+                for o in real(cases, **options)]
+
+    monkeypatch.setattr(module, "simulate_many", failing)
+    study = with_walks(embedded_study(), embedded_study().walks[0])
+    found = sweep_entry(sweep_study(study)["low_2"])
+    assert len(found["grf_rmse_bw"]) == QUICK_POSITIONS
+    assert [e is None for e in found["grf_rmse_bw"]] == [x > 120.0 for x in found["fulcrum_mm"]]
+    assert found["best_mm"] == pytest.approx(1e3 * sweeps["low_2"].best_m)
+
+
+def test_sweep_of_which_every_walk_fails_has_no_least_error(monkeypatch):
+    monkeypatch.setattr(module, "simulate_many", lambda cases, **_: [
+        WalkOutcome(case=case, failure="it diverged") for case in cases])
+    found = sweep_entry(sweep_study(with_walks(embedded_study(), embedded_study().walks[0]))["low_2"])
+    assert found["best_mm"] is None and found["off_mm"] is None and found["right"] is False
+    assert set(found["grf_rmse_bw"]) == {None}
+
+
+@pytest.mark.slow
+def test_sweep_is_the_same_to_the_last_digit_on_one_worker_and_on_two(sweeps):
+    study = embedded_study()
+    two = sweep_study(dataclasses.replace(study, options=dataclasses.replace(study.options, workers=2)))
+    assert two == sweeps
