@@ -1,0 +1,173 @@
+"""The prosthesis' energy ledger: closed by mechanics, not by construction, and confirmed by second methods."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+from pydrake.multibody.tree import BodyIndex
+
+from vsf_drake.analysis.validation.energy_rows import stance_energy
+from vsf_drake.analysis.validation.energy_steps import INPUT, LOST, STORED, TERMS, prosthesis_energy
+from vsf_drake.analysis.validation.segment_power import distal_power, follow
+from vsf_drake.motion.events import find_stances
+from vsf_drake.simulation.reactions import FootReaction
+from vsf_drake.simulation.walk import Walker
+
+
+@cache
+def walker():
+    trial = embedded_study().walks[0].trial
+    return Walker(trial.subject, trial.model)
+
+
+@cache
+def walked(step_s, *, which=0, fulcrum_m=None):
+    trial = embedded_study().walks[which].trial
+    return walker().walk(trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
+                         start_s=trial.start_s, end_s=trial.end_s, step_s=step_s, offsets=trial.offsets)
+
+
+@cache
+def energy(step_s, which=0):
+    return prosthesis_energy(walker(), walked(step_s, which=which))
+
+
+@cache
+def stance(step_s, which=0):
+    own, trial = energy(step_s, which), embedded_study().walks[which].trial
+    [found] = [s for s in find_stances(own.time_s, own.vertical_n) if s.complete]
+    return stance_energy(own, found, foot=trial.model.foot, fulcrum_m=trial.fulcrum_m)
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_work_of_the_limb_is_stored_or_lost_within_one_percent_of_stored_energy(which):
+    assert 0.0 < stance(1e-3, which).row["remainder_share"] < 0.01
+
+
+def test_remainder_falls_with_the_step_to_the_first_order():
+    remainders = [stance(h).row["remainder_max_j"] for h in (1e-3, 5e-4, 2.5e-4)]
+    np.testing.assert_allclose(np.array(remainders[:-1]) / remainders[1:], 2.0, atol=0.2)
+
+
+def test_stored_and_returned_energy_converge_with_the_step():
+    coarse, fine = (stance(h).row for h in (1e-3, 2.5e-4))
+    assert coarse["stored_j"] == pytest.approx(fine["stored_j"], rel=1e-3)
+    assert coarse["returned_j"] == pytest.approx(fine["returned_j"], rel=2e-3)
+
+
+def test_ledger_is_the_sum_of_its_terms_with_the_remainder_apart():
+    own = energy(1e-3)
+    balance = own.terms[INPUT] - own.total(STORED) - own.total(LOST)
+    np.testing.assert_allclose(own.terms["remainder"], balance - balance[0], atol=1e-12)
+    assert set(own.terms) == set(TERMS)
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_what_is_lost_never_comes_back(name):
+    """But for rounding at reversals, where a step's rate and the mean of two differ in sign."""
+    assert np.diff(energy(5e-4).terms[name]).min() > -1e-4
+    assert stance(5e-4).row[f"{name}_j"] > 0.01
+
+
+def test_limbs_work_follows_from_ground_reaction_and_momentum_without_the_bushings_law():
+    row = stance(5e-4).row
+    assert row["balance_work_j"] == pytest.approx(row["limb_work_j"], abs=2e-3 * row["stored_j"])
+
+
+def test_limb_gives_what_passes_to_the_socket_and_what_the_bushing_keeps():
+    row = stance(5e-4).row
+    kept = row["bushing_strain_j"] + row["bushing_loss_j"]
+    assert row["limb_work_j"] - row["socket_work_j"] == pytest.approx(kept, abs=1e-3)
+
+
+def test_distal_power_of_the_pylon_integrates_to_strain_and_losses_of_the_foot():
+    """A route that knows ground reaction and pylon only; it neglects the keel's mass, 0.2 of 1.8 kg."""
+    row = stance(5e-4).row
+    assert row["distal_share"] < 0.005
+    assert row["distal_returned_j"] == pytest.approx(row["returned_j"], abs=0.01 * row["stored_j"])
+    assert row["distal_absorbed_j"] == pytest.approx(row["absorbed_j"], abs=0.01 * row["stored_j"])
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_bent_keel_and_support_hold_what_the_closed_form_says_of_the_load_at_that_instant(which):
+    row = stance(1e-3, which).row
+    assert row["bent_at_most_j"] == pytest.approx(row["beam_j"], rel=0.05)
+
+
+def test_energy_given_back_does_not_exceed_energy_stored_nor_that_what_was_put_in():
+    for which in range(3):
+        row = stance(1e-3, which).row
+        assert 0.0 < row["returned_j"] < row["released_j"] <= row["stored_j"] < row["absorbed_j"]
+        assert row["lost_before_j"] + row["lost_after_j"] == pytest.approx(row["lost_j"])
+
+
+def test_strains_are_over_at_toe_off():
+    curves = stance(1e-3).curves["terms_j"]
+    for name in ("keel_strain", "fulcrum_strain", "foam_strain"):
+        history = curves[TERMS.index(name)]
+        assert history.max() > 1.0
+        assert abs(history[-1]) < 0.05
+
+
+def test_motion_and_kinetic_energy_of_the_prosthesis_are_drakes():
+    walk, plant = walked(1e-3), walker().gait.plant
+    tree, context = walk.mechanism.tree, walk.mechanism.context
+    rows = np.random.default_rng(0).integers(0, len(walk.record.q), 4)
+    q, v = walk.record.q[rows], walk.record.v[rows] + 0.1
+    socket = tree.index("socket_rotation")
+    pylon = tree.body_names.index("pylon")
+    inside = tree.ancestors[:, socket]
+    found = follow(tree, q, v, bodies=[pylon], coordinates=[socket], inside=inside)
+    before = plant.GetPositionsAndVelocities(context).copy()
+    for i in range(len(q)):
+        plant.SetPositions(context, q[i])
+        plant.SetVelocities(context, v[i])
+        bodies = [plant.get_body(BodyIndex(int(b))) for b in np.flatnonzero(inside)]
+        V_WB = plant.EvalBodySpatialVelocityInWorld(context, plant.get_body(BodyIndex(pylon)))
+        X_WB = plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(pylon)))
+        at_origin = V_WB.translational() - np.cross(V_WB.rotational(), X_WB.translation())
+        np.testing.assert_allclose(found.twist[i, 0], [*V_WB.rotational(), *at_origin], atol=1e-9)
+        kinetic = sum(_kinetic(plant, context, body) for body in bodies)
+        assert found.kinetic_j[i] == pytest.approx(kinetic, rel=1e-9)
+        assert found.mass == pytest.approx(sum(body.get_mass(context) for body in bodies))
+    plant.SetPositionsAndVelocities(context, before)
+
+
+def _kinetic(plant, context, body):
+    if body.get_mass(context) == 0.0:
+        return 0.0
+    M_BBo_B = body.CalcSpatialInertiaInBodyFrame(context)
+    X_WB, V_WB = body.EvalPoseInWorld(context), body.EvalSpatialVelocityInWorld(context)
+    R = X_WB.rotation().matrix()
+    V_B = np.concatenate([R.T @ V_WB.rotational(), R.T @ V_WB.translational()])
+    return 0.5 * V_B @ M_BBo_B.CopyToFullMatrix6() @ V_B
+
+
+def test_distal_power_is_force_times_the_velocity_of_the_segment_at_the_centre_of_pressure():
+    """A segment that turns at 2 rad/s about the lateral axis through (0, 0, 0.5 m): at the ground, 0.1 m ahead of
+    that, its points move by omega x r = 2 (r_z, 0, -r_x) = (-1, 0, -0.2) m/s."""
+    omega, center = np.array([0.0, 2.0, 0.0]), np.array([0.0, 0.0, 0.5])
+    twist = np.concatenate([omega, -np.cross(omega, center)])[None]
+    reaction = FootReaction(grf_W=np.array([[50.0, 0.0, 700.0]]), cop_W=np.array([[0.1, 0.0, 0.0]]),
+                            free_moment_nm=np.array([3.0]))
+    assert distal_power(reaction, twist)[0] == pytest.approx(50.0 * -1.0 + 700.0 * -0.2)
+
+
+def test_free_moment_works_on_a_segment_that_turns_about_the_vertical():
+    reaction = FootReaction(grf_W=np.array([[0.0, 0.0, 700.0]]), cop_W=np.zeros((1, 3)), free_moment_nm=np.array([3.0]))
+    assert distal_power(reaction, np.array([[0.0, 0.0, 0.5, 0.0, 0.0, 0.0]]))[0] == pytest.approx(1.5)
+
+
+def test_no_power_passes_where_the_foot_is_in_the_air():
+    reaction = FootReaction(grf_W=np.zeros((1, 3)), cop_W=np.full((1, 3), np.nan), free_moment_nm=np.zeros(1))
+    assert distal_power(reaction, np.ones((1, 6)))[0] == 0.0
+
+
+def test_a_fulcrum_that_moves_is_refused_since_it_works():
+    walk = dataclasses.replace(walked(1e-3), fulcrum_m=np.array([0.1, 0.11]))
+    with pytest.raises(ValueError, match="fulcrum"):
+        prosthesis_energy(walker(), walk)

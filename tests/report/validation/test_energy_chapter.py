@@ -1,0 +1,104 @@
+"""The chapter on energy says what was found, with units, and copes with what is missing."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import pytest
+from made_energy import saved_energy
+
+from vsf_drake.report.validation.energy_chapter import energy_chapter
+from vsf_drake.report.validation.pieces import Bullets, Grid, Missing, Picture, Text
+
+
+@cache
+def chapter_of(walks):
+    return energy_chapter(*saved_energy(walks))
+
+
+def pieces(kind, walks=3):
+    return [piece for piece in chapter_of(walks).pieces if isinstance(piece, kind)]
+
+
+def words(walks=3):
+    return " ".join(piece.text for piece in pieces((Text, Missing), walks))
+
+
+def test_first_sentence_has_stored_and_returned_energy_of_every_position():
+    table, _ = saved_energy()
+    first = pieces(Text)[0].text
+    for c in table["conditions"]:
+        assert f"{c['stored_j']:.1f} J" in first
+        assert f"{c['returned_j']:.1f} J with the fulcrum at {c['fulcrum_mm']:g} mm" in first
+    assert "SYNTHETIC" in first
+
+
+def test_it_says_that_nobody_measured_energy_and_that_the_powers_source_was_not_read():
+    assert "Nobody measured energy" in words()
+    assert "from memory" in words()
+
+
+def test_verdict_names_the_load_and_why_the_motion_gives_the_opposite():
+    assert ("Under the same load, in every trial walked at all positions, the softer setting stores and returns more"
+            in words())
+    assert "With the same motion the opposite holds" in words()
+
+
+def test_every_grid_shows_values_that_its_rows_have():
+    names = [grid.name for grid in pieces(Grid)]
+    assert len(set(names)) == len(names)
+    for grid in pieces(Grid):
+        assert grid.rows
+        for row in grid.rows:
+            for column in grid.columns:
+                value = row[column.key]
+                if column.form and value is not None:
+                    column.form.format(column.scale * value)
+
+
+def test_terms_of_the_ledger_grid_add_up_to_the_limbs_work():
+    [grid] = [g for g in pieces(Grid) if g.name == "energy_ledger"]
+    names = [column.key for column in grid.columns if column.key.endswith("_j")]
+    assert names[0] == "limb_work_j"
+    for row in grid.rows:
+        assert row["limb_work_j"] == pytest.approx(sum(row[name] for name in names[1:]), abs=1e-9)
+
+
+@pytest.mark.parametrize("walks", [1, 3])
+def test_every_figure_has_units_on_its_axes_and_its_finding_in_words(walks):
+    pictures = pieces(Picture, walks)
+    assert [picture.name for picture in pictures] == ["energy_stance", "energy_position", "energy_ledger",
+                                                      "energy_power"]
+    for picture in pictures:
+        assert re.search(r"\d.* [JW]\b", picture.alt)
+        for axes in picture.figure.axes:
+            assert re.search(r"\(.+\)$|^trial$", axes.get_xlabel())
+
+
+def test_second_methods_are_named_with_their_differences():
+    [bullets] = pieces(Bullets)
+    assert len(bullets.lines) == 4
+    assert all(re.search(r"\d", line) for line in bullets.lines)
+
+
+def test_one_setting_has_no_verdict_over_settings():
+    assert "there are not two settings to compare" in words(1)
+
+
+def test_without_a_stance_there_is_a_sentence_and_no_figure():
+    table, arrays = saved_energy()
+    empty = table | {key: [] for key in ("trials", "conditions", "same_load", "same_motion", "convergence")}
+    chapter = energy_chapter(empty, {"percent": arrays["percent"]})
+    assert "no energy to tell of" in chapter.pieces[0].text
+    assert not any(isinstance(piece, (Picture, Grid)) for piece in chapter.pieces)
+
+
+def test_walks_at_other_positions_may_be_missing():
+    table, arrays = saved_energy()
+    verdict = {"recorded": None, "same_load": None, "same_load_against": [], "same_motion": None,
+               "same_motion_against": [], "both": None}
+    bare = table | {"same_load": [], "same_motion": [], "convergence": [],
+                    "softer": {"stored_j": verdict, "returned_j": verdict}}
+    names = [piece.name for piece in energy_chapter(bare, arrays).pieces if isinstance(piece, (Picture, Grid))]
+    assert "energy_position" not in names
