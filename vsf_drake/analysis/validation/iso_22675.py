@@ -2,8 +2,8 @@
 
 Polynomials in the time in milliseconds, valid from 0 to 600. They came to us second-hand and were checked against
 their own features only (peaks of 1.000 at 151 ms and 0.987 at 447.5 ms, a valley of 0.668 between them), not against
-the standard's text. Force is a share of the first peak's, F_1cmax. Tilt below zero lifts the platform's front: heel
-loading.
+the standard's text. Force is a share of the first peak's, F_1cmax. Tilt below zero lowers the platform's front:
+heel loading.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def force_share(time_s: np.ndarray) -> np.ndarray:
 
 
 def tilt_rad(time_s: np.ndarray) -> np.ndarray:
-    """(n,) tilt of the platform (rad) at the times (n,) s, negative with its front up."""
+    """(n,) tilt of the platform (rad) at the times (n,) s, negative with its front down."""
     return np.asarray(np.radians(np.polyval(_TILT_DEG, _milliseconds(time_s))))
 
 

@@ -1,0 +1,90 @@
+"""The section on rolling over: what physics asks of it, its force level, and its plain values."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+
+from vsf_drake.analysis.json_file import plain
+from vsf_drake.analysis.validation.iso_roll_over import iso_roll_over
+from vsf_drake.analysis.validation.roll_over import roll_over_section
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import GRAVITY
+
+
+@pytest.fixture(scope="module")
+def section():
+    return roll_over_section(embedded_study())
+
+
+def test_nothing_is_missing_of_the_embedded_walks(section):
+    assert section.missing == ()
+    json.dumps(plain(section.table), allow_nan=False)
+    assert all("/" not in name and np.asarray(value).ndim == 1 for name, value in section.arrays.items())
+
+
+def test_profile_is_followed_at_the_subjects_weight_which_is_said(section):
+    iso = section.table["iso"]
+    assert iso["force_n"] == pytest.approx(78.0 * GRAVITY)
+    assert iso["force_from"] == "weight"
+    assert iso["follows"]
+    for row in iso["positions"]:
+        force = section.arrays[f"iso_{row['fulcrum_mm']:.0f}_force_n"]
+        assert np.abs(force - section.arrays["iso_wanted_n"]).max() < 0.01 * iso["force_n"]
+
+
+def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(section):
+    for name, sign in (("deflection_forefoot_mm", -1), ("stored_forefoot_j", -1), ("radius_m", 1),
+                       ("effective_foot_length_ratio", 1), ("dorsiflexing_moment_nm", 1)):
+        assert np.all(sign * np.diff([row[name] for row in section.table["iso"]["positions"]]) > 0.0), name
+    forefoot = [row for row in section.table["inclined"] if row["angle_deg"] > 0.0]
+    assert np.all(np.diff([row["stiffness_n_per_mm"] for row in forefoot]) > 0.0)
+    assert np.all(np.diff([row["energy_stored_j"] for row in forefoot]) < 0.0)
+
+
+def test_fulcrum_has_no_part_at_the_heel(section):
+    heel = [row for row in section.table["inclined"] if row["angle_deg"] < 0.0]
+    assert np.ptp([row["displacement_mm"] for row in heel]) < 1e-3
+    assert all(set(row["zones_loaded"]) <= {"heel_posterior", "heel"} for row in heel)
+
+
+def test_energy_balance_of_the_profile_closes(section):
+    """What is taken in, less what is given back, is lost or left, to rounding."""
+    for row in section.table["iso"]["positions"]:
+        assert row["energy_in_j"] - row["energy_out_j"] == pytest.approx(row["lost_j"] + row["left_j"], rel=1e-6)
+        assert 0.0 < row["return_ratio"] < 1.0
+
+
+def test_conditions_have_mean_and_count_and_no_sd_of_a_single_walk(section):
+    conditions = section.table["conditions"]
+    assert [row["fulcrum_mm"] for row in conditions] == [66.0, 108.0, 151.0]
+    for row, walk in zip(conditions, section.table["walks"], strict=True):
+        for side in ("model", "measured"):
+            for name in ("radius_m", "effective_foot_length_ratio", "mean_moment_arm_m"):
+                assert row[side][name] == {"mean": walk[side][name], "sd": None, "count": 1}
+
+
+def test_larger_given_force_deflects_more():
+    foot = embedded_study().model.foot
+    rows = [iso_roll_over(foot, (0.108,), force_n=force, steps=300)[0][0] for force in (500.0, 900.0)]
+    assert rows[1]["deflection_forefoot_mm"] > rows[0]["deflection_forefoot_mm"]
+    assert rows[1]["stored_heel_j"] > rows[0]["stored_heel_j"]
+
+
+@pytest.mark.parametrize("force", [0.0, -100.0, 1e6, np.nan])
+def test_a_force_no_foot_is_tested_with_is_refused_by_name(force):
+    study = embedded_study()
+    wrong = replace(study, options=replace(study.options, iso_force_n=force))
+    with pytest.raises(InputError, match="iso_force_n"):
+        roll_over_section(wrong)
+
+
+def test_same_study_same_numbers(section):
+    again = roll_over_section(embedded_study())
+    assert plain(again.table) == plain(section.table)
+    for name, values in section.arrays.items():
+        np.testing.assert_array_equal(again.arrays[name], values)

@@ -1,0 +1,104 @@
+"""The chapter on rolling over copes with whatever its section holds, and its pictures say what they show."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+
+from vsf_drake.analysis.json_file import plain
+from vsf_drake.analysis.validation.roll_over import roll_over_section
+from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Text
+from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
+
+
+@cache
+def _saved():
+    section = roll_over_section(embedded_study())
+    return json.loads(json.dumps(plain(section.table), allow_nan=False)), section.arrays
+
+
+@pytest.fixture
+def saved():
+    table, arrays = _saved()
+    return copy.deepcopy(table), dict(arrays)
+
+
+def pieces(chapter, kind):
+    return [piece for piece in chapter.pieces if isinstance(piece, kind)]
+
+
+def words(chapter):
+    return " ".join(piece.text for piece in pieces(chapter, (Text, Missing)))
+
+
+def test_three_pictures_and_four_tables_each_with_its_own_name(saved):
+    chapter = roll_over_chapter(*saved)
+    names = [piece.name for piece in pieces(chapter, (Picture, Grid))]
+    assert len(names) == 7
+    for kind in (Picture, Grid):
+        own = [piece.name for piece in pieces(chapter, kind)]
+        assert len(set(own)) == len(own)
+    for grid in pieces(chapter, Grid):
+        assert all({column.key for column in grid.columns} <= set(row) for row in grid.rows)
+
+
+def test_every_picture_tells_its_finding_in_numbers_and_every_axis_its_unit(saved):
+    for picture in pieces(roll_over_chapter(*saved), Picture):
+        assert len(re.findall(r"\d", picture.alt)) >= 6
+        for axes in picture.figure.axes:
+            assert re.search(r"\(.+\)$", axes.get_xlabel()), picture.name
+            assert re.search(r"\(.+\)$", axes.get_ylabel()), picture.name
+
+
+def test_numbers_of_the_text_are_those_of_the_table(saved):
+    table, arrays = saved
+    text = words(roll_over_chapter(table, arrays))
+    for condition in table["conditions"]:
+        assert f"radius {1e3 * condition['model']['radius_m']['mean']:.0f} mm" in text
+    assert "no load level of the standard" in text
+    assert "synthetic" in " ".join(picture.caption for picture in pieces(roll_over_chapter(table, arrays), Picture))
+
+
+def test_a_given_force_is_said_to_be_given(saved):
+    table, arrays = saved
+    table["iso"] |= {"force_n": 1000.0, "force_from": "given"}
+    text = words(roll_over_chapter(table, arrays))
+    assert "1000 N, as given" in text
+    assert "no load level" not in text
+
+
+def test_a_profile_that_is_not_followed_is_shouted(saved):
+    table, arrays = saved
+    table["iso"]["follows"] = table["iso"]["positions"][0]["follows"] = False
+    chapter = roll_over_chapter(table, arrays)
+    assert "DOES NOT FOLLOW" in words(chapter)
+    assert "NO" in [row["follows"] for grid in pieces(chapter, Grid) if grid.name == "iso_22675_profile"
+                    for row in grid.rows]
+
+
+def test_without_walks_profile_or_inclined_loading_the_rest_is_shown(saved):
+    table, arrays = saved
+    for part, count in (({"walks": [], "conditions": []}, 2), ({"iso": table["iso"] | {"positions": []}}, 2),
+                        ({"inclined": []}, 2)):
+        chapter = roll_over_chapter(table | part, arrays)
+        assert len(pieces(chapter, Picture)) == count
+        assert len(pieces(chapter, Missing)) == 1
+
+
+def test_one_condition_without_a_measured_centre_of_pressure_shows_the_model(saved):
+    table, arrays = saved
+    table["conditions"], table["walks"] = table["conditions"][:1], table["walks"][:1]
+    row, none = table["walks"][0], {"mean": None, "sd": None, "count": 0}
+    row["measured"] = dict.fromkeys(row["measured"])
+    table["conditions"][0]["measured"] = {name: none for name in table["conditions"][0]["measured"]}
+    for axis in ("forward", "up"):
+        arrays[f"{row['curves']}_measured_{axis}_m"] = np.full(101, np.nan)
+    chapter = roll_over_chapter(table, arrays)
+    assert "plate not known" in words(chapter)
+    assert len(pieces(chapter, Picture)) == 3
