@@ -62,7 +62,7 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     positions = _positions(study.model.foot, quick=study.options.quick)
     positions_mm = np.round(1e3 * positions, 6)
     draws = _draws(len(bases) * len(positions), quick=study.options.quick)
-    walked = walk_all(bases, positions, draws=draws, seed=study.options.seed, workers=study.options.workers,
+    walked = walk_all(bases, positions.tolist(), draws=draws, seed=study.options.seed, workers=study.options.workers,
                       progress=progress)
     model, (stiffness, at_positions) = held_out_error(bases), _stiffness(study.model.foot, positions)
     inverse = inverse_table(positions_mm, walked)
@@ -72,7 +72,7 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         "walks": len(bases) * len(positions) * (1 + RECORDINGS * draws), "failed_walks": sum(w.failed for w in walked),
         "synthetic": study.synthetic, "noise": dataclasses.asdict(NoiseSizes()), "quick": study.options.quick,
         "held_out_trials": sum(base.walk.role == HELD_OUT for base in bases),
-        "held_out_rmse_bw": _mean([w.metrics["grf_rmse_bw"] for w in study.walks if w.role == HELD_OUT]),
+        "held_out_rmse_bw": _mean([b.walk.metrics["grf_rmse_bw"] for b in bases if b.walk.role == HELD_OUT]),
         "trials": [{"label": b.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
         "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
         "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),

@@ -75,8 +75,8 @@ def walked_grid(table: Mapping[str, Any]) -> Grid:
         Column(key="strides", heading="beyond strides")],
         caption="Difference of the settings' means over trials (to less from), on the plates and in the model, each "
                 "setting with its own motion. Told apart: both exceed the half width, with the same sign; of every "
-                "twenty such comparisons one would by chance. Trials that the fit has seen are left out where there are "
-                "others.")
+                "twenty such comparisons one would by chance. Trials that the fit has seen are left out where there "
+                "are others.")
 
 
 def inverse_grid(table: Mapping[str, Any]) -> Grid:

@@ -1,0 +1,86 @@
+"""The chapter on telling settings apart, from the saved section alone."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from made_study import embedded_study
+from made_study_walk import with_walks
+
+from vsf_drake.analysis.validation import settings
+from vsf_drake.analysis.validation.settings import settings_section
+from vsf_drake.report.validation.pieces import Bullets, Grid, Heading, Missing, Picture, Text
+from vsf_drake.report.validation.settings_chapter import settings_chapter
+
+
+def saved(section):
+    return json.loads(json.dumps(section.table, allow_nan=False)), dict(section.arrays)
+
+
+def texts(chapter):
+    return " ".join(piece.text for piece in chapter.pieces if isinstance(piece, (Text, Heading)))
+
+
+@pytest.fixture(scope="module")
+def content():
+    return saved(settings_section(embedded_study()))
+
+
+def test_the_answer_stands_first_and_the_papers_question_second(content):
+    chapter = settings_chapter(*content)
+    assert chapter.pieces[0] == Text(content[0]["answer"])
+    assert "10, 13 and 14 % BW" in chapter.pieces[1].text and "synthetic" in chapter.pieces[1].text
+
+
+def test_figures_tell_their_finding_in_numbers_and_have_units_on_their_axes(content):
+    pictures = [piece for piece in settings_chapter(*content).pieces if isinstance(piece, Picture)]
+    assert [picture.name for picture in pictures] == ["settings_effects", "settings_travel", "settings_pairs"]
+    for picture in pictures:
+        assert re.search(r"\d", picture.alt) and picture.caption
+        for axes in picture.figure.axes:
+            assert re.search(r"\((mm|1)\)", axes.get_xlabel())
+    assert "SYNTHETIC" in pictures[0].figure.get_suptitle()
+
+
+def test_dark_cells_are_the_pairs_that_are_told_apart(content):
+    table, _ = content
+    picture = next(p for p in settings_chapter(*content).pieces if getattr(p, "name", "") == "settings_pairs")
+    for axes, design in zip(picture.figure.axes, ("same_recording", "same_session", "two_sessions"), strict=True):
+        dark = sum(patch.get_facecolor()[0] < 0.5 for patch in axes.patches)
+        told = [row[f"told_apart_{design}"] if row[f"told_apart_{design}"] is not None
+                else row[f"noise_told_apart_{design}"] for row in table["pairs"]]
+        assert dark == sum(told)
+
+
+def test_every_table_can_be_written(content):
+    grids = [piece for piece in settings_chapter(*content).pieces if isinstance(piece, Grid)]
+    assert len({grid.name for grid in grids}) == len(grids) == 5
+    for grid in grids:
+        assert len({column.heading for column in grid.columns}) == len(grid.columns)
+        for row in grid.rows:
+            for column in grid.columns:
+                value = row[column.key]
+                assert value is None or not column.form or column.form.format(value * column.scale)
+
+
+def test_seed_and_number_of_draws_are_said(content):
+    lines = next(piece for piece in settings_chapter(*content).pieces if isinstance(piece, Bullets)).lines
+    said = " ".join(lines)
+    assert f"seed {content[0]['seed']}" in said and f"{content[0]['draws']} sessions" in said and "1.2°" in said
+
+
+def test_without_model_error_the_chapter_shows_what_noise_allows(monkeypatch):
+    monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 24)
+    study = embedded_study(with_contact=False)
+    chapter = settings_chapter(*saved(settings_section(with_walks(study, study.walks[1]))))
+    assert "noise of kinematics alone" in texts(chapter) and "As the settings were walked" not in texts(chapter)
+    assert sum(isinstance(piece, Picture) for piece in chapter.pieces) == 3
+
+
+def test_a_study_in_which_nothing_can_be_walked_has_a_chapter():
+    empty = {"answer": "No walk of this study can tell.", "outcomes": [], "pairs": [], "draws": 0, "seed": 0,
+             "fulcrum_estimate_sd_mm": None}
+    chapter = settings_chapter(empty, {})
+    assert chapter.pieces[0].text == empty["answer"] and isinstance(chapter.pieces[1], Missing)
