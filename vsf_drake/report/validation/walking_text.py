@@ -20,9 +20,8 @@ DEFINITIONS = (
     "filtered and taken at the same points.",
     "Times: the vertical force passes 20 N; model less plate, late is positive.",
     "R² is 1 - SSE/SST, not a squared correlation.",
-    "Null model: the measured resultant of a walk that the fit has seen (of any other where there was no fit), "
-    "stretched to this walk's measured stance; of several the best. It knows the measured times, which the model does "
-    "not.")
+    "Null model: the measured resultant of another walk, one that the fit has seen if any is here, stretched to this "
+    "walk's measured stance; of several the best. It knows the measured times, which the model does not.")
 
 
 def findings(table: Mapping[str, Any]) -> list[str]:
@@ -67,13 +66,13 @@ def sweep(table: Mapping[str, Any]) -> str:
     ends = sum(row["sweep"]["at_end"] for row in swept)
     inner = [abs(row["sweep"]["off_mm"]) for row in swept
              if not row["sweep"]["at_end"] and row["sweep"]["off_mm"] is not None]
-    far = f" Elsewhere it is at most {max(inner):.1f} mm off." if inner else ""
+    end = f" In {ends} of them it stood at an end of the carriage, where an error outwards cannot show." if ends else ""
+    far = f" {'Elsewhere it' if ends else 'It'} is at most {max(inner):.1f} mm off." if inner else ""
     tuned = " Offsets were fitted with the fulcrum where it stood, which favours that place." if table[
         "offsets_fitted"] else ""
     return (f"The fulcrum is moved over its carriage and each walk made again, all else as fitted. The error is least "
             f"within half a setting (10.5 mm) of where the fulcrum stood in {table['sweeps_right']} of "
-            f"{table['sweeps']} walks. In {ends} of them it stood at an end of the carriage, where an error outwards "
-            f"cannot show.{far}{tuned}")
+            f"{table['sweeps']} walk{'s' * (table['sweeps'] != 1)}.{end}{far}{tuned}")
 
 
 def differences(table: Mapping[str, Any]) -> list[str]:
@@ -95,7 +94,8 @@ def differences(table: Mapping[str, Any]) -> list[str]:
              "not agreement: the walks are few."]
     fitted = sum(row["role"] != "held out" for row in table["rows"])
     if fitted:
-        found.append(f"{fitted} of the {len(table['rows'])} walks, or their offsets, were fitted; they pull the mean difference to zero.")
+        found.append(f"{fitted} of the {len(table['rows'])} walks, or their offsets, were fitted; they pull the mean "
+                     "difference to zero.")
     for d in own:
         if d["method"] is None:
             continue
