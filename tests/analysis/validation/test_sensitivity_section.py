@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 from made_study import embedded_study
 
@@ -80,6 +81,19 @@ def test_screening_and_exact_derivatives_rank_the_factors_alike(quick):
     assert quick.table["local_agreement"] > 0.8
 
 
+def test_without_a_measured_centre_of_pressure_the_other_outputs_are_there():
+    study = embedded_study()
+    one = study.walks[1]
+    plates = {side: dataclasses.replace(plate, cop_W=np.full_like(plate.cop_W, np.nan), has_cop=False)
+              for side, plate in one.trial.plates.items()}
+    blind = dataclasses.replace(one, trial=dataclasses.replace(one.trial, plates=plates))
+    section = sensitivity_section(dataclasses.replace(study, walks=(blind,)))
+    assert any(sentence.startswith("No centre of pressure was measured in medium_2") for sentence in section.missing)
+    for name in OUTPUTS:
+        assert (section.table["morris"][name] is None) == name.startswith("cop_")
+    assert section.table["baseline"]["cop_rmse_fl"] == {"mean": None, "by_condition": [None]}
+
+
 def small(monkeypatch: pytest.MonkeyPatch, workers: int) -> Section:
     for name, value in (("TRAJECTORIES", 4), ("GROUP_SAMPLES", 16), ("FACTOR_SAMPLES", 16), ("STRONGEST", 3)):
         monkeypatch.setattr(sensitivity, name, value)
@@ -91,10 +105,11 @@ def small(monkeypatch: pytest.MonkeyPatch, workers: int) -> Section:
 @pytest.mark.slow
 def test_the_long_form_has_indices_and_the_same_digits_on_one_worker_and_two(monkeypatch):
     one, two = small(monkeypatch, 1), small(monkeypatch, 2)
+    assert one.table["failures"] == two.table["failures"] and one.table["failures"]["count"] == 0
     assert one.table == two.table
     assert any("One condition only" in sentence for sentence in one.missing)
     for name in OUTPUTS:
         assert [row["name"] for row in one.table["sobol"][name]] == [
             "contact", "friction", "geometry", "kinematics", "bushing", "keel"]
-        assert [row["name"] for row in one.table["sobol_factors"][name]] == one.table["strongest"]
+        assert {row["name"] for row in one.table["sobol_factors"][name]} == {*one.table["strongest"]}
         assert one.table["spread"][name]["p05"] < one.table["spread"][name]["p95"]

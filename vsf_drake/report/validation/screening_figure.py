@@ -51,5 +51,5 @@ def _panel(axes: Axes, table: Mapping[str, Any], name: str) -> None:
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
     axes.grid(False, axis="y")
-    label(axes, x=f"effect of the whole range, mu* ({output.unit})", y="factor",
+    label(axes, x=f"effect mu* ({output.unit})", y="factor",
           title=f"{output.name}: {output.shown(table['baseline'][name]['mean'])}")

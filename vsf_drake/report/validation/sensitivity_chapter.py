@@ -25,7 +25,7 @@ _NAMED = 4
 def sensitivity_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
     """Made of a `sensitivity_section` alone; `arrays` is empty."""
     screened, indexed = shown_outputs(table["morris"]), shown_outputs(table["sobol"])
-    pieces: list[Piece] = [Text(_what(table))]
+    pieces: list[Piece] = [Text(_what(table)), Text(_READ)]
     if screened:
         pieces += [
             Bullets([*(_finding(table, name) for name in screened), *_general(table)]),
@@ -53,15 +53,20 @@ def sensitivity_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarra
 def _what(table: Mapping[str, Any]) -> str:
     kind = "synthetic " if table["synthetic"] else ""
     named = ", ".join(f"{one['label']} ({one['role']}, {one['fulcrum_mm']:g} mm)" for one in table["conditions"])
+    mean = "; effects are on their mean" if len(table["conditions"]) > 1 else ""
     groups = list(dict.fromkeys(row["group"] for row in table["factors"]))
     return (f"{len(table['factors'])} numbers of the model are moved about the values of this study, each over what "
             f"one does not know of it before a fit (last table): {', '.join(groups[:-1])} and {groups[-1]}. "
-            "Errors of the pelvis's orientation are left out: where markers on the thigh are tracked, the hip's angles "
-            f"take them up. Walked: {kind}{named}; effects are on the mean of these. A fit moves several of these "
-            "numbers together and cannot tell some apart; what is shown here is what each does if it alone is not "
-            "known, or if none is known and nothing is fitted. Energy is that of the spring, the keel with the support "
-            "under it: stored, its largest strain in stance above touch-down; returned, what of it is gone at toe-off "
-            "less what damping took.")
+            f"Walked: {kind}{named}{mean}. A fit moves several of these numbers together and cannot tell some apart; "
+            "shown here is what each does if it alone is not known, or if none is known and nothing is fitted.")
+
+
+_READ = (
+    "The motion is prescribed, so the force follows from how far foam, keel and socket are compressed: a millimetre at "
+    "the foot counts, wherever it comes from. Errors of the pelvis's orientation are left out: where markers on the "
+    "thigh are tracked, the hip's angles take them up. Energy is that of the spring, the keel with the support under "
+    "it: stored, its largest strain in stance above touch-down; returned, what of it is gone at toe-off less what "
+    "damping took. The foam is not in it.")
 
 
 def _finding(table: Mapping[str, Any], name: str) -> str:
