@@ -69,5 +69,6 @@ def test_failed_standing_is_told_and_the_others_stand(monkeypatch):
 
 def test_progress_runs_from_condition_to_condition():
     told = []
-    standing_section(embedded_study(), progress=lambda what, fraction: told.append(fraction))
+    study = with_walks(embedded_study(), *embedded_study().walks[:2])
+    standing_section(study, progress=lambda what, fraction: told.append(fraction))
     assert told == sorted(told) and told[-1] == pytest.approx(1.0, abs=0.02)
