@@ -67,7 +67,8 @@ def settings_travel_figure(table: Mapping[str, Any]) -> Figure:
         axes = figure.subplots()
         axes.axvspan(reach, 1.16 * reach, color="0.93", zorder=0)
         handles = []
-        for k, (design, title) in enumerate(designs.items()):
+        for design, title in designs.items():
+            k = list(DESIGNS).index(design)
             style_of: dict[str, Any] = {"marker": MARKERS[k], "color": _DARK[k], "linestyle": "", "markersize": 6.5}
             for i, row in enumerate(rows):
                 limited = row["sdd_same_recording"] is not None

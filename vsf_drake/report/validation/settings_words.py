@@ -47,7 +47,8 @@ def energy_words(table: Mapping[str, Any]) -> str:
         return ""
     return (f"Stored energy cannot tell the ends apart with the motion held ({ends['effect']:+.2f} J from "
             f"{ends['from_mm']:g} to {ends['to_mm']:g} mm): the same motion bends a stiff keel with more force and "
-            "less far than a soft one, and in between the product is largest. That a softer setting stores more needs "
+            "less far than a soft one, because foam, fulcrum and socket give way instead; the product is largest in "
+            "between. That a softer setting stores more needs "
             "the force to stay alike, as when the gait adapts to the setting.")
 
 
