@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import spsolve
 
 from vsf_drake.simulation.roll_over_paths import line_of_force, mount_path
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
@@ -126,12 +128,12 @@ def smooth_path(
     """
     inner = np.linspace(time_s[0], time_s[-1], KNOTS + 1)
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
-    basis = BSpline.design_matrix(np.clip(time_s, inner[0], inner[-1]), knots, DEGREE).toarray()
+    basis = BSpline.design_matrix(np.clip(time_s, inner[0], inner[-1]), knots, DEGREE).tocsr()
     guess = make_lsq_spline(time_s, np.interp(time_s, coarse_s, coarse_m), knots, DEGREE)
     coefficients = np.asarray(guess.c)
     coefficients[0] = coarse_m[0]
     residual = force_along(basis @ coefficients) - wanted_n
-    bending = np.diff(np.eye(len(coefficients)), n=2, axis=0)
+    bending = csr_array(np.diff(np.eye(len(coefficients)), n=2, axis=0))
     weight = ROUGHNESS_N_PER_M**2 * len(residual) / (time_s[-1] - time_s[0]) * 1e-3
 
     def cost(c: np.ndarray, r: np.ndarray) -> float:
@@ -140,10 +142,10 @@ def smooth_path(
     for _ in range(MOST_IMPROVEMENTS):
         if np.abs(residual).max() <= _GOOD_ENOUGH * np.max(wanted_n):
             break
-        slopes = _slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n)[:, 1:]
-        matrix = slopes.T @ slopes + weight * bending[:, 1:].T @ bending[:, 1:]
-        downhill = -slopes.T @ residual - weight * bending[:, 1:].T @ (bending @ coefficients)
-        change = np.linalg.solve(matrix, downhill)
+        slopes = csr_array(_slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n))
+        matrix = (slopes.T @ slopes + weight * (bending.T @ bending)).tocsc()
+        downhill = -(slopes.T @ residual) - weight * (bending.T @ (bending @ coefficients))
+        change = spsolve(matrix[1:, 1:], downhill[1:])
         before = cost(coefficients, residual)
         for share in (1.0, 0.5, 0.25, 0.1):
             trial = coefficients.copy()
@@ -158,20 +160,19 @@ def smooth_path(
 
 
 def _slopes(
-    basis: np.ndarray, knots: np.ndarray, coefficients: np.ndarray, time_s: np.ndarray,
+    basis: csr_array, knots: np.ndarray, coefficients: np.ndarray, time_s: np.ndarray,
     force_along: Callable[[np.ndarray], np.ndarray], force_n: np.ndarray
 ) -> np.ndarray:
     """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by differences."""
     slopes = np.zeros((len(time_s) - 1, len(coefficients)))
-    interval = knots[DEGREE + 1] - knots[DEGREE]
+    until = np.append(knots[APART:], np.full(APART, np.inf))
     for group in range(APART):
         columns = np.arange(group, len(coefficients), APART)
         trial = coefficients.copy()
         trial[columns] -= _TRIAL_M
         change = (force_along(basis @ trial) - force_n) / -_TRIAL_M
         for column in columns:
-            end = knots[column] + (APART - DEGREE + max(0, DEGREE - column) + DEGREE) * interval
-            rows = (time_s[1:] >= knots[column]) & (time_s[1:] < end)
+            rows = (time_s[1:] >= knots[column]) & (time_s[1:] < until[column])
             slopes[rows, column] = change[rows]
     return slopes
 

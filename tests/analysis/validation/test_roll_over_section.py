@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_roll_over import embedded_roll_over
 from made_study import embedded_study
 
 from vsf_drake.analysis.json_file import plain
@@ -18,7 +19,7 @@ from vsf_drake.parameters import GRAVITY
 
 @pytest.fixture(scope="module")
 def section():
-    return roll_over_section(embedded_study())
+    return embedded_roll_over()
 
 
 def test_nothing_is_missing_of_the_embedded_walks(section):
@@ -35,6 +36,15 @@ def test_profile_is_followed_at_the_subjects_weight_which_is_said(section):
     for row in iso["positions"]:
         force = section.arrays[f"iso_{row['fulcrum_mm']:.0f}_force_n"]
         assert np.abs(force - section.arrays["iso_wanted_n"]).max() < 0.01 * iso["force_n"]
+
+
+def test_friction_changes_what_is_lost_and_hardly_the_shape(section):
+    """Geometry is of the tilt and the deflection; friction, at most half of the normal force, acts across them."""
+    iso = section.table["iso"]
+    for smooth, rough in zip(iso["positions"], iso["with_friction"], strict=True):
+        assert rough["radius_m"] == pytest.approx(smooth["radius_m"], rel=0.1)
+        assert rough["lost_by_sliding_j"] > 1.0 > smooth["lost_by_sliding_j"] == 0.0
+        assert rough["return_ratio"] < smooth["return_ratio"]
 
 
 def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(section):
@@ -83,8 +93,9 @@ def test_a_force_no_foot_is_tested_with_is_refused_by_name(force):
         roll_over_section(wrong)
 
 
-def test_same_study_same_numbers(section):
-    again = roll_over_section(embedded_study())
-    assert plain(again.table) == plain(section.table)
-    for name, values in section.arrays.items():
-        np.testing.assert_array_equal(again.arrays[name], values)
+def test_same_foot_same_numbers_to_the_last_digit():
+    foot = embedded_study().model.foot
+    once, again = (iso_roll_over(foot, (0.108,), force_n=765.0, steps=300) for _ in range(2))
+    assert plain(once[0]) == plain(again[0])
+    for name, values in once[1].items():
+        np.testing.assert_array_equal(again[1][name], values)

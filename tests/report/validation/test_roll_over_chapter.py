@@ -9,17 +9,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_study import embedded_study
+from made_roll_over import embedded_roll_over
 
 from vsf_drake.analysis.json_file import plain
-from vsf_drake.analysis.validation.roll_over import roll_over_section
 from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Text
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 
 
 @cache
 def _saved():
-    section = roll_over_section(embedded_study())
+    section = embedded_roll_over()
     return json.loads(json.dumps(plain(section.table), allow_nan=False)), section.arrays
 
 
@@ -37,10 +36,10 @@ def words(chapter):
     return " ".join(piece.text for piece in pieces(chapter, (Text, Missing)))
 
 
-def test_three_pictures_and_four_tables_each_with_its_own_name(saved):
+def test_three_pictures_and_five_tables_each_with_its_own_name(saved):
     chapter = roll_over_chapter(*saved)
     names = [piece.name for piece in pieces(chapter, (Picture, Grid))]
-    assert len(names) == 7
+    assert len(names) == 8
     for kind in (Picture, Grid):
         own = [piece.name for piece in pieces(chapter, kind)]
         assert len(set(own)) == len(own)

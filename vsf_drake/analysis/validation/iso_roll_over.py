@@ -27,17 +27,21 @@ CURVE_POINTS = 301
 
 
 def iso_roll_over(
-    foot: FootParameters, fulcrums_m: tuple[float, ...], *, force_n: float, steps: int, progress: Progress | None = None
+    foot: FootParameters, fulcrums_m: tuple[float, ...], *, force_n: float, steps: int, friction: bool = False,
+    progress: Progress | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
     """Rolls the foot at every fulcrum position (m).
 
     Args:
         force_n: F_1cmax, the profile's first peak (N). steps: of the 600 ms.
+        friction: the foot's own friction with the platform, whose tilt axis then matters: it is put into the
+            platform's surface, under the pylon (a choice). The foot slides under a line that is held.
 
     Returns:
-        Rows of the table, curves by name, and sentences on what failed or does not follow the profile.
+        Rows of the table, curves by name, and sentences on what failed and, without friction, on what does not follow
+        the profile.
     """
-    machine = RollOver(foot, friction=False)
+    machine = RollOver(foot, friction=friction)
     time = np.linspace(0.0, DURATION_S, steps + 1)
     tilt, force = tilt_rad(time), force_n * force_share(time)
     kept = np.unique(np.round(np.linspace(1, steps, CURVE_POINTS)).astype(int)) - 1
@@ -46,7 +50,7 @@ def iso_roll_over(
     for i, fulcrum in enumerate(fulcrums_m):
         if progress:
             progress("rolling the foot over", i / len(fulcrums_m))
-        place = f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} mm"
+        place = f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} mm{', with friction' if friction else ''}"
         try:
             run, following = machine.roll(fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=force)
         except SimulationError as error:
@@ -54,7 +58,7 @@ def iso_roll_over(
             continue
         row, found = _row(machine, run, following, fulcrum)
         rows.append(row)
-        if not row["follows"]:
+        if not row["follows"] and not friction:
             missing.append(f"{place}: the force misses the profile by up to {row['residual_n']:.0f} N; its numbers are "
                            "not those of the profile.")
         curves |= {f"iso_{1e3 * fulcrum:.0f}_{name}": values[kept] for name, values in found.items()}
@@ -85,8 +89,8 @@ def _row(
         "cop_first_mm": 1e3 * float(cop[loaded][0, 0]), "cop_last_mm": 1e3 * float(cop[loaded][-1, 0]),
         "stored_heel_j": float(strain[half].max()), "stored_forefoot_j": float(strain[~half].max()),
         "energy_in_j": taken, "energy_out_j": given, "return_ratio": given / taken, "lost_j": float(lost[-1]),
-        "left_j": float(strain[-1]), "mean_moment_arm_m": mean_moment_arm(
-            run.time_s, moment, following.force_n),
+        "lost_by_sliding_j": float(e["friction_loss"][-1]), "left_j": float(strain[-1]),
+        "mean_moment_arm_m": mean_moment_arm(run.time_s, moment, following.force_n),
         "unconverged_steps": run.unconverged_steps, **shape,
     }
     return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,

@@ -18,16 +18,16 @@ from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effective_foot_length_ratio",
           "mean_moment_arm_m", "arc_rms_m", "centre_forward_m", "centre_up_m")
 LEAST_FORCE_N, MOST_FORCE_N = 50.0, 5000.0
-STEPS_PER_MM, ISO_STEPS = 160.0, 2400
+STEPS_PER_MM, ISO_STEPS = 160.0, 1200
 QUICK_STEPS_PER_MM, QUICK_ISO_STEPS, QUICK_POSITIONS_M = 40.0, 600, (0.066, 0.108, 0.151)
 
 
 def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section:
     """Everything about rolling over.
 
-    Table: `inclined` (rows by angle and fulcrum position), `iso` (`force_n`, `force_from`, `follows`, `positions`),
-    `walks` (a row a footfall) and `conditions` (by fulcrum position, mean, SD and count of `model`, `measured`, and of
-    the model's `foot_alone` in the pylon's frame).
+    Table: `inclined` (rows by angle and fulcrum position), `iso` (`force_n`, `force_from`, `follows`, `positions`, and
+    for comparison `with_friction`), `walks` (a row a footfall) and `conditions` (by fulcrum position, mean, SD and
+    count of `model`, `measured`, and of the model's `foot_alone` in the pylon's frame).
 
     Raises:
         InputError: the force of the profile is no force to test a foot with.
@@ -45,8 +45,11 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         progress=lambda what, f: show(what, 0.3 * f))
     rolled, more, failed_rolls = iso_roll_over(
         foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
-        progress=lambda what, f: show(what, 0.3 + 0.5 * f))
-    missing += failed + failed_rolls
+        progress=lambda what, f: show(what, 0.3 + 0.4 * f))
+    rough, _, failed_rough = iso_roll_over(
+        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS, friction=True,
+        progress=lambda what, f: show(f"{what} with friction", 0.7 + 0.1 * f))
+    missing += failed + failed_rolls + failed_rough
     rows: list[dict[str, Any]] = []
     for i, walk in enumerate(study.walks):
         show("roll-over shapes", 0.8 + 0.2 * i / len(study.walks))
@@ -61,7 +64,8 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         table={
             "inclined": inclined,
             "iso": {"force_n": force, "force_from": source, "foot_length_m": foot.length_m,
-                    "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled},
+                    "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
+                    "with_friction": rough},
             "walks": rows, "conditions": _conditions(rows), "foot_length_m": foot.length_m,
             "heel_behind_pylon_m": foot.pylon_x_m, "synthetic": study.synthetic, "quick": quick},
         arrays={**curves, **more}, missing=tuple(missing))

@@ -10,7 +10,13 @@ import numpy as np
 from vsf_drake.report.validation.inclined_loading_figure import inclined_loading_figure
 from vsf_drake.report.validation.iso_profile_figure import iso_profile_figure
 from vsf_drake.report.validation.pieces import Chapter, Heading, Missing, Picture, Piece, Text
-from vsf_drake.report.validation.roll_over_grids import conditions_grid, inclined_grid, iso_grid, walks_grid
+from vsf_drake.report.validation.roll_over_grids import (
+    conditions_grid,
+    friction_grid,
+    inclined_grid,
+    iso_grid,
+    walks_grid,
+)
 from vsf_drake.report.validation.roll_over_shape_figure import roll_over_shape_figure
 
 
@@ -93,7 +99,29 @@ def _iso(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Piece
         for row in ((soft, hard) if len(rows) > 1 else (soft,))) + "."
     return [*pieces, Text(finding), Picture(
         name="iso_22675_profile", figure=iso_profile_figure(iso, arrays), alt=f"ISO 22675 profile. {finding}",
-        caption="Solid grey: the profile. Dashed: simulated, by fulcrum position."), iso_grid(iso)]
+        caption="Solid grey: the profile. Dashed: simulated, by fulcrum position."), iso_grid(iso), *_friction(iso)]
+
+
+def _friction(iso: Mapping[str, Any]) -> list[Piece]:
+    """What the frictionless platform hides."""
+    pairs = [(row, other) for row in iso["positions"] for other in iso["with_friction"]
+             if row["fulcrum_mm"] == other["fulcrum_mm"]]
+    if not pairs:
+        return []
+
+    def change(name: str) -> str:
+        shares = [100.0 * (other[name] / row[name] - 1.0) for row, other in pairs
+                  if row[name] is not None and other[name] is not None]
+        return f"{min(shares):+.0f} to {max(shares):+.0f} %" if shares else "not known"
+
+    sliding = [other["lost_by_sliding_j"] for _, other in pairs]
+    return [Text(
+        "How much hangs on that: with the foot's own friction, and the tilt axis in the platform's surface under the "
+        "pylon (a choice), the foot is dragged over the platform by a line that cannot give way. The forefoot's "
+        f"deflection then changes by {change('deflection_forefoot_mm')}, the radius by {change('radius_m')}, the "
+        f"largest moment toe up by {change('dorsiflexing_moment_nm')}, and sliding costs {min(sliding):.1f} to "
+        f"{max(sliding):.1f} J. Shape and deflection can be relied on, moments and return ratio only for the "
+        "frictionless platform."), friction_grid(iso)]
 
 
 def _inclined(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]) -> list[Piece]:

@@ -79,6 +79,25 @@ def iso_grid(iso: Mapping[str, Any]) -> Grid:
             Column(key="return_ratio", heading="given back (%)", form=".1f", scale=100.0)))
 
 
+def friction_grid(iso: Mapping[str, Any]) -> Grid:
+    """The same with the foot's own friction, for comparison."""
+    rows = [{**row, "follows": "yes" if row["follows"] else "NO"} for row in iso["with_friction"]]
+    return Grid(
+        name="iso_22675_with_friction", rows=rows,
+        caption="The same profile with friction, for comparison: where it is not followed within 1 % the numbers are "
+        "near those of the profile only.",
+        columns=(
+            _FULCRUM, Column(key="follows", heading="follows within 1 %"),
+            Column(key="residual_n", heading="force off by up to (N)", form=".1f"),
+            Column(key="deflection_forefoot_mm", heading="forefoot deflection (mm)", form=".1f"),
+            Column(key="dorsiflexing_moment_nm", heading="largest moment toe up (N m)", form=".1f"),
+            Column(key="radius_m", heading="radius (mm)", form=".0f", scale=1e3),
+            Column(key="effective_foot_length_ratio", heading="effective / foot length", form=".3f"),
+            Column(key="stored_forefoot_j", heading="stored, forefoot (J)", form=".2f"),
+            Column(key="lost_by_sliding_j", heading="lost by sliding (J)", form=".2f"),
+            Column(key="return_ratio", heading="given back (%)", form=".1f", scale=100.0)))
+
+
 def inclined_grid(rows: Sequence[Mapping[str, Any]]) -> Grid:
     """The foot pressed at an angle."""
     shown = [{**row, "zones": ", ".join(row["zones_loaded"]).replace("_", " ")} for row in rows]
