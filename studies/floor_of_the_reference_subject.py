@@ -28,7 +28,7 @@ from virtual_laboratory.floor import (
 )
 
 from vsf_drake.analysis.json_file import write_json
-from vsf_drake.analysis.validation import REPEATS, SETTINGS
+from vsf_drake.analysis.validation.inputs import REPEATS, SETTINGS
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.provenance import provenance
 

@@ -76,10 +76,11 @@ def validate(
 
 def print_summary(content: dict[str, Any]) -> None:
     """The summary's rows, then what is missing or doubtful."""
-    grid = Table("", "here", "unit", "paper", "asked", "met")
+    grid = Table("", "here", "paper", "asked", "met")
     for row in content["summary"]:
         met = {True: "yes", False: "NO", None: ""}[row["met"]]
-        cells = (row["what"], row["shown"] or "not known", row["unit"], row["paper"] or "", row["asked"] or "", met)
+        here = "not known" if row["shown"] is None else f"{row['shown']} {row['unit']}".strip()
+        cells = (row["what"], here, row["paper"] or "", row["asked"] or "", met)
         grid.add_row(*cells, style="bold yellow" if row["met"] is False else None)
     console.print(grid)
     for note in content["notes"]:

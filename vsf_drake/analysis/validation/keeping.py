@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ PACKAGE = Path(__file__).resolve().parents[2]
 def study_key(study: Study) -> str:
     """Of all that a section's numbers depend on: files, contact, options, software; not the number of workers."""
     options = to_plain(study.options)
-    del options["workers"]
+    options.pop("workers", None)
     sources = hashlib.sha256()
     for file in sorted((PACKAGE / "analysis").rglob("*.py")):
         sources.update(f"\0{file.relative_to(PACKAGE).as_posix()}\0".encode() + file.read_bytes())
@@ -30,7 +31,7 @@ def study_key(study: Study) -> str:
         "inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
         "failed": [list(pair) for pair in study.failed], "options": options, "model": to_plain(study.model),
         "contact": None if study.contact is None else study.contact.values, "bench_problem": study.bench_problem,
-        "software": software(), "analysis_sha256": sources.hexdigest()})
+        "software": software(), "spm1d": find_spec("spm1d") is not None, "analysis_sha256": sources.hexdigest()})
 
 
 class SectionStore:

@@ -50,7 +50,9 @@ def cell(column: Column, value: Any) -> str:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return column.form.format(value * column.scale) if column.form else str(value)
+    if isinstance(value, str) or not column.form:
+        return str(value)
+    return column.form.format(value * column.scale)
 
 
 def _piece(piece: Piece) -> str:

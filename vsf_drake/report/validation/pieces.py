@@ -48,7 +48,8 @@ class Column:
     Attributes:
         key: of the row's value, with its unit at the end; the CSV's heading.
         heading: with its unit, as the page shows it.
-        form: how a number is shown, "" for text; None always shows as an en dash.
+        form: how a number is shown (the column is then set to the right), "" for text; a string shows as it is, None as
+            an en dash.
         scale: what the page multiplies the value by (the CSV keeps it as it is).
     """
 
