@@ -34,9 +34,9 @@ def test_first_sentence_has_stored_and_returned_energy_of_every_position():
     assert "SYNTHETIC" in first
 
 
-def test_it_says_that_nobody_measured_energy_and_that_the_powers_source_was_not_read():
-    assert "Nobody measured energy" in words()
-    assert "from memory" in words()
+def test_it_says_that_there_is_no_measured_energy_and_which_sources_were_not_read():
+    assert "There is no measured energy to compare with" in words()
+    assert words().count("not read for this report") == 2
 
 
 def test_verdict_names_the_load_and_why_the_motion_gives_the_opposite():
@@ -84,6 +84,18 @@ def test_second_methods_are_named_with_their_differences():
 
 def test_one_setting_has_no_verdict_over_settings():
     assert "there are not two settings to compare" in words(1)
+
+
+@pytest.mark.parametrize(("stores", "returns", "said"), [
+    (False, False, "does NOT always store more, nor return more (not in low_2)"),
+    (True, False, "stores more, but does NOT always return more (not in low_2)"),
+    (False, True, "returns more, but does NOT always store more (not in low_2)")])
+def test_a_setting_that_does_not_store_more_is_called_so_with_the_trials(stores, returns, said):
+    table, arrays = saved_energy()
+    judged = {key: table["softer"][key] | {"same_load": one, "same_load_against": [] if one else ["low_2"]}
+              for key, one in (("stored_j", stores), ("returned_j", returns))}
+    chapter = energy_chapter(table | {"softer": judged}, arrays)
+    assert any(said in piece.text for piece in chapter.pieces if isinstance(piece, Text))
 
 
 def test_without_a_stance_there_is_a_sentence_and_no_figure():

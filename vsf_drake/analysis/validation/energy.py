@@ -22,7 +22,7 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
-STEPS_S = {False: (1.25e-4, 2.5e-4, 5e-4, 1e-3), True: (1e-3, 2e-3, 2e-3, 2e-3)}
+STEPS_S = {False: (1.25e-4, 2.5e-4, 5e-4, 2e-3), True: (1e-3, 2e-3, 2e-3, 2e-3)}
 """By `quick`: steps of the walks that are reported, of their coarser twins, of the walks at other positions, and of the
 search for those with the same load."""
 ASKED_SHARE = 0.01
@@ -152,7 +152,8 @@ def _convergence(fine: Sequence[Mapping[str, Any]], coarse: Sequence[Mapping[str
         twin = twins.get((row["label"], row["stance"]))
         if twin is not None:
             small, large = row["remainder_max_j"], twin["remainder_max_j"]
-            rows.append({"label": row["label"], "fulcrum_mm": row["fulcrum_mm"], "remainder_max_j": small,
+            rows.append({"label": row["label"], "stance": row["stance"], "fulcrum_mm": row["fulcrum_mm"],
+                         "remainder_max_j": small,
                          "coarse_remainder_max_j": large, "remainder_ratio": large / small if small > 0.0 else None}
                         | {f"{key}_change": twin[key] - row[key] for key in ("stored_j", "returned_j", "lost_j")})
     return rows

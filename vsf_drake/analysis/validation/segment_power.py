@@ -65,10 +65,10 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
         P = F . v_d + M_free . omega,        v_d = v_s + omega x (CoP - CM)
 
     with the force F of the ground and its free moment, and the velocity v_s of the segment's centre of mass CM: the
-    unified deformable segment's power, usually named after Siegel and after Takahashi. The formula is quoted from
-    memory, its source was not read again for this; what it says is plain mechanics, the power of the ground's wrench
-    on a body that moves with the segment, and is exact if what lies distal has no mass. Zero where the foot bears too
-    little for a centre of pressure.
+    distal segment power of Siegel (1996) in Takahashi's (2012) unified deformable segment, derived in the appendix of
+    Zelik and Honert (2018, doi 10.1016/j.jbiomech.2018.04.017). The formula is that of a public program of E.
+    Honert's, the papers' equations were not read. It is the power of the ground's wrench on a body that moves with the
+    segment, exact if what lies distal has no mass. Zero where the foot bears too little for a centre of pressure.
 
     Args:
         reaction: of the foot. twist: (n, 6) of the segment.

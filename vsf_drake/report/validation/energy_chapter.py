@@ -46,17 +46,22 @@ _BOUNDARY = (
 _POWER = (
     "Distal segment power is the power that passes into a segment from all below it, P = F · v_d + M_free · ω with "
     "v_d = v_s + ω × (CoP - CM): force of the ground, its free moment, and the motion of the segment taken as rigid "
-    "down to the centre of pressure. It is known as the unified deformable segment's power, after Siegel and after "
-    "Takahashi; the formula is quoted from memory and its source was not read again for this report. From the pylon "
-    "it is the foot alone; from the residual shank, where markers would see it, the socket's give is in it.")
+    "down to the centre of pressure. The formula is Siegel's (1996), widened by Takahashi (2012) to the unified "
+    "deformable segment and derived in the appendix of Zelik and Honert (2018, doi 10.1016/j.jbiomech.2018.04.017), "
+    "as a public program of one of these authors has it; the papers' own equations were not read for this report. "
+    "From the pylon it is the foot alone; from the residual shank, where markers would see it, the socket's give is "
+    "in it.")
+_MEASURED = (
+    "There is no measured energy to compare with: neither the paper nor the trials have any. Known of the real "
+    "device is the direction. Human subjects stored and returned more energy with lower stiffness settings (Glanzer "
+    "and Adamczyk 2018, PMC6289620, abstract); a stiffer setting lowered energy stored, energy returned and the peak "
+    "of the distal power (Nichols and Adamczyk 2023, doi 10.1016/j.jbiomech.2023.111436, as its first author sums it "
+    "up in public; the paper and its joules were not read for this report).")
 
 
 def energy_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well the ledger of it closes."""
-    pieces: list[Piece] = [Text(finding(table)), Missing(
-        "Nobody measured energy: neither the paper nor the trials have any to compare with. Known of the real device "
-        "is the direction: a softer setting stores and returns more (Glanzer and Adamczyk 2018, PMC6289620, "
-        "abstract).")]
+    pieces: list[Piece] = [Text(finding(table)), Missing(_MEASURED)]
     if not table["trials"]:
         return Chapter(name="energy", title="Energy storage and return", pieces=tuple(pieces))
     pieces += [

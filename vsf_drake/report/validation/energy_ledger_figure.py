@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
 
@@ -56,26 +56,28 @@ def _waterfall(axes: Axes, row: Mapping[str, Any]) -> None:
 
 def _remainders(axes: Axes, table: Mapping[str, Any]) -> None:
     rows: Sequence[Mapping[str, Any]] = table["trials"]
-    coarse = {row["label"]: row for row in table["convergence"]}
+    coarse = {(row["label"], row["stance"]): row for row in table["convergence"]}
     homes = sorted({row["fulcrum_mm"] for row in rows})
     for i, row in enumerate(rows):
         colour = condition_colour(1e-3 * row["fulcrum_mm"])
         marker = MARKERS[homes.index(row["fulcrum_mm"]) % len(MARKERS)]
         if row["remainder_share"]:
             axes.plot(i, 100.0 * row["remainder_share"], marker=marker, color=colour, linestyle="")
-        twin = coarse.get(row["label"])
+        twin = coarse.get((row["label"], row["stance"]))
         if twin and row["stored_j"] > 0.0 and twin["coarse_remainder_max_j"] > 0.0:
             axes.plot(i, 100.0 * twin["coarse_remainder_max_j"] / row["stored_j"], marker=marker, color=colour,
                       markerfacecolor="white", linestyle="")
     axes.axhline(100.0 * table["asked_share"], color="0.1", linewidth=1.2)
-    axes.text(0.0, 100.0 * table["asked_share"] * 1.06, "asked: at most 1 %", va="bottom", fontsize=8)
+    axes.text(0.02, 100.0 * table["asked_share"] * 1.06, f"asked: at most {100.0 * table['asked_share']:g} %",
+              va="bottom", fontsize=8, transform=axes.get_yaxis_transform())
     axes.plot([], [], marker="o", color=NEUTRAL, linestyle="", label=f"steps of {1e3 * table['step_s']:g} ms")
     axes.plot([], [], marker="o", color=NEUTRAL, markerfacecolor="white", linestyle="",
               label=f"steps of {1e3 * table['coarse_step_s']:g} ms")
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(top=max(axes.get_ylim()[1], 200.0 * table["asked_share"]))
     axes.set_xticks(range(len(rows)), [row["label"] for row in rows], rotation=45, ha="right", parse_math=False)
-    axes.legend(loc="best")
+    axes.legend(loc="upper right")
     label(axes, x="trial", y="largest remainder over stored energy (%)", title="How well the ledger closes")

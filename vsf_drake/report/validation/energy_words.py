@@ -15,8 +15,8 @@ def finding(table: Mapping[str, Any]) -> str:
              for c in conditions]
     share = table["ledger_remainder_share_max"]
     closes = "" if share is None else (
-        f" The energy ledger of a step closes within {100.0 * share:.2g} % of the stored energy in the worst of "
-        f"{len(table['trials'])} stances (asked: {100.0 * table['asked_share']:g} %).")
+        f" The energy ledger of a step closes within {100.0 * share:.2g} % of the stored energy in the worst "
+        f"{_of(len(table['trials']))} (asked: {100.0 * table['asked_share']:g} %).")
     origin = " The walks follow SYNTHETIC motion." if table["synthetic"] else ""
     return f"In the mean of its stances the model's foot stores {_listed(parts)}.{closes}{origin}"
 
@@ -25,9 +25,9 @@ def softer(table: Mapping[str, Any]) -> str:
     """The verdict on the settings, and why the same motion is no fair comparison."""
     judged = table["softer"]
     found = [
-        _verdict("As recorded, each trial at its own position,", *(judged[key]["recorded"] for key in _KEYS)),
+        _verdict("As recorded, each trial at its own position,", [judged[key]["recorded"] for key in _KEYS]),
         _verdict("Under the same load, in every trial walked at all positions,",
-                 *(judged[key]["same_load"] for key in _KEYS),
+                 [judged[key]["same_load"] for key in _KEYS],
                  against=sorted({label for key in _KEYS for label in judged[key]["same_load_against"]}))]
     motion = [judged[key]["same_motion"] for key in _KEYS]
     if motion[0] is not None:
@@ -49,7 +49,7 @@ def closing(table: Mapping[str, Any]) -> str:
     largest = 1e3 * max(row["remainder_max_j"] for row in rows)
     ratios = [row["remainder_ratio"] for row in table["convergence"] if row["remainder_ratio"] is not None]
     falls = "" if not ratios else (
-        f" With twice the step it is {min(ratios):.2f} to {max(ratios):.2f} times as large: it is the steps' error, "
+        f" With twice the step it is {_range(ratios, 2)} times as large: it is the steps' error, "
         "not a term that was forgotten.")
     phases = {name: _mean([1e3 * row["remainder_by_phase_j"][name] for row in rows])
               for name in rows[0]["remainder_by_phase_j"]}
@@ -60,9 +60,9 @@ def closing(table: Mapping[str, Any]) -> str:
     person = table["person_remainder_share_max"]
     whole = "" if person is None else (
         f" The ledger of the whole person, which every walk's result holds, misses up to {100.0 * person:.1f} % of the "
-        "foot's stored energy over the same stances: it takes loads and rates at the ends of steps, where the whole "
-        "body's weight and the prescribed intact foot make a first-order error. It is a check of the stepper, not of "
-        "the foot's energy.")
+        "foot's stored energy over the same stances. That is no dissipation: all but the prosthesis follows the "
+        "recording exactly. Its driver's work pairs loads and rates that are half a step apart, an error of the first "
+        "order in a sum over the whole body and both feet.")
     met = "closes" if share <= table["asked_share"] else "does NOT close"
     return (f"It {met} within the {100.0 * table['asked_share']:g} % that is asked: the largest remainder at any "
             f"instant of a stance is {largest:.1f} mJ, {100.0 * share:.2g} % of what that foot stores at worst, with "
@@ -147,14 +147,21 @@ def power_alt(table: Mapping[str, Any]) -> str:
 _KEYS = ("stored_j", "returned_j")
 
 
-def _verdict(how: str, stores: bool | None, returns: bool | None, against: Sequence[str] = ()) -> str:
+def _of(stances: int) -> str:
+    return "of one stance" if stances == 1 else f"of {stances} stances"
+
+
+def _verdict(how: str, found: Sequence[bool | None], against: Sequence[str] = ()) -> str:
+    stores, returns = found
     if stores is None or returns is None:
         return f"{how} there are not two settings to compare."
     if stores and returns:
         return f"{how} the softer setting stores and returns more at every step of the fulcrum."
-    said = {True: "more", False: "not always more"}
     trials = f" (not in {', '.join(against)})" if against else ""
-    return f"{how} the softer setting stores {said[stores]} and returns {said[returns]}{trials}."
+    if not stores and not returns:
+        return f"{how} the softer setting does NOT always store more, nor return more{trials}."
+    does, fails = ("stores", "return") if stores else ("returns", "store")
+    return f"{how} the softer setting {does} more, but does NOT always {fails} more{trials}."
 
 
 def _push_off_leads(phases: Mapping[str, float]) -> bool:
