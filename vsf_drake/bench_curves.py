@@ -243,7 +243,8 @@ def _from_touch_down(
         if x[0] - touch > FARTHEST_TOUCH * (x[-1] - x[0]):
             raise refuse(f"begins at {load[0]:.3g} N without rising, so that touch-down cannot be told",
                          "Tare the load cell, or cut the pass to where the load rises")
-    return np.concatenate(([0.0], x - touch)), np.concatenate(([0.0], load))
+    after = x - touch > 0.0
+    return np.concatenate(([0.0], x[after] - touch)), np.concatenate(([0.0], load[after]))
 
 
 def _is_number(cell: str) -> bool:

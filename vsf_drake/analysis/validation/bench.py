@@ -69,10 +69,10 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         line["end_points"] = _end_points(rows, line["key"])
     arrays = curve_arrays(settings, found)
     own = lines[0]["statistics"] or dict.fromkeys(PAPER)
-    line = _regression(rows) if measured else None
-    if line is not None:
-        arrays |= {f"regression_{key}": line.pop(key) for key in ("measured_n_per_mm", "line", "low", "high")}
-    if measured and line is None:
+    trend = _regression(rows) if measured else None
+    if trend is not None:
+        arrays |= {f"regression_{key}": trend.pop(key) for key in ("measured_n_per_mm", "line", "low", "high")}
+    elif measured:
         missing.append("Fewer than three measured positions: no regression of simulated on measured stiffness.")
     show("speeds", 0.5)
     quick = study.options.quick
@@ -94,7 +94,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         "touch_down_extrapolated": sum(curve.first_load_n > 0.0 for curve in study.bench.curves) if study.bench else 0,
         "speed_mm_per_min": 60e3 * PUBLISHED_SPEED_M_PER_S, "contact_name": study.contact_name or None,
         "contact_on_bench": [text for text in study.contact.verdict if "bench" in text] if study.contact else None,
-        "lines": lines, "settings": rows, "regression": line, "rates": loops, "rate_settings_mm": loop_positions,
+        "lines": lines, "settings": rows, "regression": trend, "rates": loops, "rate_settings_mm": loop_positions,
         "rate_speeds_mm_per_min": list(speeds), "load_points": points, "unconverged_steps": unconverged}
     return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
 
@@ -121,7 +121,7 @@ def _lines(
     """The models that are pressed, their curves by key, unconverged steps, and what could not be done."""
     nominal = load_model(resource("models/nominal.yaml"))
     same = nominal.foot == study.model.foot
-    own = f"fitted contact {study.contact_name}".strip() if study.contact else "nominal" if same else "study's model"
+    own = "fitted contact" if study.contact else "nominal" if same else "study's model"
     feet: dict[str, FootParameters] = {"model": study.model.foot}
     lines: list[dict[str, Any]] = [{"key": "model", "name": own, "fitted_mm": None}]
     if not same:
@@ -184,6 +184,6 @@ def _regression(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
 
 def _within(found: dict[str, Any] | None) -> dict[str, bool | None]:
     """Whether each of the paper's figures is reached; None where it is not known."""
-    own = found or dict.fromkeys(PAPER)
-    return {key: None if own[key] is None else bool(own[key] >= limit if key.endswith("r2") else own[key] <= limit)
+    own: dict[str, Any] = found or dict.fromkeys(PAPER)
+    return {key: None if (value := own[key]) is None else bool(value >= limit if key.endswith("r2") else value <= limit)
             for key, limit in PAPER.items()}

@@ -72,7 +72,7 @@ class Setting:
         if self.curve is None:
             return None
         values = [described(one, self.where) for one in self.passes]
-        found = {}
+        found: dict[str, float | None] = {}
         for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
             if values[0][key] is not None:
                 mean, half = mean_and_half_width(np.array([value[key] for value in values]))
@@ -87,7 +87,7 @@ def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[
     found: dict[float | None, list[MeasuredCurve]] = {}
     for curve in bench.curves if bench is not None else ():
         found.setdefault(curve.fulcrum_m, []).append(curve)
-    positions: list[float | None] = sorted(x for x in found if x is not None) or list(fulcrums_m)
+    positions = sorted(x for x in found if x is not None) or list(fulcrums_m)
     settings = []
     for position in [*positions, None]:
         curves = [rising(1e3 * curve.displacement_m, curve.load_n) for curve in found.get(position, ())]

@@ -30,8 +30,7 @@ def shape(x: np.ndarray, load: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N
     """
     end = float(load[-1])
     k = (end - above_n) / (x[-1] - at_loads(x, load, np.array([above_n]))[0])
-    loads = np.linspace(0.0, end, GRID)
-    chord = at_loads(x, load, loads) - loads * x[-1] / end
+    chord = x - load * x[-1] / end
     at_above, at_toe = at_loads(x, load, np.array([above_n, TOE_N]))
     toe = float(at_above - above_n / k)
     return {"line_r2": _line_r2(x, load, 0.0), "line_r2_above": _line_r2(x, load, float(at_above)),

@@ -62,7 +62,7 @@ def _setting(
         start = float(np.interp(_SLOPE_ABOVE_N, load, curves["model"]))
         axes.plot(start + (load[above] - _SLOPE_ABOVE_N) / row["published_n_per_mm"], load[above], color=colour,
                   **MEASURED)
-    ends = [float(curve[-1]) for curve in curves.values() if np.isfinite(curve[-1])]
-    if ends:
-        axes.annotate(position(row["fulcrum_mm"]), (np.mean(ends), load[-1]), xytext=(0, 5), ha="center", fontsize=8,
+    shown = next((curve for curve in (curves["model"], curves["measured"]) if np.isfinite(curve[-1])), None)
+    if shown is not None:
+        axes.annotate(position(row["fulcrum_mm"]), (shown[-1], load[-1]), xytext=(0, 5), ha="center", fontsize=8,
                       textcoords="offset points", color=colour, fontweight="bold", annotation_clip=False)

@@ -200,7 +200,8 @@ def _ratio(table: Mapping[str, Any], of: Mapping[str, Any], speed: float) -> str
 
 def _end_points(line: Mapping[str, Any]) -> str:
     return ", ".join(f"{row['error_n_per_mm']:+.2f} N/mm of {row['published_n_per_mm']:g} at "
-                     f"{'the ' if row['fulcrum_mm'] is None else ''}{position(row['fulcrum_mm'])}" for row in line["end_points"])
+                     f"{'the heel' if row['fulcrum_mm'] is None else position(row['fulcrum_mm'])}"
+                     for row in line["end_points"])
 
 
 def _capital(text: str) -> str:

@@ -1,0 +1,123 @@
+"""The bench chapter is a function of what was saved, and copes with what is missing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+
+from vsf_drake.analysis.validation import embedded_bench
+from vsf_drake.analysis.validation.bench import bench_section
+from vsf_drake.bench_curves import load_bench_curves
+from vsf_drake.report.style import save_figure
+from vsf_drake.report.validation.bench_agreement_figure import bench_agreement_figure
+from vsf_drake.report.validation.bench_chapter import bench_chapter
+from vsf_drake.report.validation.page import cell, validation_page
+from vsf_drake.report.validation.pieces import Bullets, Grid, Picture, Text
+
+CURVES = load_bench_curves(embedded_bench())
+
+
+def saved(bench):
+    """Table and arrays after a round trip through JSON, NaN as None and lists for arrays."""
+    section = bench_section(dataclasses.replace(embedded_study(), bench=bench))
+    table = json.loads(json.dumps(section.table, allow_nan=False))
+    return table, {name: array.tolist() for name, array in section.arrays.items()}
+
+
+@pytest.fixture(scope="module")
+def full():
+    return saved(CURVES)
+
+
+@pytest.fixture(scope="module")
+def unmeasured():
+    return saved(None)
+
+
+@pytest.fixture(scope="module")
+def heel_only():
+    return saved(dataclasses.replace(CURVES, curves=CURVES.curves[-1:]))
+
+
+def words(chapter):
+    return " ".join([piece.text for piece in chapter.pieces if isinstance(piece, Text)]
+                    + [line for piece in chapter.pieces if isinstance(piece, Bullets) for line in piece.lines])
+
+
+@pytest.mark.parametrize("which", ["full", "unmeasured", "heel_only"])
+def test_every_chapter_has_its_figures_with_numbers_in_words_and_tables_that_print(which, request):
+    chapter = bench_chapter(*request.getfixturevalue(which))
+    for kind in (Grid, Picture):
+        named = [piece.name for piece in chapter.pieces if isinstance(piece, kind)]
+        assert len(named) == len(set(named))
+    for piece in chapter.pieces:
+        if isinstance(piece, Picture):
+            assert any(character.isdigit() for character in piece.alt) and len(piece.alt) > 60
+            assert "nan" not in piece.alt.lower() and "None" not in piece.alt
+            for axes in piece.figure.axes:
+                assert "(" in axes.get_xlabel() or "heel" in axes.get_xlabel()
+                assert "(" in axes.get_ylabel()
+        elif isinstance(piece, Grid):
+            assert piece.rows and all(cell(column, row.get(column.key)) for row in piece.rows
+                                      for column in piece.columns)
+    page = validation_page("t", "SYNTHETIC", [chapter], synthetic=True, links={})
+    assert ">nan<" not in page and ">None<" not in page
+
+
+def test_the_paper_s_figures_stand_beside_ours_and_what_is_not_reached_is_said(full):
+    table, arrays = full
+    chapter = bench_chapter(table, arrays)
+    grid = next(piece for piece in chapter.pieces if isinstance(piece, Grid) and piece.name == "bench_comparison")
+    paper = grid.rows[-1]
+    assert (paper["stiffness_r2"], paper["stiffness_rmse_n_per_mm"], paper["mid_range_rmse_mm"]) == (0.98, 1.37, 0.45)
+    assert grid.rows[0]["mid_range_rmse_mm"] == table["mid_range_rmse_mm"]
+    said = words(chapter)
+    assert f"RMSE of mid-range displacement {table['mid_range_rmse_mm']:.2f} mm" in said
+    assert ("not reached" in said) == (not all(table["within_limits"].values()))
+    assert "SYNTHETIC" in said and "to which it was fitted too" in said
+
+
+def test_a_worse_model_is_said_not_to_reach_the_paper(full):
+    table = json.loads(json.dumps(full[0]))
+    table["lines"][0]["statistics"]["stiffness_rmse_n_per_mm"] = 2.5
+    table["within_limits"]["stiffness_rmse_n_per_mm"] = False
+    assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in words(bench_chapter(table, full[1]))
+
+
+def test_without_curves_there_is_no_statistic(unmeasured):
+    chapter = bench_chapter(*unmeasured)
+    assert not any(isinstance(piece, Grid) and piece.name == "bench_comparison" for piece in chapter.pieces)
+    said = words(chapter)
+    assert "published end points" in said and "R²" not in said and "SYNTHETIC" not in said
+
+
+def test_without_rates_and_load_points_the_rest_is_shown(full):
+    table = full[0] | {"rates": [], "load_points": []}
+    named = [piece.name for piece in bench_chapter(table, full[1]).pieces if isinstance(piece, Picture)]
+    assert named == ["bench_curves", "bench_agreement", "bench_shape"]
+
+
+def test_the_same_table_gives_the_same_figure(full, tmp_path):
+    first, second = (save_figure(bench_agreement_figure(*full), tmp_path / name) for name in ("a", "b"))
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+def test_measured_curves_are_solid_and_simulated_ones_dashed(full):
+    chapter = bench_chapter(*full)
+    figure = next(piece for piece in chapter.pieces if isinstance(piece, Picture)).figure
+    lines = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 100]
+    solid = [line for line in lines if line.get_linestyle() == "-"]
+    assert len(solid) == 5 and len(lines) == 15
+    assert np.allclose(solid[0].get_xdata(), full[1]["measured_mm"][0])
+
+
+def test_the_chapter_needs_no_drake():
+    code = ("import sys; from vsf_drake.report.validation import bench_chapter; "
+            "sys.exit(any(name.split('.')[0] == 'pydrake' for name in sys.modules))")
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

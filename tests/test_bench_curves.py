@@ -1,0 +1,138 @@
+"""Curves of a testing machine, read as laboratories write them, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vsf_drake.bench_curves import load_bench_curves
+from vsf_drake.bench_file import load_bench_file
+from vsf_drake.errors import InputError
+from vsf_drake.resources import resource
+
+HEAD = "fulcrum_mm,displacement_mm,load_n\n"
+LOADS = (0, 100, 200, 300, 400, 500, 600)
+
+
+def read(folder: Path, text: str, *, encoding: str = "utf-8"):
+    path = folder / "bench.csv"
+    path.write_bytes(text.encode(encoding))
+    return load_bench_curves(path)
+
+
+def spring(fulcrum: str, n_per_mm: float, *, loads=LOADS, start_mm: float = 0.0, more: str = "") -> str:
+    """Rows of a linear spring whose platen touches at `start_mm`."""
+    return "".join(f"{fulcrum},{start_mm + load / n_per_mm:.9f},{load}{more}\n" for load in loads)
+
+
+def test_the_reference_file_holds_the_stiffness_of_the_bench_file():
+    """Two files, two routes: slopes of curves here, the virtual bench's own stiffness there."""
+    read_curves = load_bench_curves(resource("data/reference_subject/bench_curves.csv"))
+    stated = load_bench_file(resource("data/reference_subject/bench.yaml"))
+    assert read_curves.synthetic and "SYNTHETIC" in read_curves.name
+    assert tuple(curve.fulcrum_m for curve in read_curves.curves) == (*stated.fulcrum_m, None)
+    for curve, k in zip(read_curves.curves, (*stated.stiffness_n_per_m, stated.heel_stiffness_n_per_m), strict=True):
+        assert curve.displacement_m[0] == curve.load_n[0] == curve.first_load_n == 0.0 and curve.repeat == 1
+        at = np.interp([200.0, 600.0], curve.load_n, curve.displacement_m)
+        assert 400.0 / (at[1] - at[0]) == pytest.approx(k, rel=5e-5)
+
+
+def test_units_order_separators_and_line_ends_do_not_change_the_curve(tmp_path):
+    plain = read(tmp_path, HEAD + spring("66", 10.0)).curves[0]
+    metres = "".join(f"{load / 1e3},0.066,{load / 10.0 / 1e3:.6f}\n" for load in LOADS)
+    rows = "".join(f"66\t{load / 10.0}\t{load}\n" for load in LOADS)
+    decimal = "".join(f"66;{load / 10.0};{load},0\n" for load in LOADS).replace(".", ",")
+    windows = "\ufeff# name: x\r\n" + (HEAD + spring("66", 10.0)).replace("\n", "\r\n")
+    for text in ("load_kn,fulcrum_m,displacement_m\n" + metres, HEAD.replace(",", "\t") + rows,
+                 HEAD.replace(",", ";") + decimal, windows,
+                 HEAD.upper().replace("_MM", "_mm") + "\n" + spring("66", 10.0) + ",,\n# the end\n"):
+        curve = read(tmp_path, text).curves[0]
+        assert curve.fulcrum_m == pytest.approx(0.066)
+        np.testing.assert_allclose(curve.displacement_m, plain.displacement_m, atol=1e-12)
+        np.testing.assert_allclose(curve.load_n, plain.load_n, atol=1e-9)
+
+
+def test_settings_and_repeats_are_sorted_with_the_heel_last(tmp_path):
+    text = "fulcrum_mm,displacement_mm,load_n,repeat\n" + spring("", 65.0, more=",1") + spring("151", 32.0, more=",2")
+    text += spring("151", 31.0, more=",1") + spring("66", 10.0, more=",1")
+    found = read(tmp_path, "# name: foot 3\n# synthetic: true,,\n" + text)
+    assert (found.name, found.synthetic) == ("foot 3", True)
+    settings = [(curve.fulcrum_m, curve.repeat) for curve in found.curves]
+    assert settings == [(0.066, 1), (0.151, 1), (0.151, 2), (None, 1)]
+    assert found.curves[1].displacement_m[-1] == pytest.approx(0.6 / 31.0)
+    assert read(tmp_path, HEAD + spring("66", 10.0)).name == "bench"
+
+
+def test_displacement_counts_from_touch_down_wherever_the_machine_stood(tmp_path):
+    """The machine's own zero, a way through air and a preload leave the same linear spring."""
+    air = "".join(f"66,{x},{load}\n" for x, load in ((3.0, -0.4), (3.5, 0.3), (4.0, 0.0)))
+    approached = read(tmp_path, HEAD + air + spring("66", 10.0, loads=LOADS[1:], start_mm=4.0)).curves[0]
+    preloaded = read(tmp_path, HEAD + spring("66", 10.0, loads=(10, 20, *LOADS[1:]), start_mm=-1.0)).curves[0]
+    for curve in (approached, preloaded):
+        assert curve.displacement_m[0] == curve.load_n[0] == 0.0
+        assert (np.diff(curve.displacement_m) > 0.0).all()
+        np.testing.assert_allclose(curve.load_n, 1e4 * curve.displacement_m, atol=1e-5)
+    assert approached.first_load_n == 0.0 and preloaded.first_load_n == 10.0
+
+
+def test_noise_moves_touch_down_by_no_more_than_itself(tmp_path):
+    draw = np.random.default_rng(5)
+    x = np.arange(-2.0, 60.0, 0.02)
+    load = np.maximum(10.0 * x, 0.0) + draw.normal(0.0, 0.5, len(x))
+    rows = "".join(f"66,{a:.4f},{b:.4f}\n" for a, b in zip(x, load, strict=True))
+    curve = read(tmp_path, HEAD + rows).curves[0]
+    assert np.polyfit(curve.displacement_m, curve.load_n, 1)[1] == pytest.approx(0.0, abs=2.0)  # N: 4 deviations
+
+
+def test_samples_at_one_displacement_become_one(tmp_path):
+    rows = "".join(f"66,{load / 10.0},{load + d}\n" for load in LOADS[1:] for d in (-1, 1))
+    curve = read(tmp_path, HEAD + "66,0,0\n" + rows).curves[0]
+    np.testing.assert_allclose(curve.load_n, LOADS)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("", ("is empty", "fulcrum_mm, displacement_mm and load_n")),
+    ("# name: x\n\n", ("is empty",)),
+    (HEAD, ("no rows",)),
+    (spring("66", 10.0), ("no line of column names", "fulcrum_mm")),
+    ("fulcrum_mm,load_n\n66,0\n", ("line 1", "no column of displacement")),
+    ("fulcrum_mm,displacement_in,load_n\n66,0,0\n", ("displacement_in", "unit 'in' is unknown", "mm or m")),
+    ("fulcrum_mm,displacement,load_n\n66,0,0\n", ("column displacement", "unit is missing", "displacement_mm")),
+    ("fulcrum_mm,displacement_mm,load_lbf\n66,0,0\n", ("load_lbf", "'lbf'", "n or kn")),
+    ("fulcrum_mm,displacement_mm,load_n,time_s\n66,0,0,0\n", ("'time_s' is unknown",)),
+    ("fulcrum_mm,displacement_mm,displacement_m,load_n\n66,0,0,0\n", ("2 columns of displacement",)),
+    (HEAD + "66,0,0\n66,1,ten\n", ("line 3", "column load", "'ten' is not a number")),
+    (HEAD + "66,0,0\n66,1,nan\n", ("line 3", "not a finite number")),
+    (HEAD + "66,0,0\n66,,10\n", ("line 3", "column displacement", "not a finite number")),
+    (HEAD + "nan,0,0\n", ("line 2", "column fulcrum", "not a finite number")),
+    (HEAD + "66,0,5,1\n", ("4 cells", "decimal point")),
+    (HEAD + "66,0\n", ("2 cells", "cut short")),
+    (HEAD + spring("0.066", 10.0), ("no fulcrum position", "unit of its column")),
+    (HEAD + spring("66", 10.0) + spring("66", 10.0), ("line 9", "displacement falls", "repeat")),
+    (HEAD + spring("66", 10.0) + "66,50,500\n", ("displacement falls", "loading only")),
+    (HEAD + spring("66", 10.0) + "66,61,300\n", ("line 9", "load falls by 300 N")),
+    (HEAD + spring("66", -10.0, loads=[-x for x in LOADS]), ("never loaded", "compression are positive")),
+    (HEAD + spring("66", 10.0, loads=[x / 1e3 for x in LOADS]), ("largest load is 0.6 N", "unit")),
+    (HEAD.replace("_mm,l", "_m,l") + spring("66", 10.0), ("travels 60000 mm", "unit")),
+    (HEAD + spring("66", 10.0, loads=LOADS[2:]), ("begins at 200 N of 600 N", "before the platen touches")),
+    (HEAD + "66,0,20\n66,10,20.1\n66,20,20.2\n66,30,20.3\n66,40,300\n66,50,600\n",
+     ("touch-down cannot be told", "Tare")),
+    (HEAD + spring("66", 10.0, loads=(0, 300, 600)), ("has 3 samples", "At least 5")),
+    (HEAD + "66,5,-20\n66,5,5\n66,5,6\n", ("never loaded as the platen moves",)),
+    ("fulcrum_mm,displacement_mm,load_n,repeat\n" + spring("66", 10.0, more=",0.5"), ("no number of a pass",)),
+    ("# synthetic: maybe\n" + HEAD + spring("66", 10.0), ("# synthetic", "neither true nor false")),
+])
+def test_what_cannot_be_used_is_refused_with_file_place_and_what_would_be_right(tmp_path, text, words):
+    with pytest.raises(InputError) as refused:
+        read(tmp_path, text)
+    for word in ("bench.csv", *words):
+        assert word in str(refused.value), str(refused.value)
+
+
+def test_a_missing_file_and_a_spreadsheet_are_refused(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        load_bench_curves(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="not a text file"):
+        read(tmp_path, HEAD, encoding="utf-16")
