@@ -60,15 +60,13 @@ def _energy(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
         if not own:
             continue
         axes.plot([row["fulcrum_mm"] for row in own], [row["energy_stored_j"] for row in own], color=HEEL_COLOUR,
-                  linewidth=0.8, linestyle=":", label=words, marker=marker, markersize=0.1)
+                  linewidth=0.8, linestyle=":")
         for row in own:
             axes.plot(row["fulcrum_mm"], row["energy_stored_j"], marker, markersize=6,
                       color=condition_colour(1e-3 * row["fulcrum_mm"]))
         axes.plot([], [], marker, color=HEEL_COLOUR, label=words)
-    handles, names = axes.get_legend_handles_labels()
-    kept = [(h, n) for h, n in zip(handles, names, strict=True) if h.get_linestyle() == "None"]
-    if kept:
-        axes.legend(*zip(*kept, strict=True), loc="best")
+    if rows:
+        axes.legend(loc="best")
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.12)
     label(axes, x="fulcrum position (mm)", y="energy stored at 600 N (J)", title="Energy stored")

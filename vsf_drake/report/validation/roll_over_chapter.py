@@ -120,8 +120,8 @@ def _friction(iso: Mapping[str, Any]) -> list[Piece]:
         "pylon (a choice), the foot is dragged over the platform by a line that cannot give way. The forefoot's "
         f"deflection then changes by {change('deflection_forefoot_mm')}, the radius by {change('radius_m')}, the "
         f"largest moment toe up by {change('dorsiflexing_moment_nm')}, and sliding costs {min(sliding):.1f} to "
-        f"{max(sliding):.1f} J. Shape and deflection can be relied on, moments and return ratio only for the "
-        "frictionless platform."), friction_grid(iso)]
+        f"{max(sliding):.1f} J. Where these changes are small, the numbers above hold for a platform with friction "
+        "too; the others hold for the frictionless one only."), friction_grid(iso)]
 
 
 def _inclined(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]) -> list[Piece]:
