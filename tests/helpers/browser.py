@@ -18,7 +18,8 @@ _MEASURE = """
     e => e.getBoundingClientRect().right > limit && !scrolls(e)).map(e => e.tagName + " " + e.textContent.slice(0, 40));
   const images = [...document.images];
   parent.postMessage({width: page.clientWidth, scroll: page.scrollWidth, out: out.slice(0, 5), images: images.length,
-    broken: images.filter(i => !i.naturalWidth).length, unnamed: images.filter(i => i.alt.trim().length < 20).length}, "*");
+    broken: images.filter(i => !i.naturalWidth).length,
+    unnamed: images.filter(i => i.alt.trim().length < 20).length}, "*");
 }, 300));</script>
 """
 _FRAME = """<!doctype html><meta charset="utf-8"><style>body{{margin:0}}iframe{{border:0}}</style>

@@ -75,6 +75,17 @@ def test_unknown_values_are_dashes_and_never_numbers(column, value, shown):
     assert cell(column, value) == shown
 
 
+def test_a_form_without_braces_is_refused_because_it_would_show_itself():
+    with pytest.raises(ValueError, match="would show itself"):
+        Column(key="k", heading="", form=".1f")
+
+
+def test_a_line_of_the_summary_that_is_not_met_is_marked():
+    grid = Grid(name="g", caption="", columns=[Column(key="met", heading="met")],
+                rows=[{"met": True}, {"met": False}, {"met": None}])
+    assert page(grid).count('<tr class="unmet">') == 1
+
+
 def test_a_file_beside_the_page_is_linked():
     assert '<a href="replay.html">the replay</a>' in page(links={"the replay": "replay.html"})
 

@@ -10,11 +10,11 @@ from vsf_drake.report.page import bullets, document, picture
 from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Piece, Text
 
 _STYLE = """
-img,figure,tr{break-inside:avoid}h2,h3,caption{break-after:avoid}figure{margin:.8rem 0}
-figcaption,caption{color:#555;font-size:.88rem;text-align:left}caption{padding-bottom:.3rem}
-.wide{overflow-x:auto;margin:.6rem 0}.wide table{font-size:.88rem}th.number{text-align:right}
+img,tr{break-inside:avoid}h2,h3,figcaption{break-after:avoid}figure{margin:1rem 0}
+figcaption{color:#555;font-size:.88rem}.unmet td{background:#fdecea;font-weight:600}
+.wide{overflow-x:auto;margin:.2rem 0 .6rem}.wide table{font-size:.88rem}th.number{text-align:right}
 thead th{border-bottom:2px solid #bbb}.missing{border-left:4px solid #b26a00;padding:.2rem .8rem;background:#fbf4e8}
-nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption,caption{overflow-wrap:anywhere}
+nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption{overflow-wrap:anywhere}
 @media(max-width:600px){body{padding:.8rem;font-size:14px}}
 @media print{nav{display:none}body{max-width:none;padding:0;font-size:10pt}.wide{overflow-x:visible}
 .wide table{font-size:7.5pt}}
@@ -76,8 +76,12 @@ def _grid(grid: Grid) -> str:
     marks = [' class="number"' if column.form else "" for column in grid.columns]
     head = "".join(f'<th scope="col"{mark}>{html.escape(column.heading)}</th>'
                    for column, mark in zip(grid.columns, marks, strict=True))
-    rows = "".join("<tr>" + "".join(f"<td{mark}>{html.escape(cell(column, row.get(column.key)))}</td>"
-                                    for column, mark in zip(grid.columns, marks, strict=True)) + "</tr>"
-                   for row in grid.rows)
-    return (f'<div class="wide" tabindex="0"><table><caption>{html.escape(grid.caption)}</caption>'
-            f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>")
+    rows = "".join(_row(grid, row, marks) for row in grid.rows)
+    return (f'<figure><figcaption>{html.escape(grid.caption)}</figcaption><div class="wide" tabindex="0"><table>'
+            f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></figure>")
+
+
+def _row(grid: Grid, row: Mapping[str, Any], marks: Sequence[str]) -> str:
+    cells = "".join(f"<td{mark}>{html.escape(cell(column, row.get(column.key)))}</td>"
+                    for column, mark in zip(grid.columns, marks, strict=True))
+    return f'<tr class="unmet">{cells}</tr>' if row.get("met") is False else f"<tr>{cells}</tr>"

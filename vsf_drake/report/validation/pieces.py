@@ -58,6 +58,10 @@ class Column:
     form: str = ""
     scale: float = 1.0
 
+    def __post_init__(self) -> None:
+        if self.form and "{" not in self.form:
+            raise ValueError(f"{self.form!r} would show itself, not a number: write {{:{self.form}}}")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
