@@ -83,6 +83,7 @@ def test_noise_moves_touch_down_by_no_more_than_itself(tmp_path):
     load = np.maximum(10.0 * x, 0.0) + draw.normal(0.0, 0.5, len(x))
     rows = "".join(f"66,{a:.4f},{b:.4f}\n" for a, b in zip(x, load, strict=True))
     curve = read(tmp_path, HEAD + rows).curves[0]
+    assert curve.first_load_n == 0.0
     assert np.polyfit(curve.displacement_m, curve.load_n, 1)[1] == pytest.approx(0.0, abs=2.0)  # N: 4 deviations
 
 

@@ -57,7 +57,7 @@ class MeasuredCurve:
         repeat: number of the pass at this setting, from 1.
         displacement_m: (n,) m of the platen, increasing, 0 where it touches the foot.
         load_n: (n,) N, 0 there; it may fall within noise.
-        first_load_n: N of the first sample that was recorded; where it is above 0, touch-down was extrapolated.
+        first_load_n: N with which the pass begins; where it is above 0, touch-down was extrapolated.
     """
 
     fulcrum_m: float | None
@@ -205,7 +205,7 @@ def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: P
         row = int(np.argmax(below > LARGEST_FALL * largest))
         raise refuse(f"the load falls by {below[row]:.3g} N to {load[row]:g} N", "A pass rises up to noise: end it "
                      "before it unloads, slips or breaks", row)
-    first = float(load[0])
+    first = float(load[0]) if load.min() > 0.0 else 0.0
     x, load = _merged(x, load)
     x, load = _from_touch_down(x, load, refuse)
     if len(x) < FEWEST_SAMPLES:
@@ -213,7 +213,7 @@ def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: P
     if not _TRAVEL_M[0] <= x[-1] <= _TRAVEL_M[1]:
         raise refuse(f"the platen travels {1e3 * x[-1]:g} mm", "Is it in the unit of its column?")
     return MeasuredCurve(fulcrum_m=None if fulcrum == math.inf else fulcrum, repeat=repeat, displacement_m=x,
-                         load_n=load, first_load_n=max(first, 0.0))
+                         load_n=load, first_load_n=first)
 
 
 def _merged(x: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

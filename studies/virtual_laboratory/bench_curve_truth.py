@@ -42,8 +42,9 @@ def write_bench_curves(folder: Path) -> Path:
     with replaced(folder / "bench_curves.csv") as stream:
         stream.write(
             f"# {NOTICE.replace('walked', 'measured')}.\n"
-            "# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically 199 mm from the\n"
-            "# keel's posterior end, or on the heel (no fulcrum); static, loading only, no noise, one pass a setting.\n"
+            "# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically 199 mm from "
+            "the\n# keel's posterior end, or on the heel (no fulcrum); static, loading only, no noise, one pass a "
+            "setting.\n"
             "# name: SYNTHETIC bench of the reference subject's foot\n"
             "# synthetic: true\n"
             "fulcrum_mm,displacement_mm,load_n\n")

@@ -12,8 +12,10 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import StudyOptions, bench, embedded_bench
 from vsf_drake.analysis.validation.bench import bench_section
 from vsf_drake.analysis.validation.bench_passes import Machine
+from vsf_drake.analysis.validation.bench_rates import small_load_stiffness
 from vsf_drake.bench_curves import BenchCurves, MeasuredCurve, load_bench_curves
 from vsf_drake.model_file import load_model
+from vsf_drake.plants.refined_foot import with_elements
 from vsf_drake.resources import resource
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
@@ -77,7 +79,24 @@ def test_the_values_are_those_of_the_bench_command(compared_only):
         assert row["model"]["mid_range_mm"] == pytest.approx(middle, rel=1e-3)
         assert row["model"]["stored_j"] == pytest.approx(
             1e-3 * np.trapezoid(setting.load_n, 1e3 * setting.platen_m), rel=6e-3)
-    assert [one["key"] for one in found["lines"]] == ["model"]
+    assert [one["key"] for one in found["lines"]] == ["model", "refined"]
+
+
+def test_a_finer_keel_differs_by_what_the_chain_of_sprung_joints_differs_from_itself(reference):
+    """The closed form of both chains for small loads, at each setting: softest where the fulcrum stands far back."""
+    foot = embedded_study().model.foot
+    finer = with_elements(foot, line(reference, "refined")["elements"])
+    for row in reference.table["settings"][:-1]:
+        fulcrum = 1e-3 * row["fulcrum_mm"]
+        expected = small_load_stiffness(finer, fulcrum, chain=True) / small_load_stiffness(foot, fulcrum, chain=True)
+        found = row["refined"]["stiffness_n_per_mm"] / row["model"]["stiffness_n_per_mm"]
+        assert found == pytest.approx(expected, abs=0.01)
+    assert reference.table["settings"][-1]["refined"] is None
+
+
+def test_with_a_finer_keel_the_stored_fit_reaches_the_paper_s_figures(reference):
+    """What the stored fit lacks at mid-range is the coarseness of its keel, not its foam."""
+    assert line(reference, "refined")["within_limits"] == dict.fromkeys(reference.table["limits"], True)
 
 
 def test_a_foot_measured_against_itself_errs_by_nothing(compared_only):

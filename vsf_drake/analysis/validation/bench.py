@@ -27,18 +27,21 @@ from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.plants.refined_foot import with_elements
 from vsf_drake.resources import resource
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
 
 PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}
 """Of the paper's model against its own bench (McGeehan 2021, Table 2)."""
+FINER = 4
+"""Parts into which each keel element is cut for the line that tells the coarseness of the keel from the rest."""
 QUICK_FULCRUMS, QUICK_SPEEDS_MM_PER_MIN = 3, (50.0, 5000.0)
 LINE_POINTS = 51
 """Of the regression's line."""
 
 
 def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """Presses the study's foot, the nominal one and, where curves were measured, one that is calibrated to two of them.
+    """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
 
     Returns:
         A table with `stiffness_r2`, `stiffness_rmse_n_per_mm` and `mid_range_rmse_mm` of the study's model (None
@@ -127,6 +130,11 @@ def _lines(
     if not same:
         feet["nominal"] = nominal.foot
         lines.append({"key": "nominal", "name": "nominal", "fitted_mm": None})
+    coarse = len(study.model.foot.keel.element_lengths_m)
+    finer = FINER * coarse
+    feet["refined"] = with_elements(study.model.foot, finer)
+    lines.append({"key": "refined", "name": f"{own}, {finer} elements", "fitted_mm": None, "elements": finer,
+                  "coarse_elements": coarse})
     missing = []
     show("calibration", 0.1)
     calibration, problem = _calibration(study.model, settings)
@@ -141,9 +149,9 @@ def _lines(
         missing.append(problem)
     found, unconverged = {}, 0
     for i, (key, foot) in enumerate(feet.items()):
-        show("pressing", 0.2 + 0.1 * i)
-        # the calibration is the forefoot's: at the heel that foot is the study's
-        found[key], failed, failures = pressed(foot, settings, heel=key != "calibrated")
+        show("pressing", 0.2 + 0.07 * i)
+        # finer keel and calibration are the forefoot's: at the heel those feet are the study's
+        found[key], failed, failures = pressed(foot, settings, heel=key not in ("calibrated", "refined"))
         unconverged += failed
         missing += [f"Bench, {lines[i]['name']}, {failure}" for failure in failures]
     return lines, found, unconverged, missing

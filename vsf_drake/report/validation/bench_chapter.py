@@ -12,6 +12,7 @@ from vsf_drake.report.validation.bench_load_point_figure import bench_load_point
 from vsf_drake.report.validation.bench_sentences import (
     agreement_alt,
     calibration_text,
+    coarseness_text,
     curves_alt,
     energy_alt,
     energy_text,
@@ -42,8 +43,9 @@ def bench_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Chapte
     """The chapter; `table` and `arrays` of the saved bench section."""
     judged = bool(table["n"])
     pieces: list[Piece] = [
-        Text(source_text(table)), Bullets([text for text in (result_text(table), fit_text(table),
-                                                             calibration_text(table), heel_text(table)) if text])]
+        Text(source_text(table)),
+        Bullets([text for text in (result_text(table), coarseness_text(table), fit_text(table),
+                                   calibration_text(table), heel_text(table)) if text])]
     if judged:
         pieces.append(comparison_grid(table))
     pieces += [

@@ -32,8 +32,7 @@ def result_text(table: Mapping[str, Any]) -> str:
                             ("mid_range_rmse_mm", "RMSE of mid-range displacement", " mm")):
         if found[key] is not None:
             form = "{:.4f}" if key.endswith("r2") else "{:.2f}"
-            verdict = "reached" if within[key] else "not reached"
-            parts.append(f"{name} {form.format(found[key])}{unit} (paper {asked[key]:g}: {verdict})")
+            parts.append(f"{name} {form.format(found[key])}{unit} (paper {asked[key]:g}: {_verdict(within[key])})")
     offsets = [(abs(offset), row) for row in forefoot(table)
                if (offset := value(row, "model", "mid_range_offset_mm")) is not None]
     worst = max(offsets, key=lambda pair: pair[0])[1]
@@ -73,12 +72,27 @@ def calibration_text(table: Mapping[str, Any]) -> str:
             f"{line['fitted_mm'][1]:g} mm: over all settings RMSE {found['stiffness_rmse_n_per_mm']:.2f} N/mm and "
             f"{found['mid_range_rmse_mm']:.2f} mm")
     if held:
-        text += (f", at the {held['n']} settings it did not see {held['stiffness_rmse_n_per_mm']:.2f} N/mm and "
+        text += (f", at the {held['n']} other{'s' * (held['n'] > 1)}, which it did not see, "
+                 f"{held['stiffness_rmse_n_per_mm']:.2f} N/mm and "
                  f"{held['mid_range_rmse_mm']:.2f} mm")
     text += ". This foot is shown for the bench only; it walks nowhere in this report."
     if line["at_bound"]:
         text += f" At a bound of its search: {', '.join(line['at_bound'])}."
     return text
+
+
+def coarseness_text(table: Mapping[str, Any]) -> str:
+    """What the coarse keel does to the bench."""
+    line = next((line for line in table["lines"] if line["key"] == "refined"), None)
+    if line is None or not line["statistics"]:
+        return ""
+    found, own = line["statistics"], table["lines"][0]["statistics"]
+    return (f"With its keel in {line['elements']} elements and nothing else changed, the same foot has RMSE "
+            f"{found['stiffness_rmse_n_per_mm']:.2f} N/mm and {found['mid_range_rmse_mm']:.2f} mm (paper "
+            f"{table['limits']['mid_range_rmse_mm']:g} mm: {_verdict(line['within_limits']['mid_range_rmse_mm'])}), "
+            f"against {own['stiffness_rmse_n_per_mm']:.2f} N/mm and {own['mid_range_rmse_mm']:.2f} mm. They differ by "
+            f"the coarseness of a keel of {line['coarse_elements']} elements, felt most where the fulcrum stands far "
+            "back: in the paper's layout the posterior 66 mm are one element.")
 
 
 def heel_text(table: Mapping[str, Any]) -> str:
@@ -202,6 +216,10 @@ def _end_points(line: Mapping[str, Any]) -> str:
     return ", ".join(f"{row['error_n_per_mm']:+.2f} N/mm of {row['published_n_per_mm']:g} at "
                      f"{'the heel' if row['fulcrum_mm'] is None else position(row['fulcrum_mm'])}"
                      for row in line["end_points"])
+
+
+def _verdict(reached: bool) -> str:
+    return "reached" if reached else "not reached"
 
 
 def _capital(text: str) -> str:

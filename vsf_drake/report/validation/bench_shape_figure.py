@@ -34,7 +34,7 @@ def bench_shape_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> F
         if table["measured"]:
             left.plot([], [], color=NEUTRAL, label=source(table), **MEASURED)
         left.plot([], [], color=NEUTRAL, label=f"simulated: {table['lines'][0]['name']}", **SIMULATED)
-        left.set_ylim(bottom=0.0)
+        left.set_ylim(0.0, 1.2 * left.get_ylim()[1])
         left.legend(loc="upper left")
         label(left, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
         rows = forefoot(table)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LINE_MARKERS = {"model": "o", "nominal": "s", "calibrated": "^"}
-LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.75", "calibrated": "0.35"}
+LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
+LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
 
 
 def metres(fulcrum_mm: float | None) -> float | None:
