@@ -18,7 +18,7 @@ from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.bench_agreement_figure import bench_agreement_figure
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.page import cell, validation_page
-from vsf_drake.report.validation.pieces import Bullets, Grid, Picture, Text
+from vsf_drake.report.validation.pieces import Bullets, Grid, Missing, Picture, Text
 
 CURVES = load_bench_curves(embedded_bench())
 
@@ -88,6 +88,12 @@ def test_a_worse_model_is_said_not_to_reach_the_paper(full):
     table["lines"][0]["statistics"]["stiffness_rmse_n_per_mm"] = 2.5
     table["within_limits"]["stiffness_rmse_n_per_mm"] = False
     assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in words(bench_chapter(table, full[1]))
+
+
+def test_steps_that_did_not_converge_are_said_first(full):
+    pieces = bench_chapter(full[0] | {"unconverged_steps": 3}, full[1]).pieces
+    assert any(isinstance(piece, Missing) and "3 steps" in piece.text for piece in pieces[:3])
+    assert not any(isinstance(piece, Missing) for piece in bench_chapter(*full).pieces)
 
 
 def test_without_curves_there_is_no_statistic(unmeasured):

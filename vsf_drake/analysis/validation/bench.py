@@ -98,7 +98,8 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         "speed_mm_per_min": 60e3 * PUBLISHED_SPEED_M_PER_S, "contact_name": study.contact_name or None,
         "contact_on_bench": [text for text in study.contact.verdict if "bench" in text] if study.contact else None,
         "lines": lines, "settings": rows, "regression": trend, "rates": loops, "rate_settings_mm": loop_positions,
-        "rate_speeds_mm_per_min": list(speeds), "load_points": points, "unconverged_steps": unconverged}
+        "rate_speeds_mm_per_min": list(speeds), "load_points": points,
+        "unconverged_steps": unconverged + sum(row["unconverged_steps"] for row in loops)}
     return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
 
 

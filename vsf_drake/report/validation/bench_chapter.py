@@ -33,7 +33,7 @@ from vsf_drake.report.validation.bench_tables import (
     settings_grid,
     shape_grid,
 )
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Picture, Piece, Text
+from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 
 _ERRORS = (" Middle: error of stiffness, with the 95 % confidence band of the regression of simulated on measured "
            "stiffness, less identity. Right: offset of the mid-range displacement.")
@@ -46,6 +46,9 @@ def bench_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Chapte
         Text(source_text(table)),
         Bullets([text for text in (result_text(table), coarseness_text(table), fit_text(table),
                                    calibration_text(table), heel_text(table)) if text])]
+    if table["unconverged_steps"]:
+        pieces.append(Missing(f"{table['unconverged_steps']} steps of the simulated bench did not converge: do not trust "
+                              "this chapter."))
     if judged:
         pieces.append(comparison_grid(table))
     pieces += [
