@@ -47,8 +47,8 @@ def bench_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Chapte
         Bullets([text for text in (result_text(table), coarseness_text(table), fit_text(table),
                                    calibration_text(table), heel_text(table)) if text])]
     if table["unconverged_steps"]:
-        pieces.append(Missing(f"{table['unconverged_steps']} steps of the simulated bench did not converge: do not trust "
-                              "this chapter."))
+        pieces.append(Missing(f"{table['unconverged_steps']} steps of the simulated bench did not converge: do not "
+                              "trust this chapter."))
     if judged:
         pieces.append(comparison_grid(table))
     pieces += [
