@@ -206,7 +206,7 @@ def filtered_while_loaded(
     smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(force_cutoff_hz, 0.45 * rate))
     valid = (vertical > threshold_n) & np.isfinite(cop).all(axis=1)
     for start, stop in runs(smooth > threshold_n):
-        own = valid & (time >= grid[start]) & (time <= grid[stop - 1])
+        own = valid & (time >= grid[start] - 1e-9) & (time <= grid[stop - 1] + 1e-9)  # the grid is rounded
         if np.count_nonzero(own) < 2:
             continue
         first, last = time[own][[0, -1]]
