@@ -60,7 +60,8 @@ def _curve(axes: Any, trial: Mapping[str, Any], colour: Any, marker: str) -> Non
     sweep = trial["sweep"]
     positions = np.array(sweep["fulcrum_mm"])
     errors = 100.0 * np.array([np.nan if e is None else e for e in sweep["grf_rmse_bw"]])
-    name = f"{trial['label']}: {'right' if sweep['right'] else 'WRONG'}"
+    verdict = "not known" if sweep["right"] is None else "right" if sweep["right"] else "WRONG"
+    name = f"{trial['label']}: {verdict}"
     axes.plot(positions, errors, color=colour, linewidth=1.2, marker=marker, markersize=4.5, markevery=2,
               markerfacecolor=colour if trial["role"] == "fitted" else "white", label=f" {name}")
     known = np.isfinite(errors)

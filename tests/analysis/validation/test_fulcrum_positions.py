@@ -10,9 +10,12 @@ from made_study import embedded_study
 from made_study_walk import with_walks
 
 from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.contact_fit.fulcrum_sweep import swept
 from vsf_drake.analysis.series import rmse
 from vsf_drake.analysis.validation import fulcrum_positions as module
 from vsf_drake.analysis.validation.fulcrum_positions import QUICK_POSITIONS, sweep_entry, sweep_study
+from vsf_drake.analysis.validation.walking import walking_section
+from vsf_drake.report.validation import walking_text
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.walk import Walker
 
@@ -65,8 +68,29 @@ def test_sweep_of_which_every_walk_fails_has_no_least_error(monkeypatch):
     monkeypatch.setattr(module, "simulate_many", lambda cases, **_: [
         WalkOutcome(case=case, failure="it diverged") for case in cases])
     found = sweep_entry(sweep_study(with_walks(embedded_study(), embedded_study().walks[0]))["low_2"])
-    assert found["best_mm"] is None and found["off_mm"] is None and found["right"] is False
+    assert found["best_mm"] is None and found["off_mm"] is None and found["right"] is None
     assert set(found["grf_rmse_bw"]) == {None}
+
+
+@pytest.mark.parametrize(("errors", "known"), [
+    ((0.3, 0.1, 0.2, 0.4), True), ((0.1, 0.2, 0.3, np.nan), True), ((np.nan, 0.1, 0.2, 0.3), False),
+    ((np.nan, np.nan, 0.1, np.nan), False)])
+def test_least_error_beside_a_walk_that_failed_names_no_position(errors, known):
+    """It might be lower there: a number would be the failure's, not the foot's."""
+    found = sweep_entry(swept(np.array([0.066, 0.087, 0.108, 0.129]), errors, true_m=0.087))
+    assert [found[key] is not None for key in ("best_mm", "off_mm", "right")] == [known] * 3
+
+
+def test_walks_of_a_sweep_that_failed_are_said_with_the_reason(monkeypatch):
+    real = module.simulate_many
+    monkeypatch.setattr(module, "simulate_many", lambda cases, **options: [
+        WalkOutcome(case=o.case, failure="the worker runs other software") if o.case.fulcrum_m < 0.08 else o
+        for o in real(cases, **options)])
+    found = walking_section(with_walks(embedded_study(), embedded_study().walks[0]))
+    assert found.table["sweeps"] == 0 and found.table["rows"][0]["sweep"]["right"] is None
+    said = [sentence for sentence in found.missing if "other software" in sentence]
+    assert len(said) == 1 and f"of the {QUICK_POSITIONS} walks" in said[0]
+    assert "not known of low_2" in walking_text.sweep(found.table)
 
 
 @pytest.mark.slow

@@ -29,7 +29,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`walking_rows.pooled`) and
             `angles`, a row a rotation.
         stance_r, stance_n: Pearson's over all walks.
-        sweeps_right, sweeps: how many fulcrum sweeps name the right position, of how many.
+        sweeps_right, sweeps: how many fulcrum sweeps name the right position, of how many that name one.
+        sweep_failures: by walk, how many positions of its sweep have no error.
         difference_method, spm1d: what found the regions, and its version; `differences`: one a group and quantity
             (`regions.differing_regions`), with `group` (index in `conditions`, or "all") and `quantity`.
         units: of the curves. paper: what is published.
@@ -38,7 +39,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         `_model_sd`, and the arrays of `differing_regions` likewise.
     """
     say = progress or (lambda what, fraction: None)
-    sweeps = sweep_study(study, progress=lambda what, f: say(what, 0.8 * f))
+    failures: dict[str, list[str]] = {}
+    sweeps = sweep_study(study, progress=lambda what, f: say(what, 0.8 * f), failures=failures)
     say("comparing curves", 0.8)
     rotations = {walk.label: walk_rotations(walk) for walk in study.walks}
     rows = [walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
@@ -51,12 +53,15 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     table = {
         "rows": rows, "conditions": conditions, **_summaries(rows),
         **pooled([r for own in rotations.values() for r in own]), "angles": angle_rows(rotations),
-        "sweeps": len(sweeps), "sweeps_right": sum(sweep.right for sweep in sweeps.values()),
+        "sweeps": sum(row["sweep"]["right"] is not None for row in rows),
+        "sweeps_right": sum(row["sweep"]["right"] is True for row in rows),
+        "sweep_failures": {label: len(reasons) for label, reasons in failures.items()},
         "spm1d": spm_version(), "difference_method": next((d["method"] for d in differences if d["method"]), None),
         "differences": differences, "units": QUANTITIES, "paper": PUBLISHED, "quick": study.options.quick,
         "synthetic": any(walk.trial.synthetic for walk in study.walks), "contact": study.contact_name or None}
     say("comparing curves", 1.0)
-    return Section(table=plain(table), arrays=arrays, missing=tuple(_missing(study, rows, conditions, curves, table)))
+    return Section(table=plain(table), arrays=arrays, missing=tuple(
+        [*_missing(study, rows, conditions, curves, table), *_failed_sweeps(failures, rows)]))
 
 
 def _summaries(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -124,3 +129,14 @@ def _missing(
     if study.options.quick:
         found.append("The short form sweeps the fulcrum over six positions only, in every walk.")
     return found
+
+
+def _failed_sweeps(failures: Mapping[str, Sequence[str]], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What of the sweeps is not there."""
+    if not failures:
+        return []
+    total = sum(len(row["sweep"]["fulcrum_mm"]) for row in rows)
+    lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
+    first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
+    count = sum(map(len, failures.values()))
+    return [f"{count} of the {total} walks with the fulcrum elsewhere have no error ({lost}). The first: {first}."]

@@ -62,7 +62,8 @@ def angles(table: Mapping[str, Any]) -> str:
 
 def sweep(table: Mapping[str, Any]) -> str:
     """What the fulcrum sweep says."""
-    swept = [row for row in table["rows"] if row["sweep"]]
+    swept = [row for row in table["rows"] if row["sweep"] and row["sweep"]["right"] is not None]
+    unknown = [row["label"] for row in table["rows"] if row["sweep"] and row["sweep"]["right"] is None]
     ends = sum(row["sweep"]["at_end"] for row in swept)
     inner = [abs(row["sweep"]["off_mm"]) for row in swept
              if not row["sweep"]["at_end"] and row["sweep"]["off_mm"] is not None]
@@ -70,9 +71,12 @@ def sweep(table: Mapping[str, Any]) -> str:
     far = f" {'Elsewhere it' if ends else 'It'} is at most {max(inner):.1f} mm off." if inner else ""
     tuned = " Offsets were fitted with the fulcrum where it stood, which favours that place." if table[
         "offsets_fitted"] else ""
-    return (f"The fulcrum is moved over its carriage and each walk made again, all else as fitted. The error is least "
-            f"within half a setting (10.5 mm) of where the fulcrum stood in {table['sweeps_right']} of "
-            f"{table['sweeps']} walk{'s' * (table['sweeps'] != 1)}.{end}{far}{tuned}")
+    open_ = f" Where it is least is not known of {', '.join(unknown)}: walks of the sweep failed." if unknown else ""
+    made = "The fulcrum is moved over its carriage and each walk made again, all else as fitted."
+    if not swept:
+        return f"{made}{open_}"
+    return (f"{made} The error is least within half a setting (10.5 mm) of where the fulcrum stood in "
+            f"{table['sweeps_right']} of {table['sweeps']} walk{'s' * (table['sweeps'] != 1)}.{end}{far}{tuned}{open_}")
 
 
 def differences(table: Mapping[str, Any]) -> list[str]:
