@@ -21,7 +21,8 @@ def fit(
     trials: Annotated[list[Path], typer.Argument(metavar="TRIAL.yaml...", help="Trial manifests of one person.")],
     out: Out,
     bench: Annotated[Path | None, typer.Option(
-        metavar="BENCH.yaml", help="Measured stiffness of the foot, so that what is fitted stays that foot.")] = None,
+        metavar="BENCH.yaml|CURVES.csv",
+        help="The foot on a testing machine, so that what is fitted stays that foot: stiffness, or curves.")] = None,
     hold_out: Annotated[list[Path] | None, typer.Option(
         metavar="TRIAL.yaml", help="A trial that judges the fit and is not fitted; repeat it for more.")] = None,
     strategy: Annotated[str, typer.Option(
@@ -58,7 +59,7 @@ def fit(
     _check_options(strategy, chosen, quick=quick, starts=starts, seed=seed)
     check_patterns(free or [], freeze or [])
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.bench_file import load_bench_file
+    from vsf_drake.analysis.measured_bench import load_measured_bench
     from vsf_drake.cli.fit_run import Checkpoint, Task, run_task
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, check_fit_folder
@@ -69,7 +70,7 @@ def fit(
     task = Task(
         trials=[load_trial(path.expanduser()) for path in trials], strategy=strategy,
         held_out=[load_trial(path.expanduser()) for path in hold_out or ()],
-        bench=None if bench is None else load_bench_file(bench), bench_file=bench, seed=seed,
+        bench=None if bench is None else load_measured_bench(bench), bench_file=bench, seed=seed,
         starts=1 if quick else starts, solver=solver, free=tuple(free or ()), freeze=tuple(freeze or ()),
         resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
     task.check()

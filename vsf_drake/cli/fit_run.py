@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
+from vsf_drake.analysis.contact_fit.bench_terms import bench_of
 from vsf_drake.analysis.contact_fit.multistart import FitProgress
 from vsf_drake.analysis.contact_fit.noise import COP, FORCES, RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperOptions
@@ -16,6 +17,7 @@ from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
 from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.cli.fit_names import with_frozen
@@ -24,7 +26,6 @@ from vsf_drake.files import sha256
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.fit_output import TABLE, clear_fit, write_fit
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker
 
 Show = Callable[[str, float], None]
@@ -90,10 +91,11 @@ class Task:
         subject, model = self.trials[0].subject, self.trials[0].model
         if self.bench is not None:
             try:
-                BenchStiffness(model.foot, fulcrums_m=self.bench.fulcrum_m, max_load_n=self.bench.max_load_n,
-                               heel=self.bench.heel_stiffness_n_per_m is not None)
+                bench_of(model.foot, self.bench)
             except InputError as error:
-                where = "forefoot" if error.where == "fulcrums_m" else error.where
+                curves = self.bench_file is not None and self.bench_file.suffix.lower() == CURVES
+                forefoot = "column fulcrum" if curves else "forefoot"
+                where = forefoot if error.where == "fulcrums_m" else error.where
                 raise InputError(error.what, file=self.bench_file, where=where, right=error.right) from None
         if self.strategy == PAPER:
             return

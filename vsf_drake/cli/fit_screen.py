@@ -29,11 +29,22 @@ def print_fit(table: Mapping[str, Any]) -> None:
                           zip(bench["model_n_per_mm"], bench["measured_n_per_mm"], strict=True))
         kind = " (SYNTHETIC)" if bench["synthetic"] else ""
         _say(f"Bench{kind}, N/mm, fitted (measured): {pairs}{heel}; forefoot {bench['rmse_n_per_mm']:.2f} off")
+        _print_mid_range(bench.get("mid_range"))
     _print_parameters(table)
     if smooth_errors(table):
         _say(smooth_errors(table))
     for sentence in table["verdict"]:
         _say(f"- {sentence}")
+
+
+def _print_mid_range(found: Mapping[str, Any] | None) -> None:
+    if found is None:
+        return
+    pairs = ", ".join(f"{model:.2f} ({measured:.2f})" for model, measured in
+                      zip(found["model_mm"], found["measured_mm"], strict=True))
+    heel = "" if found["heel_model_mm"] is None else (
+        f", heel {found['heel_model_mm']:.2f} (measured {found['heel_measured_mm']:.2f})")
+    _say(f"Mid-range displacement, mm, fitted (measured): {pairs}{heel}; forefoot {found['rmse_mm']:.2f} off")
 
 
 def _print_trials(table: Mapping[str, Any]) -> None:

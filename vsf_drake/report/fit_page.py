@@ -9,7 +9,15 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from vsf_drake.report.fit_figures import trial_name
-from vsf_drake.report.fit_page_parts import grid, made_of, options_part, parameter_part, search_part, sentence
+from vsf_drake.report.fit_page_parts import (
+    grid,
+    made_of,
+    mid_range_part,
+    options_part,
+    parameter_part,
+    search_part,
+    sentence,
+)
 from vsf_drake.report.fit_text import shown, synthetic_of, title_of, told_columns, trial_cells, trial_headings
 from vsf_drake.report.page import bullets, document, picture
 
@@ -100,7 +108,7 @@ def _bench(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
             f"{table['published']['bench_rmse_n_per_mm']:g} N/mm), at a measured uncertainty of "
             f"{bench['uncertainty_n_per_mm']:g} N/mm.")
     head = ("fulcrum mm", "measured N/mm", "fitted N/mm", "difference N/mm")
-    return f"<h2>Bench</h2>{sentence(told)}{grid(head, rows)}{show('bench')}"
+    return f"<h2>Bench</h2>{sentence(told)}{grid(head, rows)}{mid_range_part(bench)}{show('bench')}"
 
 
 def _knowledge(table: Mapping[str, Any], show: Callable[[str], str]) -> str:

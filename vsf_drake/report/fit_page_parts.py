@@ -77,6 +77,23 @@ def parameter_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
     return "".join(parts)
 
 
+def mid_range_part(bench: Mapping[str, Any]) -> str:
+    """Mid-range displacements of a judged bench; nothing where none were measured."""
+    found = bench.get("mid_range")
+    if found is None:
+        return ""
+    values = [*zip(bench["fulcrum_mm"], found["measured_mm"], found["model_mm"], strict=True)]
+    if found["heel_measured_mm"] is not None:
+        values.append(("heel", found["heel_measured_mm"], found["heel_model_mm"]))
+    rows = [(x if isinstance(x, str) else f"{x:g}", f"{measured:.2f}", f"{fitted:.2f}",
+             shown(fitted - measured, "{:+.2f}")) for x, measured, fitted in values]
+    told = ("Mid-range displacement (mm), that of the platen since it touched the foot, at "
+            f"{0.5 * bench['max_load_n']:g} N. The forefoot is {found['rmse_mm']:.2f} mm off (root mean square; the "
+            f"paper's model {found['published_rmse_mm']:g} mm), at a measured uncertainty of "
+            f"{found['uncertainty_mm']:g} mm.")
+    return sentence(told) + grid(("fulcrum mm", "measured mm", "fitted mm", "difference mm"), rows)
+
+
 def search_part(table: Mapping[str, Any], show: Callable[[str], str]) -> str:
     """How the search went."""
     if table["searches"]:

@@ -1,15 +1,16 @@
-"""Stiffness of a foot in the testing machine as a function of its variables, with exact derivatives.
+"""Stiffness and displacement of a foot in the testing machine as functions of its variables, with exact derivatives.
 
 Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel, as
-`analysis.bench_metrics.stiffness` has it of a curve that ends at F2. Here only the two loads are put on, each until
-the foot rests: at 50 mm/min damping has less than a thousandth of the slope, inertia nothing.
+`analysis.bench_metrics.stiffness` has it of a curve that ends at F2; the mid-range displacement is x(F2 / 2), counted
+from where the platen touches the first sphere. Here only these loads are put on, each until the foot rests: at
+50 mm/min damping has less than a thousandth of the slope, inertia nothing.
 
 At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its
 point of the keel whatever the foam does. keel(F) is that of `keel_statics`. foam(F): the spheres in the patch under the
 load, pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's
-height s. A sphere that sits higher is met later; where the travel is counted from does not matter to a slope, so a
-rise that all spheres share changes nothing. At the heel: the spheres of the rigid heel block, likewise, and
-nothing in series.
+height s. A sphere that sits higher is met later; where the travel is counted from does not matter to a slope, and a
+rise that all spheres share changes neither a slope nor the travel since the first was touched. At the heel: the spheres
+of the rigid heel block, likewise, and nothing in series.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _KEEL = {"keel.flexural_modulus": (1e6, 1e12), "fulcrum.stiffness": (1e-3, 1e30)
 
 
 class BenchStiffness:
-    """Stiffness (N/m) of a foot in the testing machine as a function of named variables, with derivatives.
+    """A foot in the testing machine as a function of named variables: stiffness, mid-range displacement, derivatives.
 
     The names are those of a walk's variables. Of these contact.ZONE.stiffness, exponent and rise,
     keel.flexural_modulus and fulcrum.stiffness matter. Damping does not at the testing machine's speed, and friction,
@@ -49,7 +50,8 @@ class BenchStiffness:
         foot: whose values hold where none is given.
         fulcrums_m: positions (m from A) at which the forefoot is pressed.
         heel: whether the heel is pressed too.
-        max_load_n, above_n: the two loads (N).
+        max_load_n, above_n: the two loads (N) between which stiffness is taken.
+        mid_range: whether half of `max_load_n` is put on too, for `displacement`.
         steps_per_mm: of the keel's path to a load; the rest that it leads to does not depend on it.
 
     Raises:
@@ -58,13 +60,15 @@ class BenchStiffness:
     """
 
     def __init__(self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0,
-                 above_n: float = 200.0, steps_per_mm: float = 0.5) -> None:
+                 above_n: float = 200.0, mid_range: bool = False, steps_per_mm: float = 0.5) -> None:
         if not 0.0 < above_n < max_load_n < math.inf:
             raise InputError(f"{above_n:g} N and {max_load_n:g} N are no two loads for a slope", where="max_load_n",
                              right="It must be more than above_n, and both positive")
         if not 0.0 < steps_per_mm < math.inf:
             raise InputError(f"{steps_per_mm:g} is no number of steps", where="steps_per_mm")
-        self.loads_n = np.array([above_n, max_load_n])
+        self.loads_n = np.unique([above_n, max_load_n, *([0.5 * max_load_n] if mid_range else [])])
+        self._ends = np.searchsorted(self.loads_n, [above_n, max_load_n])
+        self._middle = int(np.searchsorted(self.loads_n, 0.5 * max_load_n)) if mid_range else None
         self.fulcrums_m = tuple(check_fulcrum(float(x), foot, where="fulcrums_m") for x in fulcrums_m)
         self.heel = heel
         reach = 0.5 * foot.series_patch_m
@@ -93,6 +97,41 @@ class BenchStiffness:
             InputError: a name is unknown, or a value is one with which the foot has no meaning.
             SimulationError: the foot cannot bear the load.
         """
+        travel, by, columns, _ = self._travel(values, with_respect_to)
+        low, high = self._ends
+        span = travel[:, high] - travel[:, low]
+        stiffness = (self.loads_n[high] - self.loads_n[low]) / span
+        return stiffness, _picked(-(stiffness / span)[:, None] * (by[:, high] - by[:, low]), columns)
+
+    def displacement(
+        self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Travel since touch-down under half of the largest load, and its derivatives; see `evaluate`.
+
+        Where several zones are touched at once, the derivatives are those of the first one.
+
+        Returns:
+            (m,) m; (m, P) m per unit of each variable.
+
+        Raises:
+            ValueError: it was made without `mid_range`. InputError, SimulationError: see `evaluate`.
+        """
+        if self._middle is None:
+            raise ValueError("this bench was made without mid_range")
+        travel, by, columns, law = self._travel(values, with_respect_to)
+        at, slope = travel[:, self._middle], by[:, self._middle].copy()
+        rises = len(self._default) - law.shape[1]
+        if self._foam is not None:
+            slope[: len(self.fulcrums_m), rises + self._foam.touched_zone(law)] -= 1.0
+        if self._block is not None:
+            slope[-1, rises + self._block.touched_zone(law)] -= 1.0
+        return at, _picked(slope, columns)
+
+    def _travel(
+        self, values: Mapping[str, float], with_respect_to: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray, list[int | None], np.ndarray]:
+        """(m, L) m under each load; (m, L, N) its derivatives by all that matters, from a height that stays; columns of
+        these for the names; (3, Z) law of the zones."""
         numbers = self._default.copy()
         for name, value in values.items():
             column, number = self._column(name, "values"), check_number(value, f"values[{name!r}]")
@@ -104,7 +143,7 @@ class BenchStiffness:
                 numbers[column] = number
         columns = [self._column(name, "with_respect_to") for name in with_respect_to]
         law = numbers[2:].reshape(3, -1)
-        travel = np.zeros((len(self.fulcrums_m) + self.heel, 2))
+        travel = np.zeros((len(self.fulcrums_m) + self.heel, len(self.loads_n)))
         by = np.zeros((*travel.shape, len(numbers)))
         if self._foam is not None and self._keel is not None:
             rise, by_keel = self._press(self._keel, float(numbers[0]), float(numbers[1]))
@@ -113,14 +152,7 @@ class BenchStiffness:
             travel[:count], by[:count, :, :2], by[:count, :, 2:] = rise + foam, by_keel, by_foam
         if self._block is not None:
             travel[-1], by[-1, :, 2:] = self._block.press(self.loads_n, law)
-        span = travel[:, 1] - travel[:, 0]
-        stiffness = (self.loads_n[1] - self.loads_n[0]) / span
-        every = -(stiffness / span)[:, None] * (by[:, 1] - by[:, 0])
-        derivatives = np.zeros((len(stiffness), len(columns)))
-        for i, column in enumerate(columns):
-            if column is not None:
-                derivatives[:, i] = every[:, column] + 0.0  # no -0
-        return stiffness, derivatives
+        return travel, by, columns, law
 
     def _column(self, name: str, where: str) -> int | None:
         """Index into all that matters; None for what has no part."""
@@ -132,12 +164,21 @@ class BenchStiffness:
                          right=f"The bench knows: {', '.join(self._names)}")
 
     def _press(self, keel: KeelStatics, modulus_pa: float, fulcrum_n_per_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """(f, 2) m, rise of the load point, and (f, 2, 2) its derivatives, kept until one of the two changes."""
+        """(f, L) m, rise of the load point, and (f, L, 2) its derivatives, kept until one of the two changes."""
         key = modulus_pa, fulcrum_n_per_m
         if self._pressed is None or self._pressed[0] != key:
             found = [keel.press(x, *key) for x in self.fulcrums_m]
             self._pressed = key, np.array([rise for rise, _ in found]), np.array([by for _, by in found])
         return self._pressed[1:]
+
+
+def _picked(every: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:
+    """(m, P) of these columns of (m, N), zero where there is none."""
+    found = np.zeros((len(every), len(columns)))
+    for i, column in enumerate(columns):
+        if column is not None:
+            found[:, i] = every[:, column] + 0.0  # no -0
+    return found
 
 
 class _Foam:
@@ -150,6 +191,10 @@ class _Foam:
             raise InputError("no contact sphere lies where the testing machine presses", where="foot.zones")
         self.zone, self.height = np.array([z for z, _ in found]), np.array([rise for _, rise in found])
         self.share = np.eye(len(foot.zones))[self.zone]
+
+    def touched_zone(self, law: np.ndarray) -> int:
+        """Index of the zone whose sphere is touched first under this law (3, Z)."""
+        return int(self.zone[np.argmin(self.height + law[2, self.zone])])
 
     def press(self, loads_n: np.ndarray, law: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n,) m, travel of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z), row by row.

@@ -17,7 +17,14 @@ import numpy as np
 from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.fulcrum_sweep import SWEEP_STEP_S, sweep_positions, swept
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut, TrialScore
+from vsf_drake.analysis.contact_fit.scores import (
+    Assessment,
+    BenchScore,
+    FulcrumSweep,
+    LeftOut,
+    MidRangeScore,
+    TrialScore,
+)
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
@@ -56,6 +63,9 @@ class Fitted(Protocol):
 
     def bench_stiffness(self) -> np.ndarray:
         """(m,) N/m of the fitted foot on the bench, the heel last if it was measured."""
+
+    def bench_displacement(self) -> np.ndarray:
+        """(m,) m, its mid-range displacement there; asked for only where the bench has measured ones."""
 
     def refitted_without(self, labels: Sequence[str]) -> Fitted | None:
         """The fit without these trials, or None if the strategy does not do that. Raises FitError."""
@@ -114,7 +124,17 @@ def bench_score(solution: Fitted) -> BenchScore | None:
         fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
         measured_n_per_mm=tuple(1e-3 * k for k in bench.stiffness_n_per_m),
         model_n_per_mm=tuple(map(float, model[:count])), heel_measured_n_per_mm=None if heel is None else 1e-3 * heel,
-        heel_model_n_per_mm=None if heel is None else float(model[count]))
+        heel_model_n_per_mm=None if heel is None else float(model[count]), mid_range=_mid_range_score(solution, bench))
+
+
+def _mid_range_score(solution: Fitted, bench: BenchMeasurement) -> MidRangeScore | None:
+    if bench.mid_range_m is None:
+        return None
+    model, heel, count = 1e3 * solution.bench_displacement(), bench.heel_mid_range_m, len(bench.fulcrum_m)
+    return MidRangeScore(
+        measured_mm=tuple(1e3 * x for x in bench.mid_range_m), model_mm=tuple(map(float, model[:count])),
+        heel_measured_mm=None if heel is None else 1e3 * heel,
+        heel_model_mm=None if heel is None else float(model[count]))
 
 
 def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumSweep:

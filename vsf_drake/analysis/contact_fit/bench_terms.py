@@ -15,10 +15,22 @@ from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.variables import Variable
 
 BENCH = "bench"
+MID_RANGE = "mid-range displacement"
+
+
+def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
+    """The machine that presses this foot as it was measured.
+
+    Raises:
+        InputError: the carriage of this foot does not reach a position.
+    """
+    return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
+                          max_load_n=bench.max_load_n, mid_range=bench.mid_range_m is not None)
 
 
 class BenchTerms:
-    """Stiffness of the foot at the measured positions of the fulcrum, and of the heel where it was measured.
+    """The foot at the measured positions of the fulcrum, and its heel where that was measured: its stiffness, and its
+    mid-range displacement where that was.
 
     Raises:
         InputError: the carriage of this foot does not reach a position.
@@ -30,19 +42,34 @@ class BenchTerms:
     ) -> None:
         self.bench = bench
         self._map = TrialMap(parameters, variables, None, None)
-        heel = bench.heel_stiffness_n_per_m
-        self.measured = np.array([*bench.stiffness_n_per_m, *([] if heel is None else [heel])])
-        self._stiffness = BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=heel is not None,
-                                         max_load_n=bench.max_load_n)
+        self.measured = _joined(bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m)
+        self._machine = bench_of(foot, bench)
 
     def stiffness(self, u: np.ndarray) -> np.ndarray:
         """(m,) N/m of the model at u, in the order of `measured`. Raises SimulationError if it gives way."""
-        return self._stiffness.evaluate(self._map.at(u).values)[0]
+        return self._machine.evaluate(self._map.at(u).values)[0]
 
-    def term(self, u: np.ndarray, *, derivatives: bool) -> Term:
+    def displacement(self, u: np.ndarray) -> np.ndarray:
+        """(m,) m of mid-range displacement at u, in the same order. Raises ValueError if none was measured,
+        SimulationError if the foot gives way."""
+        return self._machine.displacement(self._map.at(u).values)[0]
+
+    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[Term]:
         """The residuals at u. Raises SimulationError if the foot gives way under the bench's load."""
-        at = self._map.at(u)
-        stiffness, by = self._stiffness.evaluate(at.values, at.names if derivatives else ())
-        sd = self.bench.uncertainty_n_per_m
-        return Term(name=BENCH, trial=BENCH, times_s=None, residual=(stiffness - self.measured) / sd,
-                    by=(by @ at.by if derivatives else np.zeros((len(stiffness), 0))) / sd, weight=1.0)
+        at, bench = self._map.at(u), self.bench
+        names = at.names if derivatives else ()
+
+        def term(name: str, pressed: tuple[np.ndarray, np.ndarray], measured: np.ndarray, sd: float) -> Term:
+            value, by = pressed
+            return Term(name=name, trial=BENCH, times_s=None, residual=(value - measured) / sd,
+                        by=(by @ at.by if derivatives else np.zeros((len(value), 0))) / sd, weight=1.0)
+
+        found = [term(BENCH, self._machine.evaluate(at.values, names), self.measured, bench.uncertainty_n_per_m)]
+        if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
+            found.append(term(MID_RANGE, self._machine.displacement(at.values, names),
+                              _joined(bench.mid_range_m, bench.heel_mid_range_m), bench.mid_range_uncertainty_m))
+        return found
+
+
+def _joined(forefoot: tuple[float, ...], heel: float | None) -> np.ndarray:
+    return np.array([*forefoot, *([] if heel is None else [heel])])

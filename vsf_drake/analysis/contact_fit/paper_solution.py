@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
+from vsf_drake.analysis.contact_fit.bench_terms import bench_of
 from vsf_drake.analysis.contact_fit.noise import RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperFit, PaperOptions, fit_like_the_paper
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
@@ -17,7 +18,6 @@ from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedT
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
@@ -89,9 +89,13 @@ class PaperSolution:
         """
         if self.bench is None:
             raise ValueError("this fit has no bench")
-        stiffness = BenchStiffness(self.walker.model.foot, fulcrums_m=self.bench.fulcrum_m,
-                                   heel=self.bench.heel_stiffness_n_per_m is not None, max_load_n=self.bench.max_load_n)
-        return stiffness.evaluate(self.walk_values)[0]
+        return bench_of(self.walker.model.foot, self.bench).evaluate(self.walk_values)[0]
+
+    def bench_displacement(self) -> np.ndarray:
+        """(m,) m, its mid-range displacement there; errors as of `bench_stiffness`."""
+        if self.bench is None:
+            raise ValueError("this fit has no bench")
+        return bench_of(self.walker.model.foot, self.bench).displacement(self.walk_values)[0]
 
     def refitted_without(self, labels: Sequence[str]) -> None:
         """The paper fits one trial: there is nothing to leave out."""

@@ -1,7 +1,7 @@
 """The joint contact fit as a mathematical program.
 
     minimise    1/2 sum_trials sum_series weight^2 |model(u) - measured|^2 / sd^2
-              + 1/2 sum_bench  |stiffness(u) - measured|^2 / sd^2
+              + 1/2 sum_bench  |stiffness(u) - measured|^2 / sd^2, mid-range displacement likewise where it was measured
               + 1/2 sum_priors u_p^2
     subject to  low <= u <= high
 
@@ -126,7 +126,7 @@ class ContactFit:
                 for terms in pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms):
                     found += terms
         if self._bench is not None:
-            found.append(self._bench.term(u, derivatives=derivatives))
+            found += self._bench.terms(u, derivatives=derivatives)
         found.append(self._prior(u, derivatives))
         evaluation = Evaluation(
             residual=np.concatenate([term.weight * term.residual for term in found]),
@@ -144,6 +144,17 @@ class ContactFit:
         if self._bench is None:
             raise ValueError("this fit has no bench")
         return self._bench.stiffness(u)
+
+    def bench_displacement(self, u: np.ndarray) -> np.ndarray:
+        """(m,) m of mid-range displacement on the bench at u, in the order of `bench_stiffness`.
+
+        Raises:
+            ValueError: the fit has no bench, or none with displacements.
+            SimulationError: the foot gives way.
+        """
+        if self._bench is None:
+            raise ValueError("this fit has no bench")
+        return self._bench.displacement(u)
 
     def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
         """The fit for Drake's solvers: bounded variables u and one cost with its gradient.

@@ -67,14 +67,31 @@ class LeftOut:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MidRangeScore:
+    """Mid-range displacement of model and measurement on the bench, mm; the heel's apart, None if not measured."""
+
+    measured_mm: tuple[float, ...]
+    model_mm: tuple[float, ...]
+    heel_measured_mm: float | None
+    heel_model_mm: float | None
+
+    @property
+    def rmse_mm(self) -> float:
+        """Of the forefoot."""
+        return rmse(np.array(self.model_mm), np.array(self.measured_mm))
+
+
+@dataclass(frozen=True, kw_only=True)
 class BenchScore:
-    """Model and measurement on the bench, N/mm; the heel's apart, None where it was not measured."""
+    """Model and measurement on the bench, N/mm; the heel's apart, None where it was not measured. `mid_range`: None
+    where no displacement was measured."""
 
     fulcrum_mm: tuple[float, ...]
     measured_n_per_mm: tuple[float, ...]
     model_n_per_mm: tuple[float, ...]
     heel_measured_n_per_mm: float | None
     heel_model_n_per_mm: float | None
+    mid_range: MidRangeScore | None = None
 
     @property
     def rmse_n_per_mm(self) -> float:

@@ -146,6 +146,11 @@ class ContactFitSolution:
         self.check()
         return self.fit.bench_stiffness(self.u)
 
+    def bench_displacement(self) -> np.ndarray:
+        """(m,) m, its mid-range displacement there, where that was measured. Raises FitError if the fit failed."""
+        self.check()
+        return self.fit.bench_displacement(self.u)
+
     def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution:
         """The same fit without these trials, searched once from this solution on.
 
@@ -178,7 +183,6 @@ class ContactFitSolution:
     def _walk_values(self, label: str | None) -> dict[str, float]:
         """All values of a walk, courses too, of a fitted trial or of any other."""
         return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.u).values
-
 
 
 def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, ...]]:

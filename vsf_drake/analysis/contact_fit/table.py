@@ -13,10 +13,10 @@ from vsf_drake.analysis.contact_fit.paper import PaperFit
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
 from vsf_drake.analysis.contact_fit.parameter_rows import curve_rows, joint_rows, paper_rows
 from vsf_drake.analysis.contact_fit.recordings import labels_of
-from vsf_drake.analysis.contact_fit.scores import Assessment, TrialScore
+from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, TrialScore
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution
 from vsf_drake.analysis.contact_fit.uncertainty import CLOSE, SURE_SHARE
-from vsf_drake.analysis.contact_fit.verdict import PAPER_BENCH_N_PER_MM, PAPER_BW, verdict
+from vsf_drake.analysis.contact_fit.verdict import PAPER_BENCH_N_PER_MM, PAPER_BW, PAPER_MID_RANGE_MM, verdict
 from vsf_drake.analysis.json_file import plain
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.motion.trial_record import Trial
@@ -51,7 +51,7 @@ def fit_table(
         table["verdict"] = verdict(solution, assessment)
         table["left_out"] = [asdict(row) for row in assessment.left_out]
         if table["bench"] and assessment.bench:
-            table["bench"] |= {**asdict(assessment.bench), "rmse_n_per_mm": assessment.bench.rmse_n_per_mm}
+            table["bench"] = _judged_bench(table["bench"], assessment.bench)
     table |= {"success": True, "message": solution.message}
     table |= _joint(solution) if isinstance(solution, ContactFitSolution) else {
         "parameters": paper_rows(solution)}
@@ -144,13 +144,26 @@ def _score(score: TrialScore | None) -> dict[str, Any]:
 
 
 def _bench(bench: BenchMeasurement) -> dict[str, Any]:
-    heel = bench.heel_stiffness_n_per_m
+    heel, heel_x = bench.heel_stiffness_n_per_m, bench.heel_mid_range_m
+    mid_range = {} if bench.mid_range_m is None or bench.mid_range_uncertainty_m is None else {"mid_range": {
+        "uncertainty_mm": 1e3 * bench.mid_range_uncertainty_m, "measured_mm": [1e3 * x for x in bench.mid_range_m],
+        "model_mm": None, "heel_measured_mm": None if heel_x is None else 1e3 * heel_x, "heel_model_mm": None,
+        "rmse_mm": None, "published_rmse_mm": PAPER_MID_RANGE_MM}}
     return {"name": bench.name, "synthetic": bench.synthetic, "max_load_n": bench.max_load_n,
             "uncertainty_n_per_mm": 1e-3 * bench.uncertainty_n_per_m,
             "fulcrum_mm": [1e3 * x for x in bench.fulcrum_m],
             "measured_n_per_mm": [1e-3 * k for k in bench.stiffness_n_per_m], "model_n_per_mm": None,
             "heel_measured_n_per_mm": None if heel is None else 1e-3 * heel, "heel_model_n_per_mm": None,
-            "rmse_n_per_mm": None}
+            "rmse_n_per_mm": None, **mid_range}
+
+
+def _judged_bench(row: Mapping[str, Any], score: BenchScore) -> dict[str, Any]:
+    """`_bench` with what the model does; its `mid_range` is there only where displacements were measured."""
+    found = {**row, **asdict(score), "rmse_n_per_mm": score.rmse_n_per_mm}
+    del found["mid_range"]
+    if score.mid_range is not None:
+        found["mid_range"] = {**row["mid_range"], **asdict(score.mid_range), "rmse_mm": score.mid_range.rmse_mm}
+    return found
 
 
 def _joint(solution: ContactFitSolution) -> dict[str, Any]:

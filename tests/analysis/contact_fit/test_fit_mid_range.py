@@ -1,0 +1,140 @@
+"""Mid-range displacement in a fit: residuals with their derivatives, scores, table, words; nothing where unmeasured."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vsf_drake.analysis.bench_metrics import mid_range_displacement
+from vsf_drake.analysis.contact_fit.assessment import bench_score
+from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, MidRangeScore
+from vsf_drake.analysis.contact_fit.solve import search
+from vsf_drake.analysis.contact_fit.table import failed_table
+from vsf_drake.analysis.contact_fit.verdict import verdict
+from vsf_drake.analysis.measured_bench import load_measured_bench
+from vsf_drake.fitted_model import model_with
+from vsf_drake.resources import resource
+from vsf_drake.simulation.bench import run_bench
+
+FREE = ("contact.forefoot.force", "contact.forefoot.exponent", "contact.heel.force", "contact.heel_posterior.rise",
+        "offset.height")
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return load_measured_bench(resource("data/reference_subject/bench_curves.csv"))
+
+
+def test_residuals_are_the_misfit_over_its_uncertainty_and_come_beside_those_of_stiffness(few_free, curves):
+    fit = few_free(*FREE, bench=curves)
+    u = fit.parameters.start + 0.1
+    *_, stiffness, displaced, prior = fit.evaluate(u).terms
+    assert (stiffness.name, displaced.name, prior.name) == ("bench", "mid-range displacement", "prior")
+    measured = np.array([*curves.mid_range_m, curves.heel_mid_range_m])
+    np.testing.assert_allclose(displaced.residual, (fit.bench_displacement(u) - measured) / 5e-4, rtol=1e-12)
+    assert displaced.trial == "bench" and displaced.weight == 1.0 and displaced.times_s is None
+    without = few_free(*FREE, bench=replace(curves, mid_range_m=None, heel_mid_range_m=None,
+                                            mid_range_uncertainty_m=None))
+    *_, alone, _ = without.evaluate(u).terms
+    np.testing.assert_allclose(alone.residual, stiffness.residual, atol=1e-6)
+    with pytest.raises(ValueError, match="without mid_range"):
+        without.bench_displacement(u)
+    with pytest.raises(ValueError, match="no bench"):
+        few_free("offset.height").bench_displacement(np.zeros(1))
+
+
+def test_gradients_are_the_limits_of_differences(few_free, curves):
+    fit = few_free(*FREE, bench=curves)
+    u = fit.parameters.start + np.array([0.2, -0.3, 0.1, 0.4, 0.1])
+    by = fit.evaluate(u).terms[-2].by
+    for p, name in enumerate(fit.parameters.names):
+        step = 1e-3 * np.eye(len(u))[p]
+        ends = [fit.evaluate(u + sign * step, derivatives=False).terms[-2].residual for sign in (1, -1)]
+        np.testing.assert_allclose(by[:, p], (ends[0] - ends[1]) / 2e-3, rtol=2e-4, atol=1e-5, err_msg=name)
+    assert np.abs(by).max(axis=0)[:-1].all() and not by[:, FREE.index("offset.height")].any()
+
+
+def test_the_model_is_that_of_the_simulated_bench(few_free, curves):
+    """Its passes end a step beyond 600 N; cut there."""
+    fit = few_free(*FREE, bench=curves)
+    u = fit.parameters.start + np.array([0.5, 0.5, 0.0, 0.0, 0.0])
+    values = {"contact.forefoot.stiffness", "contact.forefoot.exponent"}
+    walk = {name: value for name, value in fit._bench._map.at(u).values.items() if name in values}
+    pressed = run_bench(model_with(fit.walker.model, walk), fulcrums_m=curves.fulcrum_m).forefoot
+    simulated = []
+    for setting in pressed:
+        end = np.interp(600.0, setting.load_n, setting.platen_m)
+        kept = setting.platen_m < end
+        simulated.append(mid_range_displacement(np.append(setting.platen_m[kept], end),
+                                                np.append(setting.load_n[kept], 600.0)))
+    np.testing.assert_allclose(fit.bench_displacement(u)[:-1], simulated, rtol=2e-3)
+
+
+def test_a_displacement_of_the_models_own_is_found_again(few_free, curves):
+    """The data are what the model does elsewhere: stiffness, displacement and walks pull back from there together."""
+    made = few_free(*FREE, bench=curves)
+    u = made.parameters.start + np.array([0.6, 0.4, -0.3, 0.3, 0.0])
+    stiffness, displaced = made.bench_stiffness(u), made.bench_displacement(u)
+    sharp = replace(curves, stiffness_n_per_m=tuple(stiffness[:-1]), heel_stiffness_n_per_m=float(stiffness[-1]),
+                    mid_range_m=tuple(displaced[:-1]), heel_mid_range_m=float(displaced[-1]),
+                    mid_range_uncertainty_m=1e-6, uncertainty_n_per_m=1.0)
+    fit = few_free(*FREE, bench=sharp)
+    found = search(fit, fit.parameters.start)
+    np.testing.assert_allclose(fit.bench_displacement(found.u), displaced, atol=5e-6)
+    np.testing.assert_allclose(fit.bench_stiffness(found.u), stiffness, rtol=2e-3)
+
+
+def test_scores_are_in_millimetres_with_the_heel_apart(curves):
+    stiffness = np.array([*curves.stiffness_n_per_m, curves.heel_stiffness_n_per_m])
+    off = 1e-3 * np.array([0.3, -0.3, 0.0, 0.4, 0.0, 2.0])
+    model = SimpleNamespace(bench=curves, bench_stiffness=lambda: stiffness, bench_displacement=lambda: np.array(
+        [*curves.mid_range_m, curves.heel_mid_range_m]) + off)
+    found = bench_score(model).mid_range
+    assert np.subtract(found.model_mm, found.measured_mm) == pytest.approx([0.3, -0.3, 0.0, 0.4, 0.0], abs=1e-9)
+    assert found.rmse_mm == pytest.approx(np.sqrt(0.34 / 5)), "without the heel"
+    assert found.heel_model_mm - found.heel_measured_mm == pytest.approx(2.0)
+    bare = replace(curves, mid_range_m=None, heel_mid_range_m=None, mid_range_uncertainty_m=None)
+    model = SimpleNamespace(bench=bare, bench_stiffness=lambda: stiffness)
+    assert bench_score(model).mid_range is None
+
+
+def test_the_table_has_displacements_only_where_they_were_measured(curves, soft, measured_bench):
+    row = failed_table([soft], "no", strategy="joint", bench=curves)["bench"]
+    assert row["mid_range"]["measured_mm"] == pytest.approx([1e3 * x for x in curves.mid_range_m])
+    assert row["mid_range"]["heel_measured_mm"] == pytest.approx(1e3 * curves.heel_mid_range_m)
+    assert row["mid_range"]["uncertainty_mm"] == pytest.approx(0.5) and row["mid_range"]["model_mm"] is None
+    assert "mid_range" not in failed_table([soft], "no", strategy="joint", bench=measured_bench)["bench"]
+
+
+def scored(off, heel=2.0):
+    mid = MidRangeScore(measured_mm=(30.0, 10.0), model_mm=(30.0 + off, 10.0 - off), heel_measured_mm=5.0,
+                        heel_model_mm=5.0 + heel)
+    return BenchScore(fulcrum_mm=(66.0, 151.0), measured_n_per_mm=(10.0, 32.0), model_n_per_mm=(10.0, 32.0),
+                      heel_measured_n_per_mm=65.0, heel_model_n_per_mm=65.0, mid_range=mid)
+
+
+def words(bench):
+    metrics = {"grf_rmse_bw": 0.02, "null_model_grf_rmse_bw": None}
+    score = SimpleNamespace(label="a", role="fitted", metrics=metrics, floor_grf_rmse_bw=None, sweep=None)
+    told = SimpleNamespace(names=("offset.height",), unidentified=(), singular_values=[3.0], at_bound=(), together=())
+    solution = SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in (0.066, 0.151)], uncertainty=told, best=0,
+                               searches=[SimpleNamespace(cost=1.0, success=True)],
+                               noise_ratios=lambda: [(SimpleNamespace(trial="a", name="vertical"), 0.5)])
+    return verdict(solution, Assessment(scores=(score,), left_out=(), bench=bench))
+
+
+def test_the_verdict_says_how_far_off_the_displacement_is_beside_the_papers():
+    [near] = [text for text in words(scored(0.3)) if "displacement" in text]
+    assert "0.30 mm off" in near and "as near as the paper's model (0.45 mm)" in near and "+2.00 mm off" in near
+    [far] = [text for text in words(scored(0.5, -1.0)) if "displacement" in text]
+    assert "0.50 mm off" in far and "farther off than" in far and "-1.00 mm off" in far
+    plain = words(replace(scored(0.3), mid_range=None))
+    assert not any("displacement" in text for text in plain)
+    assert [text for text in words(scored(0.3)) if "displacement" not in text] == list(plain)
+
+
+def test_scores_as_plain_values_keep_their_names():
+    assert set(asdict(scored(0.1))["mid_range"]) == {"measured_mm", "model_mm", "heel_measured_mm", "heel_model_mm"}
