@@ -10,6 +10,8 @@ import pytest
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement
 from vsf_drake.analysis.contact_fit.assessment import bench_score
+from vsf_drake.analysis.contact_fit.bench_terms import bench_of
+from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
 from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, MidRangeScore
 from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.contact_fit.table import failed_table
@@ -85,6 +87,17 @@ def test_a_displacement_of_the_models_own_is_found_again(few_free, curves):
     found = search(fit, fit.parameters.start)
     np.testing.assert_allclose(fit.bench_displacement(found.u), displaced, atol=5e-6)
     np.testing.assert_allclose(fit.bench_stiffness(found.u), stiffness, rtol=2e-3)
+
+
+def test_the_papers_solution_is_pressed_likewise(curves, soft, fit_walker, few_free):
+    """With nothing fitted both are the model as it stands."""
+    paper = SimpleNamespace(values={}, converged=True, stopped_by="its rule")
+    found = PaperSolution(trials=(soft,), labels=("low_1",), walker=fit_walker, bench=curves, paper=paper)
+    plain = bench_of(fit_walker.model.foot, curves)
+    np.testing.assert_array_equal(found.bench_displacement(), plain.displacement({})[0])
+    np.testing.assert_array_equal(found.bench_stiffness(), plain.evaluate({})[0])
+    with pytest.raises(ValueError, match="no bench"):
+        replace(found, bench=None).bench_displacement()
 
 
 def test_scores_are_in_millimetres_with_the_heel_apart(curves):
