@@ -115,8 +115,9 @@ def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[dict[
 
 def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
     """One row an outcome and pair of recorded settings, each walked with its own motion: what the plates and the model
-    say the difference of their means is, and t times the standard error of what the model errs by in it. Told apart if
-    both differences exceed that, with the same sign.
+    say the difference of their means is, t times the standard error of what the model errs by in it, and the same of
+    the strides' own scatter. Told apart if both differences exceed both, with the same sign: strides differ from one to
+    the next at one setting too, and a model that follows each of them well tells the strides apart, not the settings.
 
     The walks that the fit has seen are left out if two settings have others; what the model errs by is told by held-out
     walks alone.
@@ -141,7 +142,7 @@ def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
                 "outcome": name, "from_mm": settings[i], "to_mm": settings[j], "trials_from": int(member[i].sum()),
                 "trials_to": int(member[j].sum()), "simulated": of_model[o], "measured": of_plate[o],
                 "error": of_model[o] - of_plate[o], "error_half_width": width * error_sd[o],
-                "told_apart": _both_exceed(of_model[o], of_plate[o], width * error_sd[o]),
+                "told_apart": _both_exceed(of_model[o], of_plate[o], width * float(np.maximum(error_sd, stride_sd)[o])),
                 "stride_half_width": width * stride_sd[o],
                 "beyond_strides": _exceeds(of_model[o], width * stride_sd[o])})
     return rows

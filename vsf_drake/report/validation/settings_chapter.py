@@ -56,10 +56,11 @@ def settings_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Cha
         pieces += [
             Heading("As the settings were walked"),
             Text("At another setting a person also moves otherwise, which can make up for much of the difference. Here "
-                 "each setting is walked with the motion that was recorded at it. The half width is what the model may "
-                 "err by in such a difference, which the plates tell: t times the standard error of (simulated less "
-                 "measured), within settings. Energy has no plate; it is held against the spread of the simulated "
-                 "strides alone."
+                 "each setting is walked with the motion that was recorded at it. The error's half width is what the "
+                 "model may err by in such a difference, which the plates tell: t times the standard error of "
+                 "(simulated less measured), within settings. That of the strides is the same of the simulated strides "
+                 "themselves, which differ at one setting too. Energy has no plate; it is held against the strides "
+                 "alone."
                  + (" The trials are synthetic: how motion and force change with the setting was chosen by who made "
                     "them." if table["synthetic"] else "")),
             walked_grid(table)]

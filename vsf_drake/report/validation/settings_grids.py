@@ -70,13 +70,14 @@ def walked_grid(table: Mapping[str, Any]) -> Grid:
         Column(key="measured", heading="measured", form="{:+.3f}"),
         Column(key="simulated", heading="simulated", form="{:+.3f}"),
         Column(key="error", heading="error", form="{:+.3f}"),
-        Column(key="error_half_width", heading="half width", form="{:.3f}"), Column(key="told", heading="told apart"),
+        Column(key="error_half_width", heading="error, half width", form="{:.3f}"),
+        Column(key="told", heading="told apart"),
         Column(key="stride_half_width", heading="strides, half width", form="{:.3f}"),
         Column(key="strides", heading="beyond strides")],
         caption="Difference of the settings' means over trials (to less from), on the plates and in the model, each "
-                "setting with its own motion. Told apart: both exceed the half width, with the same sign; of every "
-                "twenty such comparisons one would by chance. Trials that the fit has seen are left out where there "
-                "are others.")
+                "setting with its own motion. Told apart: both exceed both half widths, of the model's error and of "
+                "the strides, with the same sign; by chance at most one of twenty such comparisons would. Trials that "
+                "the fit has seen are left out where there are others.")
 
 
 def inverse_grid(table: Mapping[str, Any]) -> Grid:
