@@ -92,8 +92,8 @@ def method_lines(table: Mapping[str, Any]) -> list[str]:
         "difference, with t for n - 1. Its mean cancels. For the same recording this is an upper bound: what the model "
         "gets wrong of one motion at both positions cancels too, but no trial was recorded at two positions.",
         "A difference beyond the limit arises by chance once in twenty, in each outcome and pair by itself; a true "
-        "difference of just its size is found half of the time, one 1.4 times as large in four cases of five. Averaging recordings narrows what differs "
-        "between them, never the session's part.",
+        "difference of just its size is found half of the time, one 1.4 times as large in four cases of five. "
+        "Averaging recordings narrows what differs between them, never the session's part.",
         f"{table['walks']} walks: {len(table['trials'])} trials at {len(table['positions_mm'])} positions, "
         f"{table['draws']} sessions of {table['recordings_a_draw']} recordings each, seed {table['seed']}, steps of 2 "
         f"ms; {table['failed_walks']} failed.",
