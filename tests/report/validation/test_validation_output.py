@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 
 import numpy as np
@@ -108,6 +109,60 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
 
 
+def edited(out, change):
+    """The results in `out` with `change` of their table, as an editor or another version leaves them."""
+    write_validation(content(), ARRAYS, out)
+    table = json.loads((out / "validation.json").read_text())
+    change(table)
+    (out / "validation.json").write_text(json.dumps(table))
+    return remake_report(out), (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
+    def two(table, arrays):
+        grid = walking({"error_bw": 0.5}, arrays).pieces[1]
+        rows = [{"label": "low_1", "error_bw": table["error_bw"]}]
+        return Chapter(name="walking", title="Walking", pieces=(
+            Text("First."), dataclasses.replace(grid, name="spoiled", rows=rows), grid))
+
+    monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", two)})
+    missing, page = edited(tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1]))
+    assert any("Walking: This version cannot show the table spoiled (TypeError" in sentence for sentence in missing)
+    assert "First." in page and "0.500" in page
+    assert not (tmp_path / "out" / "tables" / "spoiled.csv").exists()
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
+    def undrawable(table, arrays):
+        chapter = walking(table, arrays)
+        chapter.pieces[2].figure.axes[0].set_title("$\\frac{$")
+        return chapter
+
+    write_validation(content(), ARRAYS, tmp_path / "out")
+    monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", undrawable)})
+    assert any("cannot show the figure force (ValueError" in sentence for sentence in remake_report(tmp_path / "out"))
+    assert "Error 0.333 BW." in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert not list((tmp_path / "out" / "figures").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda table: table["sections"].update(walking=3), "These results have no such section."),
+        (lambda table: table["sections"]["walking"].update(missing=None), "Error 0.333 BW."),
+        (lambda table: table.update(notes=None, title=None), "<h1>Validation</h1>"),
+        (lambda table: table.pop("first_line"), "do not say whether their data are measured or synthetic"),
+        (lambda table: table.pop("format"), "These results have format unknown"),
+        (lambda table: table.update(replay="low_1"), "replay.html is not there any more"),
+    ],
+    ids=["section", "missing", "notes", "first_line", "format", "replay"],
+)
+def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path, change, words):
+    _, page = edited(tmp_path / "out", change)
+    assert words in page
+    assert 'href="replay.html"' not in page
+
+
 def test_a_chapter_that_this_version_wrote_itself_must_not_fail(tmp_path):
     with pytest.raises(KeyError):
         write_validation(content(sections={"walking": {"table": {}, "missing": [], "wall_s": 0.0, "failure": ""}}),
@@ -147,6 +202,16 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="other things"):
+        check_validation_folder(tmp_path)
+    (tmp_path / "thesis.txt").unlink()
+    (tmp_path / "validation.json").write_text('{"kind": "of another program"}')
+    with pytest.raises(InputError, match="other things"):
+        check_validation_folder(tmp_path)
+    (tmp_path / "validation.json").unlink()
+    (tmp_path / "unfinished").mkdir()
+    check_validation_folder(tmp_path)
+    (tmp_path / "unfinished" / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things"):
         check_validation_folder(tmp_path)
     check_validation_folder(tmp_path / "new")

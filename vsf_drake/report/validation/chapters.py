@@ -40,7 +40,7 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
     chapters = [_made("summary", "Summary", lambda: summary_chapter(content), lenient)]
     for name, (title, maker) in _MAKERS.items():
         section = content["sections"].get(name)
-        if section is None:
+        if not isinstance(section, Mapping):
             if name not in _OPTIONAL:
                 chapters.append(_absent(name, title, "These results have no such section."))
         elif section.get("failure") or section.get("table") is None:
@@ -48,7 +48,7 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
         else:
             own = {key.partition("/")[2]: array for key, array in arrays.items() if key.partition("/")[0] == name}
             made = _made(name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
-            missing: list[Piece] = [Missing(sentence) for sentence in section.get("missing", ())]
+            missing: list[Piece] = [Missing(str(sentence)) for sentence in section.get("missing") or ()]
             chapters.append(Chapter(name=name, title=made.title, pieces=(*missing, *made.pieces)))
     return [*chapters, _made("made", "How this was made", lambda: making_chapter(content), lenient)]
 
@@ -56,11 +56,15 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
 def _made(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
     try:
         return make()
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+    except Exception as error:  # whatever another version or an editor left there
         if not lenient:
             raise
-        return _absent(name, title, "This version cannot show what the results hold of it "
-                                    f"({type(error).__name__}: {error}).")
+        return _absent(name, title, unshown("what the results hold of it", error))
+
+
+def unshown(what: str, error: Exception) -> str:
+    """Says that this version cannot show something of saved results."""
+    return f"This version cannot show {what} ({type(error).__name__}: {error})."
 
 
 def _absent(name: str, title: str, why: str) -> Chapter:

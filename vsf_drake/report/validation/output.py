@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import dataclasses
 import json
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,19 +15,22 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.validation.keeping import is_kept
+from vsf_drake.analysis.validation.run import NAMES
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.chapters import make_chapters
-from vsf_drake.report.validation.page import validation_page
-from vsf_drake.report.validation.pieces import Grid, Missing, Picture
+from vsf_drake.report.validation.chapters import make_chapters, unshown
+from vsf_drake.report.validation.page import piece_html, validation_page
+from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Piece
 from vsf_drake.report.validation.walks import REPLAY, tidy_walks, write_replay_of, write_walks
 from vsf_drake.simulation.archive import check_target, result_folder
 
 VALIDATION, FORMAT = "validation", 1
 TABLE, ARRAYS, PAGE, UNFINISHED = "validation.json", "validation.npz", "report.html", "unfinished"
 FIGURES, TABLES = "figures", "tables"
+NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 _KINDS = (".csv", ".png", ".svg")
 
 
@@ -39,7 +44,7 @@ def check_validation_folder(out: Path) -> None:
     for name in (TABLE, ARRAYS, PAGE, REPLAY):
         if (out / name).is_dir():
             raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / TABLE).exists() and not (out / UNFINISHED).is_dir():
+    if out.is_dir() and any(out.iterdir()) and not (_holds_validation(out) or _holds_unfinished(out / UNFINISHED)):
         raise InputError("holds other things than an earlier validation", file=out, right="Choose another folder")
 
 
@@ -87,18 +92,21 @@ def read_validation(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.nd
         raise InputError("there is no such file", file=path,
                          right="Name the folder that `vsf-drake validate --out` wrote") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
+        raise InputError(f"cannot be read as JSON ({error})", file=path,
+                         right="Run `vsf-drake validate` again") from None
     known = isinstance(content, dict) and content.get("kind") == VALIDATION
     if not known or not isinstance(content.get("sections"), dict):
-        raise InputError("is not the table of a validation", file=path)
+        raise InputError("is not the table of a validation", file=path,
+                         right="Name the folder that `vsf-drake validate --out` wrote")
     arrays = Path(folder) / ARRAYS
     if sha256(arrays) != content.get("arrays_sha256"):
-        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=arrays)
+        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=arrays,
+                         right="Run `vsf-drake validate` again")
     try:
         with np.load(arrays, allow_pickle=False) as stored:
             return content, {name.replace("__", "/", 1): stored[name] for name in stored.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", file=arrays) from None
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"cannot be read ({error})", file=arrays, right="Run `vsf-drake validate` again") from None
 
 
 def remake_report(folder: str | Path) -> list[str]:
@@ -112,13 +120,34 @@ def remake_report(folder: str | Path) -> list[str]:
     """
     folder = Path(folder)
     content, arrays = read_validation(folder)
+    notes = content["notes"] if isinstance(content.get("notes"), list) else []
     if content.get("format") != FORMAT:
-        content["notes"] = [*content.get("notes", []), f"These results have format {content.get('format')}; this "
-                            f"version writes format {FORMAT} and shows of them what it can."]
+        notes = [*notes, f"These results have format {content.get('format', 'unknown')}; this version writes format "
+                         f"{FORMAT} and shows of them what it can."]
+    if content.get("replay") and not (folder / REPLAY).is_file():
+        content["replay"] = None
+        notes = [*notes, f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`."]
+    content["notes"] = notes
     with _writing(folder), result_folder(folder) as temporary:
         files, missing = _write_pages(content, arrays, temporary, lenient=True)
     _tidy(folder, files)
     return missing
+
+
+def _holds_validation(out: Path) -> bool:
+    """Whether there is the table of a validation, be it damaged."""
+    try:
+        content = json.loads((out / TABLE).read_text(encoding="utf-8"))
+    except ValueError:
+        return True
+    except OSError:
+        return False
+    return isinstance(content, dict) and content.get("kind") == VALIDATION
+
+
+def _holds_unfinished(folder: Path) -> bool:
+    """Whether this is a folder of finished sections, and of nothing else that would have to stay."""
+    return folder.is_dir() and all(is_kept(path, NAMES) for path in folder.iterdir())
 
 
 def _write_pages(
@@ -128,19 +157,36 @@ def _write_pages(
     chapters = make_chapters(content, arrays, lenient=lenient)
     for name in (FIGURES, TABLES):
         (folder / name).mkdir()
-    files = set()
-    for piece in (piece for chapter in chapters for piece in chapter.pieces):
-        if isinstance(piece, Picture):
-            files |= {path.relative_to(folder) for path in save_figure(piece.figure, folder / FIGURES / piece.name)}
-        elif isinstance(piece, Grid):
-            files.add(_write_csv(piece, folder / TABLES / f"{piece.name}.csv").relative_to(folder))
+    files: set[Path] = set()
+    for i, chapter in enumerate(chapters):
+        pieces = tuple(_written(piece, folder, files, lenient=lenient) for piece in chapter.pieces)
+        chapters[i] = dataclasses.replace(chapter, pieces=pieces)
     links = {"replay of one trial (opens in a browser, needs no network)": REPLAY} if content.get("replay") else {}
-    page = validation_page(content.get("title", "Validation"), content.get("first_line", ""), chapters,
-                           synthetic=bool(content.get("synthetic")), links=links)
+    page = validation_page(str(content.get("title") or "Validation"), str(content.get("first_line") or NO_FIRST_LINE),
+                           chapters, synthetic=bool(content.get("synthetic", True)), links=links)
     with replaced(folder / PAGE) as stream:
         stream.write(page)
     return files, [f"{chapter.title}: {piece.text}" for chapter in chapters for piece in chapter.pieces
             if isinstance(piece, Missing)]
+
+
+def _written(piece: Piece, folder: Path, files: set[Path], *, lenient: bool) -> Piece:
+    """The piece, its files written and noted; if `lenient` and it cannot be shown, what says so in its place."""
+    try:
+        if isinstance(piece, Picture):
+            own = save_figure(piece.figure, folder / FIGURES / piece.name)
+        else:
+            piece_html(piece)
+            own = (_write_csv(piece, folder / TABLES / f"{piece.name}.csv"),) if isinstance(piece, Grid) else ()
+    except (InputError, OSError):
+        raise
+    except Exception as error:  # whatever another version or an editor left there
+        if not lenient:
+            raise
+        what = {Grid: "the table ", Picture: "the figure "}.get(type(piece), "a text")
+        return Missing(unshown(f"{what}{getattr(piece, 'name', '')}", error))
+    files |= {path.relative_to(folder) for path in own}
+    return piece
 
 
 def _tidy(out: Path, files: set[Path]) -> None:

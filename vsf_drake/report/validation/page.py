@@ -39,7 +39,7 @@ def validation_page(
     parts.append(f"<nav>{anchors}</nav>")
     for chapter in chapters:
         parts.append(f'<section id="{chapter.name}"><h2>{html.escape(chapter.title)}</h2>')
-        parts += [_piece(piece) for piece in chapter.pieces]
+        parts += [piece_html(piece) for piece in chapter.pieces]
         parts.append("</section>")
     return document(title, parts, more_style=_STYLE)
 
@@ -55,7 +55,8 @@ def cell(column: Column, value: Any) -> str:
     return column.form.format(value * column.scale)
 
 
-def _piece(piece: Piece) -> str:
+def piece_html(piece: Piece) -> str:
+    """A piece as the page shows it."""
     match piece:
         case Text(text):
             return f"<p>{html.escape(text)}</p>"
