@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -43,7 +42,8 @@ def validate(
         make_study,
     )
     from vsf_drake.analysis.validation.content import first_line, validation_content
-    from vsf_drake.analysis.validation.run import failures, run_sections
+    from vsf_drake.analysis.validation.keeping import SectionStore
+    from vsf_drake.analysis.validation.run import NAMES, failures, run_sections
     from vsf_drake.report.validation.output import PAGE, UNFINISHED, check_validation_folder, write_validation
 
     out, contact, bench = out.expanduser(), file_of(contact), file_of(bench)
@@ -68,7 +68,7 @@ def validate(
         finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
         show("writing the report", 0.99)
         written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
-    shutil.rmtree(out / UNFINISHED, ignore_errors=True)
+    SectionStore(out / UNFINISHED, "").remove(NAMES)
     print_summary(written)
     console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False)
     _finish(study.failed, failures(finished), study.bench_problem)

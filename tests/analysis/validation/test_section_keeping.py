@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.keeping import SectionStore, study_key
 from vsf_drake.analysis.validation.study import Section, StudyOptions
-from vsf_drake.errors import SimulationError
+from vsf_drake.errors import InputError, SimulationError
 
 SECTION = Section(table={"error_bw": 0.025, "unknown": None, "rows": [{"label": "low_1"}]},
                   arrays={"curve": np.array([0.1, np.nan, 1.0 / 3.0])}, missing=("No CoP.",))
@@ -35,6 +36,28 @@ def test_a_section_of_another_study_or_a_damaged_one_is_not_read(tmp_path):
     assert SectionStore(tmp_path, "key").read("walking") is None
     (tmp_path / "walking.json").write_text('{"key": ')
     assert SectionStore(tmp_path, "key").read("walking") is None
+
+
+def test_what_is_kept_is_taken_away_and_nothing_else(tmp_path):
+    store = SectionStore(tmp_path / "kept", "key")
+    store.write("walking", SECTION, 1.5)
+    (tmp_path / "kept" / ".walking.npz.x1.part").write_bytes(b"PK")
+    store.remove(["walking"])
+    assert not (tmp_path / "kept").exists()
+    store.write("walking", SECTION, 1.5)
+    (tmp_path / "kept" / "thesis.txt").write_text("mine")
+    store.remove(["walking"])
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["thesis.txt"]
+
+
+def test_a_full_disk_is_told_as_such(tmp_path, monkeypatch):
+    def full(*args, **arrays):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(InputError, match="No space left"):
+        SectionStore(tmp_path / "kept", "key").write("walking", SECTION, 1.5)
+    assert not list((tmp_path / "kept").iterdir())
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import zipfile
+from collections.abc import Container, Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -65,13 +67,26 @@ class SectionStore:
         Raises:
             InputError: the folder cannot be written.
         """
+        arrays = self.folder / f"{name}.npz"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            with replaced(arrays, "wb") as stream:
+                np.savez_compressed(stream, allow_pickle=False, **section.arrays)
+            write_json(self.folder / f"{name}.json", {
+                "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,
+                "arrays_sha256": sha256(arrays)})
         except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror})", file=self.folder) from None
-        arrays = self.folder / f"{name}.npz"
-        with replaced(arrays, "wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **section.arrays)
-        write_json(self.folder / f"{name}.json", {
-            "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,
-            "arrays_sha256": sha256(arrays)})
+            raise InputError(f"cannot be written ({error.strerror or error})", file=self.folder) from None
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Takes away these sections, and the folder if nothing else is in it."""
+        names = frozenset(names)
+        with contextlib.suppress(OSError):
+            for path in [path for path in self.folder.iterdir() if is_kept(path, names)]:
+                path.unlink()
+            self.folder.rmdir()
+
+
+def is_kept(path: Path, names: Container[str]) -> bool:
+    """Whether a file of a store's folder is of one of these sections, complete or not."""
+    return path.suffix in (".json", ".npz", ".part") and path.name.lstrip(".").partition(".")[0] in names
