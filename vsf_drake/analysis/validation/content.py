@@ -11,6 +11,7 @@ from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.run import Finished
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.analysis.validation.summary import summary_rows
+from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
 
@@ -82,6 +83,14 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
         notes.append(f"The bench file was not used: {study.bench_problem}")
     if len({walk.trial.subject for walk in study.walks}) > 1:
         notes.append("The trials are of more than one person; means over trials mix them.")
+    if any(walk.trial.model != study.model for walk in study.walks):
+        own = next(walk.label for walk in study.walks if walk.trial.model == study.model)
+        notes.append(f"The trials have more than one model of the foot; what is no walk is of {own}'s.")
+    prints: dict[str, list[str]] = {}
+    for walk in study.walks:
+        prints.setdefault(fingerprint(walk.recorded), []).append(walk.label)
+    notes += [f"{' and '.join(labels)} are the same recording: means and deviations over trials count it "
+              f"{len(labels)} times." for labels in prints.values() if len(labels) > 1]
     unconverged = [walk.label for walk in study.walks if not walk.result.converged]
     if unconverged:
         notes.append(f"Steps that did not converge are in the walks of {', '.join(unconverged)}: do not trust these.")

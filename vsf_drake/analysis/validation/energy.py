@@ -73,7 +73,11 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     worst = {key: max((row[key] for row in trials if row[key] is not None), default=None)
              for key in ("remainder_share", "person_remainder_share", "balance_share", "distal_share")}
     remainder = worst.pop("remainder_share")
-    judged = {key: _judged(load, motion, conditions, key) for key in ("stored_j", "returned_j")}
+    one_person = len({walk.trial.subject for walk in study.walks}) == 1
+    if not one_person and len(conditions) > 1:
+        missing.append("The trials are of more than one person: whether a softer setting stores more cannot be told as "
+                       "recorded.")
+    judged = {key: _judged(load, motion, conditions if one_person else (), key) for key in ("stored_j", "returned_j")}
     table = {
         "trials": trials, "conditions": conditions, "same_load": load, "same_motion": motion,
         "convergence": _convergence(trials, twins),

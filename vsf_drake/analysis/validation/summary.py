@@ -23,7 +23,7 @@ class _Line:
     what: str
     key: str
     unit: str
-    form: str = "{:.2f}"
+    form: str = "{:z.2f}"
     scale: float = 1.0
     paper: str = ""
     most: float | None = None

@@ -23,9 +23,10 @@ def write_walks(study: Study, out: Path) -> None:
     Raises:
         InputError: `out` cannot be written.
     """
+    names = _folders(study)
     for walk in study.walks:
         metrics = {**walk.metrics, "role": walk.role, "doubts": list(walk.doubts), "notes": list(walk.result.notes)}
-        folder = out / WALKS / _folder(walk)
+        folder = out / WALKS / names[walk.label]
         folder.mkdir(parents=True)
         save_walk(walk.result, folder)
         save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, metrics), folder / "walk")
@@ -38,7 +39,7 @@ def tidy_walks(study: Study, out: Path) -> None:
     Raises:
         InputError: one cannot be removed.
     """
-    own = {_folder(walk) for walk in study.walks}
+    own = set(_folders(study).values())
     for folder in (out / WALKS).iterdir():
         if folder.name not in own and (folder / SIDECAR_FILE).is_file():
             try:
@@ -58,8 +59,15 @@ def write_replay_of(study: Study, out: Path) -> str:
     return walk.label
 
 
-def _folder(walk: StudyWalk) -> str:
-    return walk.label.replace("/", "_").replace("..", "_")
+def _folders(study: Study) -> dict[str, str]:
+    """The folder's name of each walk by its label, in which folders may tell trials of one name apart."""
+    names: dict[str, str] = {}
+    for walk in study.walks:
+        name = walk.label.replace("/", "_").replace("..", "_")
+        while name in names.values():
+            name += "_"
+        names[walk.label] = name
+    return names
 
 
 def _shown(study: Study) -> StudyWalk:
