@@ -10,7 +10,7 @@ The following were not read at their source and are stated here as they are used
   along the shape rather than in time, so that no part counts more because the load rests there.
 
 The dynamic mean ankle moment arm is "the ratio of sagittal ankle moment impulse to ground reaction force impulse"
-(abstract of Adamczyk 2020, doi 10.1115/1.4045835); here the impulse of the vertical force is taken.
+(abstract of Adamczyk 2020, doi 10.1115/1.4045817); here the impulse of the vertical force is taken.
 """
 
 from __future__ import annotations
