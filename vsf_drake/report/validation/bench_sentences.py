@@ -47,8 +47,10 @@ def fit_text(table: Mapping[str, Any]) -> str:
     parts = []
     if table["contact_on_bench"] is not None:
         said = " ".join(table["contact_on_bench"])
-        parts.append(f"Of the bench the contact file says: “{said}” A fit knows the stiffness of a bench; mid-range "
-                     "displacement and the curve are no part of it and are predicted." if said else
+        unseen = ("Stiffness and mid-range displacement are then fitted, not predicted; the course of the curves is "
+                  "predicted." if "displacement" in said else "A fit to stiffness alone knows nothing of mid-range "
+                  "displacement and of the course of the curves: these are predicted.")
+        parts.append(f"Of the bench the contact file says: “{said}” {unseen}" if said else
                      "The contact file does not say that it was fitted to a bench.")
     if nominal:
         parts.append("The nominal model is calibrated to the published end points 10 and 32 N/mm and to the heel's 65 "

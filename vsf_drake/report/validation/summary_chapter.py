@@ -23,6 +23,10 @@ def summary_chapter(content: Mapping[str, Any]) -> Chapter:
             Column(key="what", heading="what"), Column(key="shown", heading="here", form="{}"),
             Column(key="unit", heading="unit"), Column(key="paper", heading="paper", form="{}"),
             Column(key="asked", heading="asked"), Column(key="met", heading="met")), rows=content["summary"])]
+    bench = content["sections"].get("bench", {}).get("table") or {}
+    if bench.get("contact_on_bench"):
+        pieces.append(Text("The foot of these figures was fitted to a bench too, as its contact file says; on that "
+                           "bench stiffness, and what else was fitted there, is no prediction."))
     answer = (content["sections"].get("settings", {}).get("table") or {}).get("answer")
     if answer:
         pieces += [Heading("Can two settings be told apart?"), Text(answer)]
