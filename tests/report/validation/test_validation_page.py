@@ -116,3 +116,11 @@ def test_the_browser_would_notice_overflow_messages_requests_and_missing_images(
     assert (seen.broken, seen.unnamed) == (1, 1)
     assert any("seen" in line for line in seen.console)
     assert seen.requests == ["http://nowhere.invalid/x.js"]
+
+
+def test_on_paper_a_table_of_many_columns_is_set_smaller():
+    narrow = Grid(name="narrow", caption="Two.", rows=WIDE.rows, columns=WIDE.columns[:2])
+    text = page(WIDE, narrow)
+    sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
+    assert sizes[0] < 4.0 and sizes[1] == 7.5
+    assert "font-size:var(--print)" in text

@@ -16,9 +16,11 @@ figcaption{color:#555;font-size:.88rem}.unmet td{background:#fdecea;font-weight:
 thead th{border-bottom:2px solid #bbb}.missing{border-left:4px solid #b26a00;padding:.2rem .8rem;background:#fbf4e8}
 nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption{overflow-wrap:anywhere}
 @media(max-width:600px){body{padding:.8rem;font-size:14px}}
-@media print{nav{display:none}body{max-width:none;padding:0;font-size:10pt}.wide{overflow-x:visible}
-.wide table{font-size:7.5pt}}
+@media print{nav{display:none}body{max-width:none;padding:0;font-size:9pt}.wide{overflow-x:visible}
+.wide table{font-size:var(--print)}.wide td,.wide th{padding-right:.8em}figcaption{font-size:8.5pt}}
 """
+_PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
+"""Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
 
 
 def validation_page(
@@ -78,8 +80,16 @@ def _grid(grid: Grid) -> str:
     head = "".join(f'<th scope="col"{mark}>{html.escape(column.heading)}</th>'
                    for column, mark in zip(grid.columns, marks, strict=True))
     rows = "".join(_row(grid, row, marks) for row in grid.rows)
-    return (f'<figure><figcaption>{html.escape(grid.caption)}</figcaption><div class="wide" tabindex="0"><table>'
+    return (f'<figure><figcaption>{html.escape(grid.caption)}</figcaption>'
+            f'<div class="wide" tabindex="0" style="--print:{_print_size_pt(grid):.1f}pt"><table>'
             f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></figure>")
+
+
+def _print_size_pt(grid: Grid) -> float:
+    """The size at which the table is as wide as the paper, words unbroken, or the largest."""
+    letters = sum(max(len(word) for text in (column.heading, *(cell(column, row.get(column.key)) for row in grid.rows))
+                      for word in (text.split() or [""])) for column in grid.columns)
+    return min(_LARGEST_PT, _PAPER_PT / max(_LETTER_EM * letters + _BETWEEN_EM * len(grid.columns), 1.0))
 
 
 def _row(grid: Grid, row: Mapping[str, Any], marks: Sequence[str]) -> str:
