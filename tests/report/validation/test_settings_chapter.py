@@ -11,8 +11,10 @@ from made_study_walk import with_walks
 
 from vsf_drake.analysis.validation import settings
 from vsf_drake.analysis.validation.settings import settings_section
+from vsf_drake.analysis.validation.settings_answer import answer
 from vsf_drake.report.validation.pieces import Bullets, Grid, Heading, Missing, Picture, Text
 from vsf_drake.report.validation.settings_chapter import settings_chapter
+from vsf_drake.report.validation.settings_words import energy_words
 
 
 def saved(section):
@@ -84,3 +86,23 @@ def test_a_study_in_which_nothing_can_be_walked_has_a_chapter():
              "fulcrum_estimate_sd_mm": None}
     chapter = settings_chapter(empty, {})
     assert chapter.pieces[0].text == empty["answer"] and isinstance(chapter.pieces[1], Missing)
+
+
+def energy_row(low, high, effect, told):
+    return {"outcome": "energy_stored_j", "from_mm": low, "to_mm": high, "effect": effect,
+            "noise_told_apart_same_recording": told}
+
+
+@pytest.mark.parametrize(("first", "second", "told", "said"), [
+    (2.0, -2.0, False, True), (2.0, -2.9, True, False), (-2.0, 2.0, False, False)])
+def test_energy_cannot_tell_the_ends_apart_only_if_it_does_not_and_rises_in_between(first, second, told, said):
+    table = {"pairs": [energy_row(66.0, 108.0, first, True), energy_row(108.0, 151.0, second, True),
+                       energy_row(66.0, 151.0, first + second, told)]}
+    assert ("cannot tell the ends apart" in energy_words(table)) is said
+
+
+def test_yes_without_a_known_model_error_is_of_noise_alone(content):
+    table = content[0]
+    unknown = table | {"outcomes": [row | {"sdd_same_recording": None} for row in table["outcomes"]]}
+    assert answer(unknown).startswith("With the same motion, as far as noise alone goes, ")
+    assert "as far as noise" not in answer(table)

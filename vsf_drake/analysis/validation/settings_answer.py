@@ -13,7 +13,8 @@ def answer(table: Mapping[str, Any]) -> str:
     low, high = table["positions_mm"][0], table["positions_mm"][-1]
     key = f"{prefix}told_apart_same_recording"
     ends, neighbours = told(table, [(low, high)], key), told(table, steps(table), key)
-    words = ("With the same motion, " + ("yes: " if ends[0] else "no: ")
+    words = ("With the same motion, " + ("as far as noise alone goes, " if prefix else "")
+             + ("yes: " if ends[0] else "no: ")
              + f"the model's walks at {low:g} and {high:g} mm differ by more than {error} in {ends[0]} of {ends[1]} "
              f"outcomes, neighbouring positions in {neighbours[0]} of {neighbours[1]} comparisons")
     sharpest = best(table, "same_recording" if prefix == "" else "same_session", prefix)

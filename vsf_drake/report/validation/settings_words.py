@@ -43,7 +43,9 @@ def energy_words(table: Mapping[str, Any]) -> str:
         return ""
     ends = max(rows, key=lambda row: row["to_mm"] - row["from_mm"])
     largest = max(rows, key=lambda row: abs(row["effect"]))
-    if abs(ends["effect"]) > 0.5 * abs(largest["effect"]):
+    to = {row["to_mm"]: row["effect"] for row in rows if row["from_mm"] == ends["from_mm"]}
+    between = max(to.values()) > max(0.0, ends["effect"])
+    if abs(ends["effect"]) > 0.5 * abs(largest["effect"]) or ends["noise_told_apart_same_recording"] or not between:
         return ""
     return (f"Stored energy cannot tell the ends apart with the motion held ({ends['effect']:+.2f} J from "
             f"{ends['from_mm']:g} to {ends['to_mm']:g} mm): the same motion bends a stiff keel with more force and "
