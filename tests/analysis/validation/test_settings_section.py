@@ -89,12 +89,15 @@ def test_monte_carlo_agrees_with_linear_propagation_of_each_error():
     sigma |= {i: 1e-3 * size.recording_mm for i in noise.place}
     errors = [sign * value * np.eye(count)[i] for i, value in sigma.items() for sign in (1.0, -1.0)]
     ends = np.array([record.values for record in walks_of(base, map(noise.perturbed, errors))])
-    linear = np.sqrt(np.sum((0.5 * (ends[::2] - ends[1::2])) ** 2, axis=0))
+    slopes = 0.5 * (ends[::2] - ends[1::2])  # of one standard deviation of each error
     random = np.random.default_rng(4)
-    drawn = [noise.perturbed(noise.recording(random)) for _ in range(60)]
-    found = np.std([record.values for record in walks_of(base, drawn)], axis=0, ddof=1)
-    assert found == pytest.approx(linear, rel=0.4)  # four standard errors of 60 draws
-    assert np.median(found / linear) == pytest.approx(1.0, abs=0.15)
+    drawn = np.array([noise.recording(random) for _ in range(60)])
+    found = np.std([record.values for record in walks_of(base, map(noise.perturbed, drawn))], axis=0, ddof=1)
+    linear = np.std(drawn[:, list(sigma)] / np.array([*sigma.values()]) @ slopes, axis=0, ddof=1)
+    assert found == pytest.approx(linear, rel=0.25)  # the same draws: what is left is that peaks are not linear
+    assert np.median(found / linear) == pytest.approx(1.0, abs=0.05)
+    # of 60 draws a standard deviation has a standard error of 9 %
+    assert linear == pytest.approx(np.sqrt(np.sum(slopes**2, axis=0)), rel=0.4)
 
 
 def test_the_fulcrum_is_found_where_the_model_itself_stood():
