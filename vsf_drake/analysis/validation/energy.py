@@ -86,6 +86,7 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         "ledger_remainder_share_max": remainder,
         "ledger_closes": None if remainder is None else remainder <= ASKED_SHARE,
         **{f"{key}_max": value for key, value in worst.items()},
+        "result_remainder_share_max": _result_remainder(study, trials), "result_step_s": study.options.step_s,
         "softer_stores_more": judged["stored_j"]["both"], "softer_returns_more": judged["returned_j"]["both"],
         "softer": judged, "synthetic": study.synthetic,
     }
@@ -131,6 +132,21 @@ def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[dict[str, 
         row["person_remainder_share"] = None if person is None or row["stored_j"] <= 0 else person / row["stored_j"]
         rows.append(row)
     return rows
+
+
+def _result_remainder(study: Study, rows: Sequence[Mapping[str, Any]]) -> float | None:
+    """What the whole person's ledger misses at most in a stance of the study's own walks, over what the foot stores."""
+    found = []
+    for walk in study.walks:
+        result = walk.result
+        if "remainder" not in result.energy_names:
+            continue
+        remainder = result.energy_j[:, result.energy_names.index("remainder")]
+        for row in rows:
+            inside = remainder[(result.time_s >= row["start_s"]) & (result.time_s <= row["end_s"])]
+            if row["label"] == walk.label and row["stored_j"] > 0.0 and inside.size:
+                found.append(float(np.abs(inside - inside[0]).max()) / row["stored_j"])
+    return max(found, default=None)
 
 
 def _moved(walks: Sequence[EnergyWalk], stiffness: Mapping[float, float]) -> list[dict[str, Any]]:

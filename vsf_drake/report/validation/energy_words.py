@@ -58,9 +58,12 @@ def closing(table: Mapping[str, Any]) -> str:
     if _push_off_leads(phases):
         where += ": it is not the heel's impact but the springs' release that costs most"
     person = table["person_remainder_share_max"]
+    kept = table.get("result_remainder_share_max")
     whole = "" if person is None else (
-        f" The ledger of the whole person, which every walk's result holds, misses up to {100.0 * person:.1f} % of the "
-        "foot's stored energy over the same stances. That is no dissipation: all but the prosthesis follows the "
+        f" The ledger of the whole person misses up to {100.0 * person:.1f} % of the foot's stored energy over the "
+        "same stances" + ("" if kept is None else (
+            f", and up to {100.0 * kept:.1f} % as every walk's result holds it, with steps of "
+            f"{1e3 * table['result_step_s']:g} ms")) + ". That is no dissipation: all but the prosthesis follows the "
         "recording exactly. Its driver's work pairs loads and rates that are half a step apart, an error of the first "
         "order in a sum over the whole body and both feet.")
     met = "closes" if share <= table["asked_share"] else "does NOT close"
