@@ -12,12 +12,6 @@ from vsf_drake.parameters import ModelParameters
 from vsf_drake.resources import resource
 from vsf_drake.schema import dump_yaml
 
-METRICS = (
-    "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
-    "cop_r2", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "angle_rmse_deg", "null_model_grf_rmse_bw",
-    "simulated_s", "wall_s", "unconverged_steps", "converged",
-)
-
 
 def test_bench_writes_the_published_end_points(run, tmp_path):
     code, out, _ = run("bench", "--out", tmp_path / "bench")
@@ -35,20 +29,15 @@ def test_bench_writes_the_published_end_points(run, tmp_path):
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
 
 
-@pytest.mark.slow
-def test_validate_quick_runs_on_the_embedded_data_and_calls_the_walk_synthetic(run, tmp_path):
-    code, out, _ = run("validate", "--quick", "--out", tmp_path / "results")
-    assert code == 0
-    assert "SYNTHETIC" in out.splitlines()[0]
-    assert (tmp_path / "results" / "bench.json").is_file()
-    found = list((tmp_path / "results").rglob("metrics.json"))
-    assert found
-    for path in found:
-        metrics = read_json(path)
-        assert set(METRICS) <= set(metrics)
-        assert metrics["synthetic"] is True
-        assert "SYNTHETIC" in metrics["trial"]
-        assert (path.parent / "walk.png").is_file()
+def test_an_interrupted_command_says_so_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
+    def stopped(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vsf_drake.simulation.walk.Walker.walk", stopped)
+    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
+    assert code == 130
+    assert err.count("interrupted; nothing of the unfinished part was written") == 1
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -101,17 +101,21 @@ def test_sweep_varies_on_top_of_the_fitted_contact(run, tmp_path, contact):
     assert float(other["grf_rmse_bw"]) != pytest.approx(walked, rel=1e-3)
 
 
-@pytest.mark.slow
-def test_validate_does_not_fit_offsets_to_a_fitted_contact(run, tmp_path, contact):
-    code, out, _ = run("validate", "--quick", "--out", tmp_path / "out", "--contact", contact)
+def test_validate_does_not_fit_offsets_to_a_fitted_contact(run, tmp_path, contact, monkeypatch):
+    monkeypatch.setattr("vsf_drake.analysis.validation.run._SECTIONS", {})
+    code, out, _ = run("validate", TRIAL, TRIAL.with_name("low_1.yaml"), "--quick", "--out", tmp_path / "out",
+                       "--contact", contact)
     assert code == 0
-    said = " ".join(out.split())
-    assert "has its offsets: they are not fitted to each walk" in said and "offsets of the fitted contact" in said
-    walks = [read_json(path) for path in (tmp_path / "out").rglob("metrics.json")]
-    assert walks and all(walk["offset_fit"] is None for walk in walks)
-    heights = sorted(round(1e3 * walk["offsets"]["height_m"], 9) for walk in walks)
-    assert heights == [2.0, 2.0, 2.5], "the height of a recording is its own alone"
-    assert read_json(tmp_path / "out" / "bench.json")["closed_form"] is None
+    assert "the offsets were fitted" not in " ".join(out.split())
+    table = read_json(tmp_path / "out" / "validation.json")
+    assert table["contact"].startswith("contact.yaml, fitted to")
+    assert table["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(contact)
+    walks = {path.parent.name: read_json(path) for path in (tmp_path / "out").rglob("metrics.json")}
+    about = {path.parent.name: yaml.safe_load(path.read_text(encoding="utf-8"))
+             for path in (tmp_path / "out").rglob("result.yaml")}
+    heights = {name: round(1e3 * walk["parameters"]["offsets"]["height_m"], 9) for name, walk in about.items()}
+    assert heights == {"high_1": 2.5, "low_1": 2.0}, "the height of a recording is its own alone"
+    assert {name: walk["role"] for name, walk in walks.items()} == {"high_1": "fitted", "low_1": "held out"}
 
 
 COMMANDS = [("simulate", TRIAL), ("validate",), ("sweep", TRIAL, "--fulcrum-mm", "66"), ("bench",), ("stand", SUBJECT),

@@ -1,4 +1,4 @@
-"""Tables as JSON: sorted keys, full precision, never NaN."""
+"""Tables as JSON: full precision, never NaN."""
 
 from __future__ import annotations
 
@@ -24,12 +24,15 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_json(path: str | Path, values: Mapping[str, Any]) -> None:
+def write_json(path: str | Path, values: Mapping[str, Any], *, sort: bool = True) -> None:
     """Writes `values` to `path`, all of it or nothing.
+
+    Args:
+        sort: whether keys are sorted; else they come back in the order they have.
 
     Raises:
         InputError: the folder does not exist or cannot be written.
     """
-    text = json.dumps(plain(values), sort_keys=True, indent=2, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(plain(values), sort_keys=sort, indent=2, allow_nan=False, ensure_ascii=False)
     with replaced(path) as stream:
         stream.write(text + "\n")

@@ -20,6 +20,8 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
 console = Console()
 errors = Console(stderr=True)
 
+INTERRUPTED = 130
+"""What Typer ends with after Ctrl-C."""
 Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
 Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
@@ -32,9 +34,11 @@ def main() -> None:
     except VsfError as error:
         errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        errors.print("interrupted; nothing of the unfinished part was written")
-        sys.exit(130)
+    except SystemExit as ended:
+        said = isinstance(ended.__context__, KeyboardInterrupt)  # by the command itself
+        if ended.code == INTERRUPTED and not said:
+            errors.print("interrupted; nothing of the unfinished part was written")
+        raise
 
 
 def target(out: Path, kind: str) -> Path:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from vsf_drake.cli.app import Contact, Out, app, console, errors, file_of, progress
+from vsf_drake.cli.app import INTERRUPTED, Contact, Out, app, console, errors, file_of, progress
 from vsf_drake.errors import InputError, SimulationError
 
 MOST_ISO_FORCE_N = 10_000.0
@@ -64,10 +64,15 @@ def validate(
                 exact = make_study(embedded_trials("exact"), contact=embedded_contact("exact"), options=options,
                                    progress=show)
     console.print(first_line(study), highlight=False, markup=False)
-    with progress() as show:
-        finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
-        show("writing the report", 0.99)
-        written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
+    try:
+        with progress() as show:
+            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
+            show("writing the report", 0.99)
+            written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; finished sections are in {out / UNFINISHED}: the same command goes on from them",
+                     highlight=False, soft_wrap=True, markup=False)
+        sys.exit(INTERRUPTED)
     SectionStore(out / UNFINISHED, "").remove(NAMES)
     print_summary(written)
     console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False)

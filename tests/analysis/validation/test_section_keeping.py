@@ -14,7 +14,7 @@ from vsf_drake.analysis.validation.keeping import SectionStore, study_key
 from vsf_drake.analysis.validation.study import Section, StudyOptions
 from vsf_drake.errors import InputError, SimulationError
 
-SECTION = Section(table={"error_bw": 0.025, "unknown": None, "rows": [{"label": "low_1"}]},
+SECTION = Section(table={"tilt": 1, "error_bw": 0.025, "unknown": None, "rows": [{"label": "low_1"}]},
                   arrays={"curve": np.array([0.1, np.nan, 1.0 / 3.0])}, missing=("No CoP.",))
 
 
@@ -23,6 +23,7 @@ def test_a_kept_section_comes_back_bit_for_bit(tmp_path):
     store.write("walking", SECTION, 1.5)
     section, wall_s = store.read("walking")
     assert section.table == SECTION.table
+    assert [*section.table] == [*SECTION.table], "in the order in which it was made"
     assert section.missing == SECTION.missing
     np.testing.assert_array_equal(section.arrays["curve"], SECTION.arrays["curve"])
     assert wall_s == 1.5

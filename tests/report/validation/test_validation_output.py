@@ -30,7 +30,7 @@ def walking(table, arrays):
         axes.plot(arrays["force_bw"])
         label(axes, x="stance (%)", y="force (BW)")
     return Chapter(name="walking", title="Walking", pieces=(
-        Text(f"Error {table['error_bw']:.3f} BW."),
+        Text(f"Error {table['error_bw']:.3f} BW."), Text(", ".join(table)),
         Grid(name="errors", caption="Errors.", rows=[{"label": "low_1", "error_bw": table["error_bw"], "cop_fl": None}],
              columns=(Column(key="label", heading="trial"), Column(key="error_bw", heading="GRF (BW)", form="{:.3f}"),
                       Column(key="cop_fl", heading="CoP (FL)", form="{:.3f}"))),
@@ -38,7 +38,8 @@ def walking(table, arrays):
 
 
 def content(**changes):
-    section = {"table": {"error_bw": THIRD}, "missing": ["No CoP was measured."], "wall_s": 1.0, "failure": ""}
+    section = {"table": {"tilt": 2, "list": 1, "error_bw": THIRD}, "missing": ["No CoP was measured."],
+               "wall_s": 1.0, "failure": ""}
     return {
         "title": "Validation", "first_line": "Walking data are SYNTHETIC.", "synthetic": True, "notes": [],
         "failed": [["low_9", "there is no such file"]], "summary": [], "trials": [], "contact": "none",
@@ -120,7 +121,7 @@ def edited(out, change):
 
 def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
     def two(table, arrays):
-        grid = walking({"error_bw": 0.5}, arrays).pieces[1]
+        grid = walking({"error_bw": 0.5}, arrays).pieces[2]
         rows = [{"label": "low_1", "error_bw": table["error_bw"]}]
         return Chapter(name="walking", title="Walking", pieces=(
             Text("First."), dataclasses.replace(grid, name="spoiled", rows=rows), grid))
@@ -135,7 +136,7 @@ def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, m
 def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
     def undrawable(table, arrays):
         chapter = walking(table, arrays)
-        chapter.pieces[2].figure.axes[0].set_title("$\\frac{$")
+        chapter.pieces[3].figure.axes[0].set_title("$\\frac{$")
         return chapter
 
     write_validation(content(), ARRAYS, tmp_path / "out")

@@ -74,7 +74,7 @@ class SectionStore:
                 np.savez_compressed(stream, allow_pickle=False, **section.arrays)
             write_json(self.folder / f"{name}.json", {
                 "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,
-                "arrays_sha256": sha256(arrays)})
+                "arrays_sha256": sha256(arrays)}, sort=False)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror or error})", file=self.folder) from None
 

@@ -72,7 +72,7 @@ def write_validation(
             write_walks(study, folder)
             written["replay"] = write_replay_of(study, folder)
         files, _ = _write_pages(written, arrays, folder, lenient=False)
-        write_json(folder / TABLE, written)
+        write_json(folder / TABLE, written, sort=False)
     _tidy(out, files)
     if study is not None:
         tidy_walks(study, out)
@@ -88,7 +88,7 @@ def read_validation(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.nd
     path = Path(folder) / TABLE
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no such file", file=path,
                          right="Name the folder that `vsf-drake validate --out` wrote") from None
     except (OSError, ValueError) as error:

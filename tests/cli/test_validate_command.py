@@ -1,0 +1,254 @@
+"""`vsf-drake validate` and `report` as a laboratory calls them: what comes out, and how mistakes are refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+from browser import chromium, look
+from command_line import exit_code, read_json
+
+from vsf_drake.analysis.validation import run as running
+from vsf_drake.analysis.validation.study import Section
+from vsf_drake.errors import SimulationError
+from vsf_drake.report.validation import chapters
+from vsf_drake.report.validation.pieces import Chapter, Text
+from vsf_drake.resources import resource
+
+EMBEDDED = resource("data/reference_subject")
+TRIAL = EMBEDDED / "laboratory" / "medium_2.yaml"
+CONTACT = EMBEDDED / "laboratory" / "contact.yaml"
+METRICS = {
+    "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
+    "cop_r2", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "angle_rmse_deg", "null_model_grf_rmse_bw",
+    "simulated_s", "wall_s", "unconverged_steps", "converged"}
+WITH = ("--quick", "--workers", "1", "--contact", CONTACT)
+
+
+@pytest.fixture
+def one_section(monkeypatch):
+    """One section of no work in place of all, and its chapter; counts how often it was computed."""
+    count = {"made": 0}
+
+    def make(study, *, progress=None):
+        count["made"] += 1
+        noise = np.random.default_rng(study.options.seed).normal(size=3)
+        return Section(table={"trials": len(study.walks), "noise": noise[0]}, arrays={"noise": noise})
+
+    def chapter(table, arrays):
+        return Chapter(name="bench", title="Bench", pieces=(Text(f"Of {table['trials']} trials."),))
+
+    monkeypatch.setattr(running, "_SECTIONS", {"bench": (make, 1.0)})
+    monkeypatch.setattr(chapters, "_MAKERS", {"bench": ("Bench", chapter)})
+    return count
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="session")
+def quick(tmp_path_factory):
+    """Folder of `vsf-drake validate --quick` on the embedded data."""
+    out = tmp_path_factory.mktemp("quick") / "out"
+    assert exit_code("validate", "--quick", "--out", out) == 0
+    return out
+
+
+@pytest.mark.slow
+def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_everything(quick):
+    found = set(files(quick))
+    assert {"report.html", "replay.html", "validation.json", "validation.npz", "tables/summary.csv",
+            "figures/bench_curves.png", "figures/bench_curves.svg", "walks/medium_2/result.npz"} <= found
+    assert not any("unfinished" in name for name in found)
+    table = read_json(quick / "validation.json")
+    assert table["first_line"].startswith("Walking data are SYNTHETIC")
+    assert not [name for name, section in table["sections"].items() if section["failure"]]
+    assert table["failed"] == []
+    walks = [read_json(path) for path in quick.glob("walks/*/metrics.json")]
+    assert len(walks) == 3
+    assert all(set(walk) >= METRICS and walk["synthetic"] is True for walk in walks)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.parametrize("width", [1280, 390])
+def test_quick_report_reads_on_a_desk_and_on_a_telephone(quick, tmp_path, width):
+    seen = look(quick / "report.html", tmp_path, width=width)
+    assert (seen.console, seen.requests, seen.out) == ([], [], [])
+    assert seen.scroll <= width
+    assert (seen.broken, seen.unnamed) == (0, 0)
+    assert seen.images > 15
+
+
+@pytest.mark.slow
+def test_report_made_again_of_a_quick_validation_is_the_same_to_the_byte(run, quick, tmp_path):
+    again = tmp_path / "again"
+    shutil.copytree(quick, again)
+    code, _, err = run("report", again)
+    assert (code, err) == (0, "")
+    assert files(again) == files(quick)
+
+
+@pytest.mark.slow
+def test_numbers_are_the_same_to_the_last_digit_on_one_worker_and_on_two(run, tmp_path, monkeypatch):
+    """The sections that spread their walks over processes."""
+    spread = {name: running._SECTIONS[name] for name in ("energy", "settings")}
+    monkeypatch.setattr(running, "_SECTIONS", spread)
+    for workers in (1, 2):
+        words = ("validate", TRIAL, "--quick", "--seed", "3", "--contact", CONTACT, "--workers", workers)
+        assert run(*words, "--out", tmp_path / f"{workers}")[0] == 0
+    one, two = (tmp_path / name / "validation.json" for name in "12")
+    assert (tmp_path / "1" / "validation.npz").read_bytes() == (tmp_path / "2" / "validation.npz").read_bytes()
+    tables = [{name: section["table"] for name, section in read_json(path)["sections"].items()} for path in (one, two)]
+    assert tables[0] == tables[1]
+
+
+def test_a_walk_is_kept_with_its_metrics_and_the_screen_names_where(run, tmp_path, one_section):
+    code, out, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert (code, err.strip()) == (0, "")
+    assert out.startswith("Walking data are SYNTHETIC")
+    assert "open report.html first" in " ".join(out.split())
+    metrics = read_json(tmp_path / "out" / "walks" / "medium_2" / "metrics.json")
+    assert metrics["role"] == "held out"
+    assert not (tmp_path / "out" / "unfinished").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--iso-force-n", "0"), "--iso-force-n: 0 N is no force"),
+        (("--iso-force-n", "nan"), "--iso-force-n: nan N is no force"),
+        (("--iso-force-n", "1e9"), "--iso-force-n: 1e+09 N is no force"),
+        (("--seed", "-1"), "--seed"),
+        (("--workers", "0"), "--workers"),
+        (("--contact", "none.yaml"), "none.yaml: there is no such file"),
+        (("--contact", EMBEDDED / "subject.yaml"), "unknown key"),
+        (("none.yaml",), "no trial can be used: none: none.yaml: there is no such file"),
+        ((TRIAL, TRIAL.parent / ".." / "laboratory" / TRIAL.name), "is named twice"),
+    ],
+)
+def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_path, words, said):
+    code, _, err = run("validate", "--quick", *words, "--out", tmp_path / "out")
+    assert code == 2
+    assert said in err and "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_cannot_be_used_is_named_and_the_rest_reported(run, tmp_path, one_section):
+    """One good trial among an unreadable and a missing one, and a bench file in other units."""
+    (tmp_path / "bad.yaml").write_text("subject: [\n", encoding="utf-8")
+    (tmp_path / "bench.csv").write_text("fulcrum_inch,displacement_mm,load_n\n2,0,0\n", encoding="utf-8")
+    code, _, err = run("validate", tmp_path / "bad.yaml", TRIAL, tmp_path / "none.yaml", *WITH,
+                       "--bench", tmp_path / "bench.csv", "--out", tmp_path / "out")
+    assert code == 2
+    assert err.count("error:") == 3
+    assert "bad.yaml: line 2" in err and "none.yaml: there is no such file" in err and "'inch' is unknown" in err
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Of 1 trials." in page
+    assert "none is not among the results" in page and "The bench file was not used" in page
+
+
+def test_a_section_that_diverges_ends_with_code_3_after_the_report(run, tmp_path, one_section, monkeypatch):
+    def diverges(study, *, progress=None):
+        raise SimulationError("the keel gave way", time_s=0.1)
+
+    monkeypatch.setattr(running, "_SECTIONS", {"bench": (diverges, 1.0)})
+    code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert code == 3
+    assert "the section bench failed: the simulation failed at t = 0.1000 s: the keel gave way" in err
+    assert "the keel gave way" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_trials_of_one_name_one_recording_and_two_persons_are_kept_apart_and_said(run, tmp_path, one_section):
+    manifest = yaml.safe_load(TRIAL.read_text(encoding="utf-8"))
+    for name, mass in (("a/walk", 78.0), ("b/walk", 79.0), ("a_walk", 78.0)):
+        path = tmp_path / f"{name}.yaml"
+        path.parent.mkdir(exist_ok=True)
+        subject = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {"mass_kg": mass}
+        (path.parent / "subject.yaml").write_text(yaml.safe_dump(subject), encoding="utf-8")
+        for key, file in (("kinematics", manifest["kinematics"]), ("forces", manifest["forces"]["file"])):
+            shutil.copy(TRIAL.parent / file, path.parent / file)
+            manifest = manifest | {key: file if key == "kinematics" else manifest["forces"]}
+        path.write_text(yaml.safe_dump(manifest | {"subject": "subject.yaml"}), encoding="utf-8")
+    trials = [tmp_path / f"{name}.yaml" for name in ("a/walk", "b/walk", "a_walk")]
+    code, _, _ = run("validate", *trials, *WITH, "--out", tmp_path / "out")
+    assert code == 0
+    assert len(list((tmp_path / "out" / "walks").iterdir())) == 3
+    notes = " ".join(read_json(tmp_path / "out" / "validation.json")["notes"])
+    assert "more than one person" in notes and "are the same recording" in notes
+
+
+def test_results_of_an_earlier_validation_leave_nothing_behind(run, tmp_path, one_section):
+    out = tmp_path / "out"
+    assert run("validate", TRIAL, TRIAL.with_name("high_2.yaml"), *WITH, "--out", out)[0] == 0
+    assert run("validate", TRIAL, *WITH, "--seed", "1", "--out", out)[0] == 0
+    fresh = tmp_path / "fresh"
+    assert run("validate", TRIAL, *WITH, "--seed", "1", "--out", fresh)[0] == 0
+    assert set(files(out)) == set(files(fresh))
+    assert files(out)["validation.npz"] == files(fresh)["validation.npz"]
+
+
+@pytest.mark.parametrize("held", ["thesis.txt", "unfinished/thesis.txt", "fit.json", "sweep.json"])
+def test_a_folder_of_other_things_is_left_alone(run, tmp_path, held):
+    (tmp_path / "out" / held).parent.mkdir(parents=True)
+    (tmp_path / "out" / held).write_text("mine", encoding="utf-8")
+    code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert code == 2
+    assert "holds other things than an earlier validation" in err
+    assert list(files(tmp_path / "out")) == [held]
+
+
+def test_a_full_disk_ends_with_one_message_and_no_results(run, tmp_path, one_section, monkeypatch):
+    def full(*args, **arrays):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert code == 2
+    assert "No space left" in err and "Traceback" not in err
+    assert not any(files(tmp_path).values())
+
+
+def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_section, monkeypatch):
+    make = running._SECTIONS["bench"][0]
+
+    def stopped(study, *, progress=None):
+        raise KeyboardInterrupt
+
+    words = ("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    monkeypatch.setattr(running, "_SECTIONS", {"bench": (make, 1.0), "standing": (stopped, 1.0)})
+    code, _, err = run(*words)
+    assert code == 130
+    assert err.count("interrupted") == 1 and "the same command goes on" in err
+    assert not (tmp_path / "out" / "validation.json").exists()
+    monkeypatch.setattr(running, "_SECTIONS", {"bench": (make, 1.0)})
+    assert run(*words)[0] == 0
+    assert one_section["made"] == 1
+
+
+def test_report_shows_what_another_version_left_and_names_the_rest(run, tmp_path, one_section):
+    out = tmp_path / "out"
+    assert run("validate", TRIAL, *WITH, "--out", out)[0] == 0
+    table = json.loads((out / "validation.json").read_text(encoding="utf-8"))
+    del table["sections"]["bench"]["table"]["trials"]
+    (out / "validation.json").write_text(json.dumps(table | {"format": 0}), encoding="utf-8")
+    (out / "replay.html").unlink()
+    code, said, err = run("report", out)
+    assert (code, err) == (0, "")
+    said = " ".join(said.split())
+    assert "These results have format 0" in said and "replay.html is not there any more" in said
+    assert "Bench: This version cannot show what the results hold of it (KeyError: 'trials')" in said
+
+
+@pytest.mark.parametrize("name", ["none", "file", "empty"])
+def test_report_of_no_results_ends_with_one_message(run, tmp_path, name):
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    (tmp_path / "empty").mkdir()
+    code, _, err = run("report", tmp_path / name)
+    assert code == 2
+    assert "vsf-drake validate --out" in err and "Traceback" not in err
