@@ -11,6 +11,8 @@ from vsf_drake.report.validation.ensemble_figure import NAMES
 ROLES = {
     "held_out": ("held out", "What the fit has not seen"), "fitted": ("fitted", "What it was fitted to"),
     "offsets_fitted": ("offsets fitted", "With offsets fitted to each walk's own plate, which is no prediction")}
+POINTWISE = "pointwise bootstrap"
+"""The method of a section that was made without spm1d, as it is saved."""
 DEFINITIONS = (
     "Forces: both low-passed at 40 Hz, time-locked, over each measured stance ± 0.25 s; along and across the direction "
     "of walking. The resultant is the length of the filtered force.",
@@ -85,10 +87,11 @@ def differences(table: Mapping[str, Any]) -> list[str]:
     if method is None:
         return []
     tests = sum(d["method"] is not None for d in table["differences"])
-    if method == "pointwise bootstrap":
+    if method == POINTWISE:
         how = ("Method: pointwise bootstrap bands (95 %, percentile, over walks, seeded); they are pointwise and not "
                "corrected for how many points there are, and with three walks they are no more than the range of the "
-               "three. spm1d, which would do better, is not installed.")
+               "three, which leaves out the true mean in one case of four. spm1d, which would do better, is not "
+               "installed.")
     else:
         how = (f"Method: statistical parametric mapping (spm1d {table['spm1d']}), paired t-test, two-tailed, alpha "
                "0.05 for a whole curve.")
