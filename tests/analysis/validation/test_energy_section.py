@@ -10,7 +10,7 @@ import pytest
 from made_energy import made_energy
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.energy import ASKED_SHARE, energy_section
+from vsf_drake.analysis.validation.energy import ASKED_SHARE, _judged, energy_section
 from vsf_drake.analysis.validation.energy_walks import EnergyCase, walk_cases
 
 POSITIONS_MM = (66.0, 87.0, 108.0, 129.0, 151.0)
@@ -131,3 +131,16 @@ def test_what_the_results_own_ledger_misses_is_that_of_the_arrays_that_are_kept(
         shares.append(np.abs(total[first:last] - total[first]).max() / row["stored_j"])
     assert table["result_remainder_share_max"] == pytest.approx(max(shares), rel=1e-6)
     assert table["result_remainder_share_max"] > 1.5 * table["person_remainder_share_max"]
+
+
+def test_trial_that_lacks_a_position_gives_no_verdict_on_every_step():
+    """Two positions skipped over by a failed walk are no step of the fulcrum."""
+    rows = [{"label": label, "fulcrum_mm": x, "stored_j": e} for label, energies in (
+        ("whole", (15.0, 12.0, 8.0)), ("holed", (15.0, None, 8.0))) for x, e in zip(
+            (66.0, 108.0, 151.0), energies, strict=True) if e is not None]
+    assert _judged(rows, [], [], "stored_j")["same_load"] is True
+    assert _judged([*rows[3:], {"label": "other", "fulcrum_mm": 108.0, "stored_j": 12.0}], [], [],
+                   "stored_j")["same_load"] is None
+    wrong = [row | {"stored_j": 20.0} if row["fulcrum_mm"] == 151.0 and row["label"] == "holed" else row
+             for row in rows]
+    assert _judged(wrong, [], [], "stored_j")["same_load_against"] == []

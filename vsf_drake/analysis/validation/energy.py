@@ -183,16 +183,19 @@ def _judged(
     load: Sequence[Mapping[str, Any]], motion: Sequence[Mapping[str, Any]], conditions: Sequence[Mapping[str, Any]],
     key: str
 ) -> dict[str, Any]:
-    """Whether `key` falls from each fulcrum position to the next stiffer one: under the same load and with the same
-    motion in every trial (`..._against`: those in which it does not), over the means of the recorded conditions, and
-    both under the same load and as recorded; None where there is nothing to compare."""
+    """Whether `key` falls from each fulcrum position to the next stiffer one; None where nothing can be compared.
+
+    `same_load` and `same_motion`: in every trial that was walked at all positions (`..._against`: those in which it
+    does not). `recorded`: over the means of the recorded conditions. `both`: under the same load and as recorded.
+    """
     recorded = _falls([row[key] for row in conditions])
     found: dict[str, Any] = {"recorded": recorded}
     for name, rows in (("same_load", load), ("same_motion", motion)):
         curves: dict[str, list[float]] = {}
         for row in sorted(rows, key=lambda row: row["fulcrum_mm"]):
             curves.setdefault(row["label"], []).append(row[key])
-        falls = {label: _falls(values) for label, values in curves.items()}
+        positions = len({row["fulcrum_mm"] for row in rows})
+        falls = {label: _falls(values) for label, values in curves.items() if len(values) == positions}
         known = [one for one in falls.values() if one is not None]
         found[name] = all(known) if known else None
         found[f"{name}_against"] = [label for label, one in falls.items() if one is False]
