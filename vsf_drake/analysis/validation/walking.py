@@ -139,4 +139,5 @@ def _failed_sweeps(failures: Mapping[str, Sequence[str]], rows: Sequence[Mapping
     lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
     first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
     count = sum(map(len, failures.values()))
-    return [f"{count} of the {total} walks with the fulcrum elsewhere could not be scored ({lost}). The first: {first}."]
+    return [f"{count} of the {total} walks with the fulcrum elsewhere could not be scored ({lost}). The first: "
+            f"{first}."]
