@@ -78,8 +78,10 @@ def test_load_runs_under_the_foot_from_heel_to_toe(walk):
     shape = walked_shapes(walk)[0][0]
     foot = walk.trial.model.foot
     forward, up = shape.foot_alone[np.isfinite(shape.foot_alone[:, 0])].T
-    assert forward.min() > -foot.pylon_x_m - 0.01
-    assert forward.max() < foot.length_m - foot.pylon_x_m
+    heel = shape.row["heel_m"]  # with the fitted place of the foot
+    assert heel == pytest.approx(-foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3)
+    assert forward.min() > heel - 0.01
+    assert forward.max() < heel + foot.length_m
     assert forward[-1] - forward[0] > 0.15
     assert np.all((up < -0.02) & (up > -foot.build_height_m - 0.01))
 
