@@ -153,6 +153,22 @@ def test_what_cannot_be_used_is_named_and_the_rest_reported(run, tmp_path, one_s
     assert "none is not among the results" in page and "The bench file was not used" in page
 
 
+def test_a_bench_file_of_a_fit_is_told_apart_from_curves(run, tmp_path, one_section):
+    code, _, err = run("validate", TRIAL, *WITH, "--bench", EMBEDDED / "bench.yaml", "--out", tmp_path / "out")
+    assert code == 2
+    assert "bench.yaml: is what a fit takes of a bench" in err and "Give a CSV" in err
+
+
+def test_a_fault_of_the_disk_outside_of_the_results_is_no_traceback(run, tmp_path, monkeypatch):
+    def full(*args, **kwargs):
+        raise OSError(28, os.strerror(28), "/cache/of/compiled.code")
+
+    monkeypatch.setattr("vsf_drake.simulation.walk.Walker.walk", full)
+    code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert code == 2
+    assert "error: /cache/of/compiled.code: No space left on device" in err
+
+
 def test_a_section_that_diverges_ends_with_code_3_after_the_report(run, tmp_path, one_section, monkeypatch):
     def diverges(study, *, progress=None):
         raise SimulationError("the keel gave way", time_s=0.1)

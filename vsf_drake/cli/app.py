@@ -34,6 +34,10 @@ def main() -> None:
     except VsfError as error:
         errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
         sys.exit(error.exit_code)
+    except OSError as error:  # of a file that nobody asked for: a full disk under a cache of compiled code
+        wrong = InputError(error.strerror or str(error), file=error.filename)
+        errors.print(f"error: {wrong}", style="red", highlight=False, soft_wrap=True, markup=False)
+        sys.exit(wrong.exit_code)
     except SystemExit as ended:
         said = isinstance(ended.__context__, KeyboardInterrupt)  # by the command itself
         if ended.code == INTERRUPTED and not said:

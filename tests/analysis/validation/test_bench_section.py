@@ -178,3 +178,14 @@ def test_the_section_tells_its_progress():
     bench_section(study(), progress=lambda what, fraction: seen.append((what, fraction)))
     fractions = [fraction for _, fraction in seen]
     assert fractions == sorted(fractions) and 0.0 <= fractions[0] and fractions[-1] <= 1.0
+
+
+def test_a_position_out_of_reach_is_said_once_and_in_no_statistic():
+    """The curve of 108 mm as if it had been measured at 171 mm: no foot of this carriage stands beside it."""
+    curves = load_bench_curves(embedded_bench()).curves
+    soft, odd = (next(c for c in curves if c.fulcrum_m == pytest.approx(x)) for x in (0.066, 0.108))
+    section = bench_section(study([soft, dataclasses.replace(odd, fulcrum_m=0.171)]))
+    assert [text for text in section.missing if "171 mm" in text] == [
+        "Not simulated: the fulcrum at 171 mm is out of the carriage's reach. It must be between 66 and 151 mm."]
+    assert section.table["n"] == 1
+    assert section.table["settings"][1]["model"] is None

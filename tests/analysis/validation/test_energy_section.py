@@ -144,3 +144,13 @@ def test_trial_that_lacks_a_position_gives_no_verdict_on_every_step():
     wrong = [row | {"stored_j": 20.0} if row["fulcrum_mm"] == 151.0 and row["label"] == "holed" else row
              for row in rows]
     assert _judged(wrong, [], [], "stored_j")["same_load_against"] == []
+
+
+def test_settings_of_two_persons_are_not_compared_as_recorded():
+    study = embedded_study()
+    other = dataclasses.replace(study.walks[0].trial.subject, mass_kg=60.0)
+    walks = [dataclasses.replace(walk, trial=dataclasses.replace(walk.trial, subject=other)) if i == 0 else walk
+             for i, walk in enumerate(study.walks)]
+    section = energy_section(dataclasses.replace(study, walks=tuple(walks)))
+    assert section.table["softer_stores_more"] is None and section.table["softer_returns_more"] is None
+    assert any("more than one person" in sentence for sentence in section.missing)

@@ -25,7 +25,7 @@ from vsf_drake.analysis.validation.bench_rates import SPEEDS_MM_PER_MIN, load_po
 from vsf_drake.analysis.validation.bench_statistics import regression
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.model_file import load_model
+from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.refined_foot import with_elements
 from vsf_drake.resources import resource
@@ -55,9 +55,10 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
             progress(f"bench: {what}", fraction)
 
     settings = settings_of(study.bench, PUBLISHED_FULCRUMS_M)
-    missing = _missing_inputs(study, settings)
+    outside = _out_of_reach(study.model.foot, settings)
+    missing = [*_missing_inputs(study, settings), *outside.values()]
     lines, found, unconverged, failures = _lines(study, settings, show)
-    missing += failures
+    missing += [text for text in failures if not any(f", {where}: " in text for where in outside)]
     measured = [setting for setting in settings if setting.judged and setting.fulcrum_m is not None]
     rows = [setting.row() for setting in settings]
     for line in lines:
@@ -79,7 +80,8 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         missing.append("Fewer than three measured positions: no regression of simulated on measured stiffness.")
     show("speeds", 0.5)
     quick = study.options.quick
-    fulcrums = [setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None]
+    fulcrums = [setting.fulcrum_m for setting in settings
+                if setting.fulcrum_m is not None and setting.where not in outside]
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
     speeds = QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN
@@ -101,6 +103,18 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         "rate_speeds_mm_per_min": list(speeds), "load_points": points,
         "unconverged_steps": unconverged + sum(row["unconverged_steps"] for row in loops)}
     return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
+
+
+def _out_of_reach(foot: FootParameters, settings: list[Setting]) -> dict[str, str]:
+    """A sentence for each measured position that this foot's carriage cannot take, by `Setting.where`."""
+    found = {}
+    for setting in settings:
+        try:
+            if setting.fulcrum_m is not None:
+                check_fulcrum(setting.fulcrum_m, foot)
+        except InputError as error:
+            found[setting.where] = f"Not simulated: {error.what}. {error.right}."
+    return found
 
 
 def _missing_inputs(study: Study, settings: list[Setting]) -> list[str]:

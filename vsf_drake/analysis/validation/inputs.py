@@ -145,6 +145,9 @@ def _null(metrics: dict) -> float:
 def _bench(path: str | Path | None) -> tuple[BenchCurves | None, str | None]:
     if path is None:
         return None, None
+    if Path(path).suffix.lower() in (".yaml", ".yml"):
+        return None, str(InputError("is what a fit takes of a bench; the validation compares whole curves", file=path,
+                                    right="Give a CSV with fulcrum_mm, displacement_mm and load_n"))
     try:
         return load_bench_curves(path), None
     except InputError as error:
