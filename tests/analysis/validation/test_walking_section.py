@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import sys
 
 import numpy as np
@@ -147,11 +148,15 @@ def test_without_spm1d_the_section_says_what_stands_in(monkeypatch):
 
 @pytest.mark.slow
 def test_laboratory_trials_that_the_fit_has_not_seen_are_predicted_as_the_fit_found():
-    """The stored fit's own study found 2.5 % BW on average and 3.3 at worst over the held-out trials."""
-    table = walking_section(embedded_study(quick=False)).table
+    """The fit judged itself on these trials by its own code when it was made; the contact file keeps its words."""
+    study = embedded_study(quick=False)
+    said = next(text for text in study.contact.verdict if "held-out trials" in text)
+    mean, worst = (float(number) / 100.0 for number in re.findall(r"([0-9.]+) %", said)[:1] + re.findall(
+        r"at worst ([0-9.]+)", said))
+    table = walking_section(study).table
     assert table["held_out"]["n"] == 7 and table["fitted"]["n"] == 2
-    assert table["held_out"]["grf_rmse_bw"] == pytest.approx(0.025, abs=0.001)
-    assert table["held_out"]["grf_rmse_bw_worst"] == pytest.approx(0.033, abs=0.001)
+    assert table["held_out"]["grf_rmse_bw"] == pytest.approx(mean, abs=0.00051)
+    assert table["held_out"]["grf_rmse_bw_worst"] == pytest.approx(worst, abs=0.00051)
     assert table["sweeps_right"] == table["sweeps"] == 9
     for condition in table["conditions"]:
         assert condition["all"]["grf_rmse_bw"]["mean"] < condition["paper"]["grf_rmse_bw"]

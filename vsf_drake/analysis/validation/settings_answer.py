@@ -20,7 +20,7 @@ def answer(table: Mapping[str, Any]) -> str:
     sharpest = best(table, "same_recording" if prefix == "" else "same_session", prefix)
     if sharpest is not None:
         words += f"; the smallest detectable travel is {sharpest[1]:.0f} mm{_change(sharpest[0], prefix)}, told by " \
-                 f"the {sharpest[0]['title']}"
+                 f"the {sharpest[0]['title']}, the best of the outcomes"
     apart = best(table, "two_sessions", prefix)
     words += "; between two sessions without refitting it is " + (
         f"{apart[1]:.0f} mm." if apart else "more than the range.")

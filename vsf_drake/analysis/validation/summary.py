@@ -68,6 +68,7 @@ def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, An
         sections: their tables by name; what is not there gives a row with an unknown value.
     """
     rows = []
+    fitted = bool(_found(sections, "bench/contact_on_bench"))
     for line in _LINES:
         value = _found(sections, line.key)
         limit = line.most if line.most is not None else line.least
@@ -75,8 +76,9 @@ def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, An
         met = None if value is None or limit is None else bool(
             value <= limit if line.most is not None else value >= limit)
         asked = "" if limit is None else f"{relation} {line.scale * limit:g}"
-        rows.append({"what": line.what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper or None,
-                     "shown": None if value is None else line.form.format(line.scale * value),
+        what = line.what + (" (fitted to a bench)" if fitted and line.key.startswith("bench/") else "")
+        rows.append({"what": what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper or None,
+                     "shown": None if value is None else _shown(line, value),
                      "asked": asked or None, "met": met})
     for key, what in _ANSWERS:
         value = _found(sections, key)
@@ -84,6 +86,12 @@ def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, An
         rows.append({"what": what, "key": key, "value": value, "unit": "", "paper": None, "shown": shown,
                      "asked": "yes", "met": value})
     return rows
+
+
+def _shown(line: _Line, value: float) -> str:
+    """The value as the line shows it, without the sign of a zero."""
+    text = line.form.format(line.scale * value)
+    return text if float(text) else line.form.format(0.0)
 
 
 def _found(sections: Mapping[str, Mapping[str, Any]], key: str) -> Any:

@@ -53,10 +53,8 @@ _POWER = (
     "in it.")
 _MEASURED = (
     "There is no measured energy to compare with: neither the paper nor the trials have any. Known of the real "
-    "device is the direction. Human subjects stored and returned more energy with lower stiffness settings (Glanzer "
-    "and Adamczyk 2018, PMC6289620, abstract); a stiffer setting lowered energy stored, energy returned and the peak "
-    "of the distal power (Nichols and Adamczyk 2023, doi 10.1016/j.jbiomech.2023.111436, as its first author sums it "
-    "up in public; the paper and its joules were not read for this report).")
+    "device is the direction: human subjects stored and returned more energy with lower stiffness settings (Glanzer "
+    "and Adamczyk 2018, PMC6289620, abstract).")
 
 
 def energy_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:

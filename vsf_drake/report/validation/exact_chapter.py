@@ -18,6 +18,7 @@ def exact_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
     grids = [dataclasses.replace(grid, name=grid.name.replace("walking", "exact"))
              for grid in (table_3(table), walk_grid(table))]
     return Chapter(name="walking_exact", title="Walking without errors of measurement", pieces=(
-        Text("The same synthetic walks with the very motion that made the force, and with a contact fitted to them. "
-             "Here nothing is wrong but the model; what the walks above are worse by is their errors of measurement."),
+        Text("The same synthetic walks with the very motion that made the force, and with a contact fitted to two of "
+             "them. Here nothing is wrong but the model, so what is left is its own; the walks above also have errors "
+             "of measurement, and a contact that was fitted with these."),
         *(Text(sentence) for sentence in say.findings(table)), *grids))
