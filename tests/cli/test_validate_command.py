@@ -115,6 +115,9 @@ def test_a_walk_is_kept_with_its_metrics_and_the_screen_names_where(run, tmp_pat
     assert "open report.html first" in " ".join(out.split())
     metrics = read_json(tmp_path / "out" / "walks" / "medium_2" / "metrics.json")
     assert metrics["role"] == "held out"
+    about = yaml.safe_load((tmp_path / "out" / "walks" / "medium_2" / "result.yaml").read_text(encoding="utf-8"))
+    trial = read_json(tmp_path / "out" / "validation.json")["trials"][0]
+    assert trial["height_mm"] == pytest.approx(1e3 * about["parameters"]["offsets"]["height_m"])
     assert not (tmp_path / "out" / "unfinished").exists()
 
 

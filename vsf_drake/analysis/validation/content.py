@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -62,7 +63,10 @@ def _section(one: Finished) -> dict[str, Any]:
 
 
 def _trial(walk: Any) -> dict[str, Any]:
-    return {"label": walk.label, "name": walk.trial.name, "file": walk.trial.path.name, "role": walk.role,
+    offsets = walk.trial.offsets
+    return {"height_mm": 1e3 * offsets.height_m, "fore_aft_mm": 1e3 * offsets.fore_aft_m,
+            "alignment_deg": math.degrees(offsets.alignment_rad),
+            "label": walk.label, "name": walk.trial.name, "file": walk.trial.path.name, "role": walk.role,
             "fulcrum_mm": walk.fulcrum_mm, "synthetic": walk.trial.synthetic, "doubts": " ".join(walk.doubts) or None,
             "window_s": [walk.trial.start_s, walk.trial.end_s], "unconverged_steps": walk.result.unconverged_steps}
 

@@ -31,12 +31,16 @@ def summary_chapter(content: Mapping[str, Any]) -> Chapter:
     if answer:
         pieces += [Heading("Can two settings be told apart?"), Text(answer)]
     columns = (Column(key="label", heading="trial"), Column(key="fulcrum_mm", heading="fulcrum (mm)", form="{:g}"),
-               Column(key="role", heading="role"), Column(key="synthetic", heading="synthetic"),
+               Column(key="role", heading="role"), Column(key="height_mm", heading="height (mm)", form="{:+z.1f}"),
+               Column(key="fore_aft_mm", heading="fore-aft (mm)", form="{:+z.1f}"),
+               Column(key="alignment_deg", heading="alignment (°)", form="{:+z.1f}"),
+               Column(key="synthetic", heading="synthetic"),
                Column(key="doubts", heading="doubts"))
     return Chapter(name="summary", title="Summary", pieces=(*pieces, Grid(
         name="trials", columns=columns, rows=content["trials"],
         caption="The trials. Fitted: the contact was fitted to it. Held out: the fit has not seen it. Offsets fitted: "
-                "where the prosthesis sits was fitted to this trial's plate; agreement is then no prediction.")))
+                "where the prosthesis sits was fitted to this trial's plate; agreement is then no prediction. "
+                "Height (+ shorter), fore-aft (+ forward), alignment (+ toe up): how it sits under its pylon.")))
 
 
 def making_chapter(content: Mapping[str, Any]) -> Chapter:
