@@ -42,5 +42,10 @@ def picture(figure: Figure, *, name: str = "") -> str:
     stream = io.BytesIO()
     with style(), rc_context({"svg.fonttype": "path"}):
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return embedded(stream.getvalue(), name=name)
+
+
+def embedded(svg: bytes, *, name: str = "") -> str:
+    """A drawing within the page; `name` is what it shows, in words."""
+    data = base64.b64encode(svg).decode("ascii")
     return f'<img alt="{html.escape(name)}" src="data:image/svg+xml;base64,{data}">'

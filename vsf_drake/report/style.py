@@ -68,8 +68,11 @@ def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
         axes.set_title(title, loc="left")
 
 
-def save_figure(figure: Figure, stem: str | Path) -> tuple[Path, Path]:
+def save_figure(figure: Figure, stem: str | Path, *, letters: str = "none") -> tuple[Path, Path]:
     """Writes `stem`.png and `stem`.svg, each complete or not at all; the same figure gives the same bytes.
+
+    Args:
+        letters: of the SVG, as Matplotlib's `svg.fonttype` has it: "none" is text, "path" needs no font.
 
     Returns:
         The two paths.
@@ -79,7 +82,7 @@ def save_figure(figure: Figure, stem: str | Path) -> tuple[Path, Path]:
     """
     stem = Path(stem)
     png, svg = stem.with_name(stem.name + ".png"), stem.with_name(stem.name + ".svg")
-    with style():
+    with style(), rc_context({"svg.fonttype": letters}):
         with replaced(png, "wb") as stream:
             figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
         with replaced(svg, "wb") as stream:

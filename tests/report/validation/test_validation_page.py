@@ -124,3 +124,13 @@ def test_on_paper_a_table_of_many_columns_is_set_smaller():
     sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
     assert sizes[0] < 4.0 and sizes[1] == 7.5
     assert "font-size:var(--print)" in text
+
+
+@needs_browser
+def test_figures_keep_a_size_that_can_be_read_on_a_telephone_and_scroll_by_themselves(tmp_path):
+    file = tmp_path / "report.html"
+    file.write_text(page(drawn()), encoding="utf-8")
+    (tmp_path / "work").mkdir()
+    seen = look(file, tmp_path / "work", width=390)
+    assert seen.scroll == seen.width
+    assert "width:720px" in file.read_text(encoding="utf-8")

@@ -162,8 +162,9 @@ def _write_pages(
         pieces = tuple(_written(piece, folder, files, lenient=lenient) for piece in chapter.pieces)
         chapters[i] = dataclasses.replace(chapter, pieces=pieces)
     links = {"replay of one trial (opens in a browser, needs no network)": REPLAY} if content.get("replay") else {}
+    drawings = {path.stem: (folder / path).read_bytes() for path in files if path.suffix == ".svg"}
     page = validation_page(str(content.get("title") or "Validation"), str(content.get("first_line") or NO_FIRST_LINE),
-                           chapters, synthetic=bool(content.get("synthetic", True)), links=links)
+                           chapters, synthetic=bool(content.get("synthetic", True)), links=links, drawings=drawings)
     with replaced(folder / PAGE) as stream:
         stream.write(page)
     return files, [f"{chapter.title}: {piece.text}" for chapter in chapters for piece in chapter.pieces
@@ -174,7 +175,7 @@ def _written(piece: Piece, folder: Path, files: set[Path], *, lenient: bool) -> 
     """The piece, its files written and noted; if `lenient` and it cannot be shown, what says so in its place."""
     try:
         if isinstance(piece, Picture):
-            own = save_figure(piece.figure, folder / FIGURES / piece.name)
+            own = save_figure(piece.figure, folder / FIGURES / piece.name, letters="path")
         else:
             piece_html(piece)
             own = (_write_csv(piece, folder / TABLES / f"{piece.name}.csv"),) if isinstance(piece, Grid) else ()

@@ -6,7 +6,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vsf_drake.report.page import bullets, document, picture
+from vsf_drake.report.page import bullets, document, embedded, picture
 from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Piece, Text
 
 _STYLE = """
@@ -15,7 +15,7 @@ figcaption{color:#555;font-size:.88rem}.unmet td{background:#fdecea;font-weight:
 .wide{overflow-x:auto;margin:.2rem 0 .6rem}.wide table{font-size:.88rem}th.number{text-align:right}
 thead th{border-bottom:2px solid #bbb}.missing{border-left:4px solid #b26a00;padding:.2rem .8rem;background:#fbf4e8}
 nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption{overflow-wrap:anywhere}
-@media(max-width:600px){body{padding:.8rem;font-size:14px}}
+@media(max-width:600px){body{padding:.8rem;font-size:14px}.wide img{max-width:none;width:720px}}
 @media print{nav{display:none}body{max-width:none;padding:0;font-size:9pt}.wide{overflow-x:visible}
 .wide table{font-size:var(--print)}.wide td,.wide th{padding-right:.8em}figcaption{font-size:8.5pt}}
 """
@@ -24,13 +24,15 @@ _PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
 
 
 def validation_page(
-    title: str, first_line: str, chapters: Sequence[Chapter], *, synthetic: bool, links: Mapping[str, str]
+    title: str, first_line: str, chapters: Sequence[Chapter], *, synthetic: bool, links: Mapping[str, str],
+    drawings: Mapping[str, bytes] | None = None
 ) -> str:
     """The page as HTML.
 
     Args:
         first_line: what is measured and what is not, in plain text; the first thing that one reads.
         links: file beside the page by what it is called.
+        drawings: SVG of pictures that are drawn already, by their name.
     """
     mark = ' class="synthetic"' if synthetic else ""
     parts = [f"<p{mark}>{html.escape(first_line)}</p>", f"<h1>{html.escape(title)}</h1>"]
@@ -41,7 +43,7 @@ def validation_page(
     parts.append(f"<nav>{anchors}</nav>")
     for chapter in chapters:
         parts.append(f'<section id="{chapter.name}"><h2>{html.escape(chapter.title)}</h2>')
-        parts += [piece_html(piece) for piece in chapter.pieces]
+        parts += [piece_html(piece, drawings) for piece in chapter.pieces]
         parts.append("</section>")
     return document(title, parts, more_style=_STYLE)
 
@@ -57,8 +59,8 @@ def cell(column: Column, value: Any) -> str:
     return column.form.format(value * column.scale)
 
 
-def piece_html(piece: Piece) -> str:
-    """A piece as the page shows it."""
+def piece_html(piece: Piece, drawings: Mapping[str, bytes] | None = None) -> str:
+    """A piece as the page shows it; `drawings` as in `validation_page`."""
     match piece:
         case Text(text):
             return f"<p>{html.escape(text)}</p>"
@@ -71,7 +73,9 @@ def piece_html(piece: Piece) -> str:
         case Grid():
             return _grid(piece)
         case Picture():
-            return (f"<figure>{picture(piece.figure, name=piece.alt)}"
+            drawn = (drawings or {}).get(piece.name)
+            image = picture(piece.figure, name=piece.alt) if drawn is None else embedded(drawn, name=piece.alt)
+            return (f'<figure><div class="wide" tabindex="0">{image}</div>'
                     f"<figcaption>{html.escape(piece.caption)}</figcaption></figure>")
 
 
