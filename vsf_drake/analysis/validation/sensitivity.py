@@ -48,19 +48,20 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
         `interaction_conf` (share of the variance that is of no group alone), `spread` (percentiles with everything
         uncertain), `explained` (variance with only the strongest varied over that with all varied).
         Else: `factors` (name, group, unit, low, high, why, and local_grf_bw: change of the resultant for half the
-        range, by exact derivatives), `local_agreement` (rank correlation of that and the screening), `conditions`,
+        range, by exact derivatives; None in the short form, which spares compiling them), `local_agreement` (rank
+        correlation of that and the screening, or None), `conditions`,
         `indexed` (the place of the one that indices and spread are of), `walks`, `unconverged`, `failures` (count,
         examples, and by output what was dropped), `trajectories`, `samples`, `seed`, `quick`, `synthetic`.
     """
     quick, seed = study.options.quick, study.options.seed
     chosen = chosen_walks(study, one=quick)
     show = progress or (lambda what, fraction: None)
-    show("exact derivatives", 0.0)
+    show("as the study is" if quick else "exact derivatives", 0.0)
     with workers(study.options.workers) as (executor, count):
         walks = DesignWalks(chosen, executor=executor, count=count)
         factors = sensitivity_factors(walks.variables[0], chosen[0].trial.subject.prosthetic_side)
         names, middle = [factor.name for factor in factors], len(chosen) // 2
-        baseline, local = walks.baseline(), local_changes(walks, factors)
+        baseline, local = walks.baseline(), None if quick else local_changes(walks, factors)
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
         runs = _Runs(walks, show, len(screen.points) * len(chosen) + (0 if quick else (
             GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2))))
@@ -78,8 +79,8 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
     conditions = [{name: _sizes(morris_rows(screen, screened.values[:, t, i], seed)) for i, name in enumerate(OUTPUTS)}
                   for t in range(len(chosen))]
     table: dict[str, Any] = {
-        "factors": [factor.row() | {"local_grf_bw": float(change)}
-                    for factor, change in zip(factors, local, strict=True)],
+        "factors": [factor.row() | {"local_grf_bw": None if local is None else float(local[i])}
+                    for i, factor in enumerate(factors)],
         "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in chosen],
         "indexed": middle, "local_agreement": agreement(_sizes(morris["grf_rmse_bw"]), local), "strongest": strongest,
         "walks": walks.walked, "unconverged": walks.unconverged, "trajectories": len(screen.points) // screen.block,
@@ -153,7 +154,7 @@ def _missing(table: Mapping[str, Any], chosen: Sequence[StudyWalk]) -> tuple[str
     sentences = []
     if table["quick"]:
         sentences.append(f"Short form: one walk, {table['trajectories']} trajectories of Morris' screening, no Sobol "
-                         "indices and no comparison of conditions.")
+                         "indices, no derivatives and no comparison of conditions.")
     elif len(table["conditions"]) < 2:
         sentences.append("One condition only: whether the ranking holds at other fulcrum positions is not known.")
     without = [walk.label for walk in chosen if not walk.trial.prosthetic_plate.has_cop]

@@ -70,9 +70,9 @@ def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
     return known(min(pairs)) if pairs else None
 
 
-def agreement(sizes: Sequence[float] | None, local: np.ndarray) -> float | None:
+def agreement(sizes: Sequence[float] | None, local: np.ndarray | None) -> float | None:
     """Rank correlation of mu* and what another way says."""
-    return None if sizes is None else known(spearmanr(sizes, local).statistic)
+    return None if sizes is None or local is None else known(spearmanr(sizes, local).statistic)
 
 
 def dropped_samples(*walked: Walked | None) -> dict[str, dict[str, int | None]]:
