@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import os
+import shutil
 
 import numpy as np
 import pytest
@@ -199,6 +201,27 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
         remake_report(out)
     assert name in str(raised.value)
     assert (out / "report.html").read_bytes() == page
+
+
+@pytest.mark.parametrize(("name", "kind"), [("figures", "file"), ("tables", "file"), ("report.html", "folder")])
+def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp_path, name, kind):
+    out = tmp_path / "out"
+    write_validation(content(), ARRAYS, out)
+    if kind == "file":
+        shutil.rmtree(out / name)
+        (out / name).write_text("mine")
+    else:
+        (out / name).unlink()
+        (out / name).mkdir()
+    for check in (check_validation_folder, remake_report):
+        with pytest.raises(InputError, match=f"{name}: cannot be written .it is a {kind}"):
+            check(out)
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_before_anything_is_computed(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # a mode does not stop the superuser
+    with pytest.raises(InputError, match="Permission denied"):
+        check_validation_folder(tmp_path)
 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import errno
 import json
+import os
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -24,7 +26,7 @@ from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.chapters import make_chapters, unshown
 from vsf_drake.report.validation.page import piece_html, validation_page
 from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Piece
-from vsf_drake.report.validation.walks import REPLAY, tidy_walks, write_replay_of, write_walks
+from vsf_drake.report.validation.walks import REPLAY, WALKS, tidy_walks, write_replay_of, write_walks
 from vsf_drake.simulation.archive import check_target, result_folder
 
 VALIDATION, FORMAT = "validation", 1
@@ -41,11 +43,20 @@ def check_validation_folder(out: Path) -> None:
         InputError: it cannot be written, or holds anything else.
     """
     check_target(out, VALIDATION)
+    _check_names(out)
+    if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
+        raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out, right="Choose another folder")
+    if out.is_dir() and any(out.iterdir()) and not (_holds_validation(out) or _holds_unfinished(out / UNFINISHED)):
+        raise InputError("holds other things than an earlier validation", file=out, right="Choose another folder")
+
+
+def _check_names(out: Path) -> None:
     for name in (TABLE, ARRAYS, PAGE, REPLAY):
         if (out / name).is_dir():
             raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
-    if out.is_dir() and any(out.iterdir()) and not (_holds_validation(out) or _holds_unfinished(out / UNFINISHED)):
-        raise InputError("holds other things than an earlier validation", file=out, right="Choose another folder")
+    for name in (FIGURES, TABLES, WALKS):
+        if (out / name).exists() and not (out / name).is_dir():
+            raise InputError("cannot be written (it is a file)", file=out / name, right="Choose another folder")
 
 
 def write_validation(
@@ -120,6 +131,7 @@ def remake_report(folder: str | Path) -> list[str]:
     """
     folder = Path(folder)
     content, arrays = read_validation(folder)
+    _check_names(folder)
     notes = content["notes"] if isinstance(content.get("notes"), list) else []
     if content.get("format") != FORMAT:
         notes = [*notes, f"These results have format {content.get('format', 'unknown')}; this version writes format "
