@@ -100,6 +100,13 @@ def test_force_without_position_or_torque(tmp_path):
     assert len(notes) == 2
 
 
+def test_a_component_that_is_not_there_is_named_with_what_may_stand_for_it(tmp_path):
+    storage = storage_of(tmp_path, {name: value for name, value in columns("a").items() if name != "a_vz"})
+    text = message(lambda: assign_prefixes(storage, {"right": "a"}))
+    assert "forces.right: has no force columns a_vz. " in text
+    assert "A component that was not measured may be a column of zeros" in text
+
+
 @pytest.mark.parametrize(
     ("prefix", "torque"),
     [("ground_force_r", "ground_torque_r"), ("ground_force", "ground_torque"), ("1_ground_force", "1_ground_torque"),

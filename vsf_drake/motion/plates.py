@@ -76,8 +76,10 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
         chosen = {side: prefix for side in SIDES if (prefix := stated.get(side)) is not None}
         for side, prefix in chosen.items():
             if prefix not in found:
-                raise InputError(f"has no force columns {prefix}_vx, {prefix}_vy, {prefix}_vz", file=storage.path,
-                                 where=f"forces.{side}", right=f"Prefixes found: {listed}")
+                lacking = [name for axis in "xyz" if (name := f"{prefix}_v{axis}") not in storage.names]
+                zeros = "" if len(lacking) == 3 else ". A component that was not measured may be a column of zeros"
+                raise InputError(f"has no force columns {', '.join(lacking)}", file=storage.path,
+                                 where=f"forces.{side}", right=f"Prefixes found: {listed}{zeros}")
         if len(set(chosen.values())) < len(chosen):
             raise InputError("the same columns stand for both feet", file=storage.path, where="forces",
                              right=f"Prefixes found: {listed}")

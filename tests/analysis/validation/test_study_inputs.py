@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation import embedded_contact, embedded_trials, make_study
+from vsf_drake.analysis.validation import embedded_contact, embedded_trials, inputs, make_study
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, StudyOptions
 from vsf_drake.contact_file import load_contact
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import load_trial
 
@@ -68,6 +68,23 @@ def test_a_trial_that_cannot_be_read_is_kept_apart(tmp_path):
     assert [walk.label for walk in study.walks] == ["low_1"]
     assert [label for label, _ in study.failed] == ["nowhere"]
     assert "there is no such file" in study.failed[0][1]
+
+
+def test_a_trial_that_diverges_is_kept_apart_and_the_only_one_is_a_failed_simulation(monkeypatch):
+    walk = inputs.walk_trial
+
+    def diverges(trial, **options):
+        if "medium" in trial.path.stem:
+            raise SimulationError("the keel gave way", time_s=0.1)
+        return walk(trial, **options)
+
+    monkeypatch.setattr(inputs, "walk_trial", diverges)
+    soft, medium = embedded_trials(quick=True)[:2]
+    study = make_study([soft, medium], contact=embedded_contact(), options=QUICK)
+    assert [walk.label for walk in study.walks] == ["low_2"]
+    assert study.failed[0][0] == "medium_2" and "the keel gave way" in study.failed[0][1]
+    with pytest.raises(SimulationError, match="the keel gave way"):
+        make_study([medium], contact=embedded_contact(), options=QUICK)
 
 
 def test_no_usable_trial_is_an_error_that_names_them_all(tmp_path):

@@ -71,6 +71,7 @@ def make_study(
 
     Raises:
         InputError: there is no trial, or one twice; the contact file cannot be used; no trial can.
+        SimulationError: the only trial cannot be walked.
     """
     options = options or StudyOptions()
     if not manifests:
@@ -98,6 +99,8 @@ def make_study(
             walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
         except (InputError, SimulationError) as error:
             failed.append((label, str(error)))
+            if isinstance(error, SimulationError) and len(manifests) == 1:
+                raise
         else:
             walked.append((label, recorded, walk))
     if not walked:
