@@ -94,9 +94,9 @@ def test_a_finer_keel_differs_by_what_the_chain_of_sprung_joints_differs_from_it
     assert reference.table["settings"][-1]["refined"] is None
 
 
-def test_with_a_finer_keel_the_stored_fit_reaches_the_paper_s_figures(reference):
-    """What the stored fit lacks at mid-range is the coarseness of its keel, not its foam."""
-    assert line(reference, "refined")["within_limits"] == dict.fromkeys(reference.table["limits"], True)
+def test_the_stored_fit_reaches_the_paper_s_figures_on_the_curves_that_it_was_fitted_to(reference):
+    """R² at least 0.98, RMSE at most 1.37 N/mm and 0.45 mm (McGeehan 2021): fitted here, not predicted."""
+    assert reference.table["within_limits"] == dict.fromkeys(reference.table["limits"], True)
 
 
 def test_a_foot_measured_against_itself_errs_by_nothing(compared_only):
