@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vsf_drake.analysis.validation.bench_shape import energy, shape, tangent
-from vsf_drake.analysis.validation.bench_statistics import (
+from vsf_drake.analysis.validation.bench.shape import energy, shape, tangent
+from vsf_drake.analysis.validation.bench.statistics import (
     agreement,
     at_loads,
     curve_errors,

@@ -11,8 +11,8 @@ from made_roll_over import embedded_roll_over
 from made_study import embedded_study
 
 from vsf_drake.analysis.json_file import plain
-from vsf_drake.analysis.validation.iso_roll_over import iso_roll_over
-from vsf_drake.analysis.validation.roll_over import roll_over_section
+from vsf_drake.analysis.validation.roll_over.iso_roll_over import iso_roll_over
+from vsf_drake.analysis.validation.roll_over.section import roll_over_section
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import GRAVITY
 

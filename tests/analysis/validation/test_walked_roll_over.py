@@ -9,7 +9,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.validation.walked_roll_over import OPPOSITE_STRIKE, TOE_OFF, walked_shapes
+from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, walked_shapes
 from vsf_drake.motion.plates import PlateRecording
 
 

@@ -12,12 +12,12 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import embedded_bench
-from vsf_drake.analysis.validation.bench import bench_section
+from vsf_drake.analysis.validation.bench.section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.bench_agreement_figure import bench_agreement_figure
-from vsf_drake.report.validation.bench_chapter import bench_chapter
-from vsf_drake.report.validation.bench_sentences import result_text
+from vsf_drake.report.validation.bench.agreement_figure import bench_agreement_figure
+from vsf_drake.report.validation.bench.chapter import bench_chapter
+from vsf_drake.report.validation.bench.sentences import result_text
 from vsf_drake.report.validation.page import cell, validation_page
 from vsf_drake.report.validation.pieces import Bullets, Grid, Missing, Picture, Text
 
@@ -126,6 +126,6 @@ def test_measured_curves_are_solid_and_simulated_ones_dashed(full):
 
 
 def test_the_chapter_needs_no_drake():
-    code = ("import sys; from vsf_drake.report.validation import bench_chapter; "
+    code = ("import sys; from vsf_drake.report.validation.bench import chapter as bench_chapter; "
             "sys.exit(any(name.split('.')[0] == 'pydrake' for name in sys.modules))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

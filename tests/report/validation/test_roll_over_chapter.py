@@ -13,7 +13,7 @@ from made_roll_over import embedded_roll_over
 
 from vsf_drake.analysis.json_file import plain
 from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Text
-from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
+from vsf_drake.report.validation.roll_over.chapter import roll_over_chapter
 
 
 @cache

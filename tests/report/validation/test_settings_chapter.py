@@ -9,12 +9,12 @@ import pytest
 from made_study import embedded_study
 from made_study_walk import with_walks
 
-from vsf_drake.analysis.validation import settings
-from vsf_drake.analysis.validation.settings import settings_section
-from vsf_drake.analysis.validation.settings_answer import answer
+from vsf_drake.analysis.validation.settings import section as settings
+from vsf_drake.analysis.validation.settings.answer import answer
+from vsf_drake.analysis.validation.settings.section import settings_section
 from vsf_drake.report.validation.pieces import Bullets, Grid, Heading, Missing, Picture, Text
-from vsf_drake.report.validation.settings_chapter import settings_chapter
-from vsf_drake.report.validation.settings_words import energy_words
+from vsf_drake.report.validation.settings.chapter import settings_chapter
+from vsf_drake.report.validation.settings.words import energy_words
 
 
 def saved(section):

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.validation.bench_chapter import bench_chapter
-from vsf_drake.report.validation.energy_chapter import energy_chapter
-from vsf_drake.report.validation.exact_chapter import exact_chapter
+from vsf_drake.report.validation.bench.chapter import bench_chapter
+from vsf_drake.report.validation.energy.chapter import energy_chapter
 from vsf_drake.report.validation.pieces import Chapter, Missing, Piece
-from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
-from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
-from vsf_drake.report.validation.settings_chapter import settings_chapter
+from vsf_drake.report.validation.roll_over.chapter import roll_over_chapter
+from vsf_drake.report.validation.sensitivity.chapter import sensitivity_chapter
+from vsf_drake.report.validation.settings.chapter import settings_chapter
 from vsf_drake.report.validation.standing_chapter import standing_chapter
 from vsf_drake.report.validation.summary_chapter import making_chapter, summary_chapter
-from vsf_drake.report.validation.walking_chapter import walking_chapter
+from vsf_drake.report.validation.walking.chapter import walking_chapter
+from vsf_drake.report.validation.walking.exact_chapter import exact_chapter
 
 Maker = Callable[[Mapping[str, Any], Mapping[str, np.ndarray]], Chapter]
 _MAKERS: dict[str, tuple[str, Maker]] = {

@@ -1,0 +1,181 @@
+"""The energy ledger of the prosthesis: what the residual limb puts in through the socket, and where it goes.
+
+The system is everything under the residual shank: the bushing, socket, pylon, foot. What passes into it is the work of
+the limb on the bushing; the ground is at rest and only takes. So
+
+    limb work = kinetic + gravity + strain of bushing, keel, foam and fulcrum support
+                + loss in bushing, keel, foam, support and friction + remainder
+
+No term is made of the others. Strains, kinetic and gravity are functions of the state at an instant. Works are
+integrals (trapezoidal rule) of a force law at the instants times the velocity there, which is the mean of the steps'
+before and after, hence of second order in the step. The limb's wrench comes from the law of the bushing, not from a
+balance. What remains is what the first-order implicit stepper loses or gains: numerical dissipation. It gets a line
+of its own. The fulcrum rests in a walk of a trial, so the carriage does no work.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.series import cumulative_integral
+from vsf_drake.analysis.validation.energy.segment_power import SegmentMotion, distal_power, follow
+from vsf_drake.laws.bushing import axis_force, excess
+from vsf_drake.simulation.reactions import sum_sites
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk_run import Walk
+
+INPUT = "limb_work"
+FOOT_STRAINS = ("keel_strain", "foam_strain", "fulcrum_strain")
+STORED = (*FOOT_STRAINS, "bushing_strain", "kinetic", "gravity")
+FOOT_LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
+LOST = (*FOOT_LOSSES, "bushing_loss")
+REMAINDER = "remainder"
+TERMS = (INPUT, *STORED, *LOST, REMAINDER)
+
+
+@dataclass(frozen=True, eq=False)
+class ProsthesisEnergy:
+    """Energy of the prosthesis over a walk.
+
+    Attributes:
+        time_s: (n,) ends of the steps.
+        terms: TERMS, each (n,) J; differences between two instants count.
+        socket_work: (n,) J of the bushing on the socket: the limb's work without what the bushing keeps.
+        balance_work: (n,) J, the limb's work once more, without the bushing's law: from the wrench of the ground and
+            the rate of the prosthesis' momentum.
+        pylon_power, shank_power: (n,) W, `distal_power` of the pylon and of the residual shank.
+        vertical_n: (n,) force of the ground on the prosthetic foot.
+        keel_load: (n, 2) N and m: load on the keel across it, and where it acts, from A; NaN for the place unloaded.
+    """
+
+    time_s: np.ndarray
+    terms: dict[str, np.ndarray]
+    socket_work: np.ndarray
+    balance_work: np.ndarray
+    pylon_power: np.ndarray
+    shank_power: np.ndarray
+    vertical_n: np.ndarray
+    keel_load: np.ndarray
+
+    def total(self, names: tuple[str, ...]) -> np.ndarray:
+        """(n,) J, sum of terms."""
+        return np.sum([self.terms[name] for name in names], axis=0)
+
+
+def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
+    """The ledger of a `walk` that `walker` made with a fulcrum at rest.
+
+    Raises:
+        ValueError: the fulcrum moved.
+    """
+    if np.ptp(walk.fulcrum_m) > 0.0:
+        raise ValueError("this ledger has no line for the work of a fulcrum that moves")
+    record, tree, person = walk.record, walk.mechanism.tree, walker.gait.person
+    step = walk.step_s
+    socket = [tree.index(name) for name in person.socket.coordinate_names]
+    shank = person.segments[f"shank_{person.subject.prosthetic_side}"]
+    bodies = [int(body.index()) for body in (shank, person.socket.pylon, person.foot.frame)]
+    motion = follow(tree, record.q, _central(record.v), bodies=bodies, coordinates=socket,
+                    inside=tree.ancestors[:, socket[-1]])
+    limb = _limb_wrench(walk, socket, motion)
+    gravity = tree.gravity
+    terms = {INPUT: _work(limb, motion.twist[:, 0], step), "kinetic": motion.kinetic_j,
+             "gravity": -(motion.mass_moment @ gravity)}
+    terms |= _bushing_terms(walk, socket, step) | _keel_terms(walk, walker, step) | _ground_terms(walk, walker, step)
+    terms[REMAINDER] = (terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0))
+    ground = _ground_wrench(walk, walker)
+    weight = np.column_stack([np.cross(motion.mass_moment, gravity),
+                              np.tile(motion.mass * gravity, (len(record.q), 1))])
+    balance = np.gradient(motion.momentum, step, axis=0) - ground - weight
+    return ProsthesisEnergy(
+        time_s=record.time_s, terms={name: terms[name] - terms[name][0] for name in TERMS},
+        socket_work=_work(limb, motion.twist[:, 1], step), balance_work=_work(balance, motion.twist[:, 0], step),
+        pylon_power=distal_power(walk.prosthetic, motion.twist[:, 1]),
+        shank_power=distal_power(walk.prosthetic, motion.twist[:, 0]), vertical_n=walk.prosthetic.grf_W[:, 2],
+        keel_load=_keel_load(walk, walker, motion))
+
+
+def _central(rate: np.ndarray) -> np.ndarray:
+    """Rates at the instants from those of the steps that end there, along the first axis."""
+    return np.concatenate([0.5 * (rate[:-1] + rate[1:]), rate[-1:]])
+
+
+def _work(wrench: np.ndarray, twist: np.ndarray, step: float) -> np.ndarray:
+    return cumulative_integral(np.sum(wrench * twist, axis=1), step)
+
+
+def _limb_wrench(walk: Walk, socket: list[int], motion: SegmentMotion) -> np.ndarray:
+    """(n, 6) of the limb on the socket: what passes through all six joints, whose links weigh nothing."""
+    constants = dict(zip(SPRING_COLUMNS, walk.mechanism.springs[-6:].T, strict=True))
+    force = axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
+    wrench: np.ndarray = np.linalg.solve(motion.joints, force[..., None])[..., 0]
+    return wrench
+
+
+def _bushing_terms(walk: Walk, socket: list[int], step: float) -> dict[str, np.ndarray]:
+    s = dict(zip(SPRING_COLUMNS, walk.mechanism.springs[-6:].T, strict=True))
+    x, rate = walk.record.q[:, socket], walk.record.v[:, socket]
+    k = np.where(x < 0, s["stiffness_negative"], s["stiffness"])
+    strain = 0.5 * k * (x**2 + s["stop_ratio"] * excess(x, s["limit"]) ** 2)
+    damping = s["damping"] * (rate + s["stop_ratio"] * excess(rate, s["rate_limit"]))
+    loss = cumulative_integral(np.sum(damping * _central(rate), axis=1), step)
+    return {"bushing_strain": strain.sum(1), "bushing_loss": loss}
+
+
+def _keel_terms(walk: Walk, walker: Walker, step: float) -> dict[str, np.ndarray]:
+    """Keel and the support under it."""
+    m, record = walk.mechanism, walk.record
+    keel = np.array([m.tree.index(name) for name in walker.gait.person.foot.keel_joint_names])
+    own = np.isin(m.spring_index, keel)
+    index, s = m.spring_index[own], dict(zip(SPRING_COLUMNS, m.springs[own].T, strict=True))
+    x, rate = record.q[:, index], record.v[:, index]
+    _, deflection, closing = record.fulcrum.T
+    stiffness, damping = m.fulcrum
+    return {
+        "keel_strain": np.sum(0.5 * s["stiffness"] * x**2, axis=1), "fulcrum_strain": 0.5 * stiffness * deflection**2,
+        "keel_loss": cumulative_integral(np.sum(s["damping"] * rate * _central(rate), axis=1), step),
+        "fulcrum_loss": cumulative_integral(damping * closing * _central(closing), step)}
+
+
+def _ground_terms(walk: Walk, walker: Walker, step: float) -> dict[str, np.ndarray]:
+    """Foam and friction of the prosthetic foot; the foam's loss is what its force exceeds the elastic one by."""
+    count = len(walker.gait.person.foot.sites.radius)
+    law = dict(zip(SITE_COLUMNS, walk.mechanism.sites[:count].T, strict=True))
+    of = {name: walk.record.site(name)[:, :count] for name in
+          ("depth", "normal_force", "depth_rate", "friction_x", "friction_y", "slip_x", "slip_y")}
+    depth, n = np.maximum(of["depth"], 0.0), law["exponent"]
+    damping = np.where(of["normal_force"] > 0, of["normal_force"] - law["stiffness"] * depth**n, 0.0)
+    rubbing = of["friction_x"] * _central(of["slip_x"]) + of["friction_y"] * _central(of["slip_y"])
+    return {
+        "foam_strain": np.sum(law["stiffness"] * depth ** (n + 1.0) / (n + 1.0), axis=1),
+        "foam_loss": cumulative_integral(np.sum(damping * _central(of["depth_rate"]), axis=1), step),
+        "friction_loss": cumulative_integral(-rubbing.sum(1), step)}
+
+
+def _ground_wrench(walk: Walk, walker: Walker) -> np.ndarray:
+    """(n, 6) of the ground on the prosthetic foot, about W's origin."""
+    wrench = np.zeros((len(walk.record.q), 6))
+    sum_sites(walk.record.sites, 0, len(walker.gait.person.foot.sites.radius), wrench)
+    z = walk.mechanism.ground_height  # `sum_sites` has moments about the ground's height
+    wrench[:, 0] -= z * wrench[:, 4]
+    wrench[:, 1] += z * wrench[:, 3]
+    return wrench
+
+
+def _keel_load(walk: Walk, walker: Walker, motion: SegmentMotion) -> np.ndarray:
+    """Force of the ground on the keel's spheres across the undeformed keel, and its lever about A along it."""
+    sites, foot = walk.record, walker.gait.person.foot
+    on_keel = np.flatnonzero(np.isin(foot.sites.body_indices, [int(body.index()) for body in foot.keel]))
+    force = np.stack([sites.site(name)[:, on_keel] for name in ("friction_x", "friction_y", "normal_force")], axis=2)
+    place = np.stack([sites.site("x")[:, on_keel], sites.site("y")[:, on_keel],
+                      walk.mechanism.ground_height - sites.site("depth")[:, on_keel]], axis=2)
+    in_K = np.einsum("nsi,nij->nsj", place - motion.p_WB[:, None], motion.R_WB)
+    force_K = np.einsum("nsi,nij->nsj", force, motion.R_WB)
+    across = force_K[..., 2].sum(1)
+    moment = np.sum(in_K[..., 0] * force_K[..., 2] - in_K[..., 2] * force_K[..., 0], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lever = np.where(across > 0.0, moment / across, np.nan)
+    return np.column_stack([across, lever])

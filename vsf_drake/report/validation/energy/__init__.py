@@ -1,0 +1,1 @@
+"""The chapter of the validation on energy storage and return."""
