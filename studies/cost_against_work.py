@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer walks, each run once")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    trial = load_trial(embedded_trials()[0])
+    trial = load_trial(embedded_trials("exact")[0])
     costs = measure_costs(trial, quick=arguments.quick, repeats=1 if arguments.quick else REPEATS)
     for cost in costs:
         print(f"{cost.label:52} {1e3 * cost.wall_s:8.1f} ms for {cost.simulated_s:.2f} s  "

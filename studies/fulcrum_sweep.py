@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="6 positions instead of 21, in this process")
     parser.add_argument("--workers", type=int, help="processes; one a core unless given")
     arguments = parser.parse_args()
-    embedded = {path.stem: path for path in embedded_trials()}
+    embedded = {path.stem: path for path in embedded_trials("exact")}
     trial, other = load_trial(arguments.trial or embedded["medium_1"]), arguments.offsets_from
     if other is None and arguments.trial is None and not arguments.quick:
         other = embedded["low_1"]

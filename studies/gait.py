@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/gait"))
     parser.add_argument("--quick", action="store_true", help="end points only")
     arguments = parser.parse_args()
-    trial = load_trial(arguments.trial or embedded_trials()[0])
+    trial = load_trial(arguments.trial or embedded_trials("exact")[0])
     walker = Walker(trial.subject, trial.model)
     fit = fit_offsets(trial, walker=walker)
     rows = []

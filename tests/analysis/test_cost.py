@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def costs():
-    trial = load_trial(embedded_trials(quick=True)[0])
+    trial = load_trial(embedded_trials("exact")[0])
     return measure_costs(trial, quick=True, repeats=1)
 
 

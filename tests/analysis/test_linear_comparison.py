@@ -94,7 +94,7 @@ def test_sensitivity_of_another_walk_is_refused():
 
 def test_compared_series_of_a_trial_change_as_central_differences_say():
     """Changes too small for an event, and for a sample to be loaded or not: but for Newton's tolerance, exact."""
-    trial = load_trial(embedded_trials()[3])
+    trial = load_trial(embedded_trials("exact")[3])
     walker = Walker(trial.subject, trial.model)
     names = {"offset.height": 1e-7, "offset.alignment": 1e-6, "contact.forefoot.stiffness": 0.1,
              "keel.flexural_modulus": 1e5, "friction.mu_static": 1e-6, "coordinate.pelvis_tx": 1e-2}

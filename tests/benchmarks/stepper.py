@@ -32,7 +32,7 @@ started = time.perf_counter()
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
-trial = load_trial(embedded_trials()[0])
+trial = load_trial(embedded_trials("exact")[0])
 walk = Walker(trial.subject, trial.model).walk(
     trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s)
 print(time.perf_counter() - started)

@@ -15,7 +15,7 @@ from sweep_files import copied, rows
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 
-EMBEDDED = {path.stem: path for path in embedded_trials()}
+EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
 COLUMNS = ["grf_rmse_bw", "cop_rmse_fl", "vertical_impulse_error", "peak_vertical_bw", "unconverged_steps",
            "refined_steps", "failure", "notes"]

@@ -12,7 +12,7 @@ from sweep_files import copied, rows
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.report import sweep_output
 
-EMBEDDED = {path.stem: path for path in embedded_trials()}
+EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
 
 

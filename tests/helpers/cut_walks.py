@@ -29,7 +29,7 @@ SETTINGS = {"landing": (1, LANDING, 2e-3), "catching": (0, CATCHING, 1e-3), "los
 @cache
 def hard_walker(setting: int):
     """(walker, trial) of an embedded trial: setting 0 soft, 1 medium, 2 stiff."""
-    trial = load_trial(embedded_trials(quick=True)[setting])
+    trial = load_trial(embedded_trials("exact")[3 * setting])
     return Walker(trial.subject, trial.model), trial
 
 

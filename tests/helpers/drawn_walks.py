@@ -140,7 +140,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--height-mm", type=float, default=None, help="bounds of offset.height, both signs")
     arguments = parser.parse_args()
-    trial = load_trial(embedded_trials(quick=True)[arguments.setting])
+    trial = load_trial(embedded_trials("exact")[3 * arguments.setting])
     walker = Walker(trial.subject, trial.model)
     bounds = reach(walker, trial.fulcrum_m)
     if arguments.height_mm is not None:

@@ -21,7 +21,7 @@ MOST_FAILED = 0.05
 @cache
 def reference_walk(setting):
     """(walker, trajectory, span) of an embedded trial: setting 0 soft, 1 medium, 2 stiff."""
-    trial = load_trial(embedded_trials(quick=True)[setting])
+    trial = load_trial(embedded_trials("exact")[3 * setting])
     span = {"fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s}
     return Walker(trial.subject, trial.model), trial.trajectory, span
 

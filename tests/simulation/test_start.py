@@ -16,7 +16,7 @@ from vsf_drake.simulation.walk import Walker
 
 @pytest.fixture(scope="module")
 def trial():
-    return load_trial(embedded_trials()[0])
+    return load_trial(embedded_trials("exact")[0])
 
 
 def walked(trial, walker, **options):

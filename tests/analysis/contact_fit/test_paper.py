@@ -24,12 +24,12 @@ SHORT = PaperOptions(scenarios=3, iterations=2, restarts=0, settled=2, step_s=4e
 
 @pytest.fixture(scope="module")
 def trial():
-    return load_trial(embedded_trials()[0])
+    return load_trial(embedded_trials("exact")[0])
 
 
 @pytest.fixture(scope="module")
 def stiff():
-    return load_trial(embedded_trials()[6])
+    return load_trial(embedded_trials("exact")[6])
 
 
 @pytest.fixture(scope="module")

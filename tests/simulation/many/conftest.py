@@ -19,7 +19,7 @@ LOADED_S = 0.45
 @pytest.fixture(scope="session")
 def trial() -> Trial:
     """0.06 s of loaded stance."""
-    whole = load_trial(embedded_trials()[0])
+    whole = load_trial(embedded_trials("exact")[0])
     return replace(whole, start_s=LOADED_S, end_s=LOADED_S + 0.06)
 
 

@@ -110,7 +110,7 @@ from dataclasses import replace
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.many import WalkCase, simulate_many
-trial = load_trial(embedded_trials()[0])
+trial = load_trial(embedded_trials("exact")[0])
 cases = [WalkCase(trial=replace(trial, start_s=0.45, end_s=end)) for end in (0.46, 0.9)]
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 simulate_many(cases, workers=1, cache=sys.argv[1])

@@ -21,7 +21,7 @@ from dataclasses import replace
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.many import WalkCase, simulate_many
-trial = load_trial(embedded_trials()[0])
+trial = load_trial(embedded_trials("exact")[0])
 trial = replace(trial, start_s=0.45, end_s=0.65)
 cases = [WalkCase(trial=trial, fulcrum_m=0.07 + 1e-3 * i) for i in range(60)]
 outcomes = simulate_many(cases, workers=2, cache=sys.argv[1], progress=lambda state: print(state.done, flush=True))
