@@ -4,7 +4,7 @@ Springs, foam and friction work over the displacement of each step with the forc
 load, which accelerates the prescribed masses from one step's velocity to the next, works over the
 mean of the two. What remains is of first order in the step: the numerical dissipation of the implicit
 stepper in the free coordinates and, which is more where both feet walk, what it makes that loads and rates are paired
-half a step apart. `analysis.validation.energy_steps` has a ledger of the prosthesis alone, without the latter. Of a
+half a step apart. `analysis.validation.energy.steps` has a ledger of the prosthesis alone, without the latter. Of a
 step that was cut into pieces only the last piece's rates and contact forces are known and stand for all of it: its
 share of the remainder says nothing. All terms are cumulative (J) from the start.
 """
