@@ -14,12 +14,12 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import embedded_bench
 from vsf_drake.analysis.validation.bench.section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
+from vsf_drake.report.chapter_page import cell, chapter_page
+from vsf_drake.report.pieces import Bullets, Grid, Missing, Picture, Text
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.bench.agreement_figure import bench_agreement_figure
 from vsf_drake.report.validation.bench.chapter import bench_chapter
 from vsf_drake.report.validation.bench.sentences import result_text
-from vsf_drake.report.validation.page import cell, validation_page
-from vsf_drake.report.validation.pieces import Bullets, Grid, Missing, Picture, Text
 
 CURVES = load_bench_curves(embedded_bench())
 
@@ -67,7 +67,7 @@ def test_every_chapter_has_its_figures_with_numbers_in_words_and_tables_that_pri
         elif isinstance(piece, Grid):
             assert piece.rows and all(cell(column, row.get(column.key)) for row in piece.rows
                                       for column in piece.columns)
-    page = validation_page("t", "SYNTHETIC", [chapter], synthetic=True, links={})
+    page = chapter_page("t", "SYNTHETIC", [chapter], synthetic=True, links={})
     assert ">nan<" not in page and ">None<" not in page
 
 

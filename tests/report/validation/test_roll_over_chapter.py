@@ -12,7 +12,7 @@ import pytest
 from made_roll_over import embedded_roll_over
 
 from vsf_drake.analysis.json_file import plain
-from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Text
+from vsf_drake.report.pieces import Grid, Missing, Picture, Text
 from vsf_drake.report.validation.roll_over.chapter import roll_over_chapter
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from matplotlib.colors import to_hex
 
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Grid, Missing, Picture, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Grid, Missing, Picture, Text
 from vsf_drake.report.validation.sensitivity.chapter import sensitivity_chapter
 from vsf_drake.report.validation.sensitivity.indices_figure import indices_figure
 from vsf_drake.report.validation.sensitivity.screening_figure import MOST, screening_figure

@@ -8,8 +8,8 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation.standing import standing_section
-from vsf_drake.report.validation.page import cell
-from vsf_drake.report.validation.pieces import Grid, Picture, Text
+from vsf_drake.report.chapter_page import cell
+from vsf_drake.report.pieces import Grid, Picture, Text
 from vsf_drake.report.validation.standing_chapter import standing_chapter
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
+from vsf_drake.report.pieces import Chapter, Column, Grid, Picture, Text
 from vsf_drake.report.style import label, new_figure, style
 from vsf_drake.report.validation import chapters
 from vsf_drake.report.validation.output import (
@@ -20,7 +21,6 @@ from vsf_drake.report.validation.output import (
     remake_report,
     write_validation,
 )
-from vsf_drake.report.validation.pieces import Chapter, Column, Grid, Picture, Text
 
 THIRD = 1.0 / 3.0
 

@@ -14,9 +14,9 @@ from made_study_walk import with_plate, with_walks
 
 from vsf_drake.analysis.validation.walking.conditions import PUBLISHED
 from vsf_drake.analysis.validation.walking.section import walking_section
+from vsf_drake.report.chapter_page import cell
+from vsf_drake.report.pieces import Bullets, Grid, Picture, Text
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.page import cell
-from vsf_drake.report.validation.pieces import Bullets, Grid, Picture, Text
 from vsf_drake.report.validation.walking import text as walking_text
 from vsf_drake.report.validation.walking.chapter import walking_chapter
 from vsf_drake.report.validation.walking.errors_figure import walk_errors_figure

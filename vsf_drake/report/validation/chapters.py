@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.report.chapter_files import unshown
+from vsf_drake.report.pieces import Chapter, Missing, Piece
 from vsf_drake.report.validation.bench.chapter import bench_chapter
 from vsf_drake.report.validation.energy.chapter import energy_chapter
-from vsf_drake.report.validation.pieces import Chapter, Missing, Piece
 from vsf_drake.report.validation.roll_over.chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity.chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings.chapter import settings_chapter
@@ -60,11 +61,6 @@ def _made(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> 
         if not lenient:
             raise
         return _absent(name, title, unshown("what the results hold of it", error))
-
-
-def unshown(what: str, error: Exception) -> str:
-    """Says that this version cannot show something of saved results."""
-    return f"This version cannot show {what} ({type(error).__name__}: {error})."
 
 
 def _absent(name: str, title: str, why: str) -> Chapter:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
-import dataclasses
 import errno
 import json
 import os
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,18 +19,14 @@ from vsf_drake.analysis.validation.run import NAMES
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
-from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.chapters import make_chapters, unshown
-from vsf_drake.report.validation.page import piece_html, validation_page
-from vsf_drake.report.validation.pieces import Grid, Missing, Picture, Piece
+from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.validation.chapters import make_chapters
 from vsf_drake.report.validation.walks import REPLAY, WALKS, tidy_walks, write_replay_of, write_walks
 from vsf_drake.simulation.archive import check_target, result_folder
 
 VALIDATION, FORMAT = "validation", 1
 TABLE, ARRAYS, PAGE, UNFINISHED = "validation.json", "validation.npz", "report.html", "unfinished"
-FIGURES, TABLES = "figures", "tables"
 NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
-_KINDS = (".csv", ".png", ".svg")
 
 
 def check_validation_folder(out: Path) -> None:
@@ -75,7 +68,7 @@ def write_validation(
         InputError: `out` cannot be written.
     """
     written: dict[str, Any] = plain({**content, "kind": VALIDATION, "format": FORMAT})
-    with _writing(out), result_folder(out) as folder:
+    with writing(out), result_folder(out) as folder:
         with replaced(folder / ARRAYS, "wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{k.replace("/", "__", 1): v for k, v in arrays.items()})
         written["arrays_sha256"] = sha256(folder / ARRAYS)
@@ -84,7 +77,7 @@ def write_validation(
             written["replay"] = write_replay_of(study, folder)
         files, _ = _write_pages(written, arrays, folder, lenient=False)
         write_json(folder / TABLE, written, sort=False)
-    _tidy(out, files)
+    tidy_chapters(out, files)
     if study is not None:
         tidy_walks(study, out)
     return written
@@ -140,9 +133,9 @@ def remake_report(folder: str | Path) -> list[str]:
         content["replay"] = None
         notes = [*notes, f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`."]
     content["notes"] = notes
-    with _writing(folder), result_folder(folder) as temporary:
+    with writing(folder), result_folder(folder) as temporary:
         files, missing = _write_pages(content, arrays, temporary, lenient=True)
-    _tidy(folder, files)
+    tidy_chapters(folder, files)
     return missing
 
 
@@ -167,63 +160,7 @@ def _write_pages(
 ) -> tuple[set[Path], list[str]]:
     """Page, figures and tables into `folder`; their paths in it, and what is missing in sentences."""
     chapters = make_chapters(content, arrays, lenient=lenient)
-    for name in (FIGURES, TABLES):
-        (folder / name).mkdir()
-    files: set[Path] = set()
-    for i, chapter in enumerate(chapters):
-        pieces = tuple(_written(piece, folder, files, lenient=lenient) for piece in chapter.pieces)
-        chapters[i] = dataclasses.replace(chapter, pieces=pieces)
     links = {"replay of one trial (opens in a browser, needs no network)": REPLAY} if content.get("replay") else {}
-    drawings = {path.stem: (folder / path).read_bytes() for path in files if path.suffix == ".svg"}
-    page = validation_page(str(content.get("title") or "Validation"), str(content.get("first_line") or NO_FIRST_LINE),
-                           chapters, synthetic=bool(content.get("synthetic", True)), links=links, drawings=drawings)
-    with replaced(folder / PAGE) as stream:
-        stream.write(page)
-    return files, [f"{chapter.title}: {piece.text}" for chapter in chapters for piece in chapter.pieces
-            if isinstance(piece, Missing)]
-
-
-def _written(piece: Piece, folder: Path, files: set[Path], *, lenient: bool) -> Piece:
-    """The piece, its files written and noted; if `lenient` and it cannot be shown, what says so in its place."""
-    try:
-        if isinstance(piece, Picture):
-            own = save_figure(piece.figure, folder / FIGURES / piece.name, letters="path")
-        else:
-            piece_html(piece)
-            own = (_write_csv(piece, folder / TABLES / f"{piece.name}.csv"),) if isinstance(piece, Grid) else ()
-    except (InputError, OSError):
-        raise
-    except Exception as error:  # whatever another version or an editor left there
-        if not lenient:
-            raise
-        what = {Grid: "the table ", Picture: "the figure "}.get(type(piece), "a text")
-        return Missing(unshown(f"{what}{getattr(piece, 'name', '')}", error))
-    files |= {path.relative_to(folder) for path in own}
-    return piece
-
-
-def _tidy(out: Path, files: set[Path]) -> None:
-    """Removes figures and tables of an earlier report that this one does not have."""
-    with _writing(out):
-        for path in (path for name in (FIGURES, TABLES) for path in (out / name).iterdir()):
-            if path.suffix in _KINDS and path.relative_to(out) not in files:
-                path.unlink()
-
-
-def _write_csv(grid: Grid, path: Path) -> Path:
-    """Values as they are, in full precision; nothing for what is unknown."""
-    with replaced(path) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([column.key for column in grid.columns])
-        writer.writerows([["" if (value := row.get(column.key)) is None else value for column in grid.columns]
-                          for row in grid.rows])
-    return path
-
-
-@contextlib.contextmanager
-def _writing(out: Path) -> Iterator[None]:
-    """Faults of the file system as InputError."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
+    return write_chapters(
+        chapters, folder, PAGE, title=str(content.get("title") or "Validation"), links=links, lenient=lenient,
+        first_line=str(content.get("first_line") or NO_FIRST_LINE), synthetic=bool(content.get("synthetic", True)))

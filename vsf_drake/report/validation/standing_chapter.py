@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Picture, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Picture, Piece, Text
 from vsf_drake.report.validation.standing_figure import standing_mass_figure
 
 _COLUMNS = (

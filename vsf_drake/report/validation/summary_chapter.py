@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Piece, Text
 
 _WHAT = (
     "The figures of this table are in the chapters below, with what they rest on. Paper: McGeehan, Adamczyk, "

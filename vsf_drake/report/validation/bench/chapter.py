@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vsf_drake.report.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 from vsf_drake.report.validation.bench.agreement_figure import bench_agreement_figure
 from vsf_drake.report.validation.bench.curves_figure import bench_curves_figure
 from vsf_drake.report.validation.bench.energy_figure import bench_energy_figure
@@ -33,7 +34,6 @@ from vsf_drake.report.validation.bench.tables import (
     settings_grid,
     shape_grid,
 )
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 
 _ERRORS = (" Middle: error of stiffness, with the 95 % confidence band of the regression of simulated on measured "
            "stiffness, less identity. Right: offset of the mid-range displacement.")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vsf_drake.report.pieces import Column, Grid
 from vsf_drake.report.validation.bench.words import position, value
-from vsf_drake.report.validation.pieces import Column, Grid
 
 _STATISTICS = (("stiffness_r2", "R² of stiffness", "{:.4f}"),
                ("stiffness_rmse_n_per_mm", "RMSE of stiffness (N/mm)", "{:.2f}"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.report.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 from vsf_drake.report.validation.energy.grids import (
     conditions_grid,
     convergence_grid,
@@ -28,7 +29,6 @@ from vsf_drake.report.validation.energy.words import (
     softer,
     stance_alt,
 )
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 
 _DEFINITIONS = (
     "Stored: strain of keel, fulcrum support and foam above that at touch-down, at its largest during stance. "

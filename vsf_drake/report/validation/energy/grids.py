@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vsf_drake.report.pieces import Column, Grid
 from vsf_drake.report.validation.energy.ledger_figure import WORDS
-from vsf_drake.report.validation.pieces import Column, Grid
 
 _LABEL = Column(key="label", heading="trial")
 _FULCRUM = Column(key="fulcrum_mm", heading="fulcrum (mm)", form="{:g}")

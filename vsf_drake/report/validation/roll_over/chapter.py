@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.validation.pieces import Chapter, Heading, Missing, Picture, Piece, Text
+from vsf_drake.report.pieces import Chapter, Heading, Missing, Picture, Piece, Text
 from vsf_drake.report.validation.roll_over.grids import (
     conditions_grid,
     friction_grid,

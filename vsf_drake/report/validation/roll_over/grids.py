@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Column, Grid
+from vsf_drake.report.pieces import Column, Grid
 
 _SIDES = (("measured", "plate"), ("model", "model"), ("foot_alone", "model, foot alone"))
 _FULCRUM = Column(key="fulcrum_mm", heading="fulcrum (mm)", form="{:.0f}")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 from vsf_drake.report.validation.sensitivity.indices_figure import indices_figure
 from vsf_drake.report.validation.sensitivity.screening_figure import MOST, screening_figure
 from vsf_drake.report.validation.sensitivity.tables import (

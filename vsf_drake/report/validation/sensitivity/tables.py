@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Column, Grid
+from vsf_drake.report.pieces import Column, Grid
 from vsf_drake.report.validation.sensitivity.words import OUTPUTS, shown_outputs
 
 _MOST_BY_CONDITION = 12

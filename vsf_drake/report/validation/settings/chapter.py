@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Heading, Missing, Picture, Piece, Text
 from vsf_drake.report.validation.settings.effect_figure import settings_effect_figure
 from vsf_drake.report.validation.settings.grids import (
     inverse_grid,

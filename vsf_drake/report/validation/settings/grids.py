@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Column, Grid
+from vsf_drake.report.pieces import Column, Grid
 
 DESIGNS = {"same_recording": "same recording", "same_session": "one session", "two_sessions": "two sessions"}
 

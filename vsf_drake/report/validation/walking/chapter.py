@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.report.fit_sweep_figure import fit_sweep_figure
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Heading, Picture, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Heading, Picture, Piece, Text
 from vsf_drake.report.validation.walking import text as say
 from vsf_drake.report.validation.walking.difference_figure import difference_figure, main_group
 from vsf_drake.report.validation.walking.ensemble_figure import NAMES, ensemble_figure, has_curves, heading

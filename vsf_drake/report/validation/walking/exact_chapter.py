@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.validation.pieces import Chapter, Text
+from vsf_drake.report.pieces import Chapter, Text
 from vsf_drake.report.validation.walking import text as say
 from vsf_drake.report.validation.walking.grids import table_3, walk_grid
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from vsf_drake.report.validation.pieces import Column, Grid
+from vsf_drake.report.pieces import Column, Grid
 from vsf_drake.report.validation.walking.ensemble_figure import NAMES, heading
 
 _GRF = Column(key="grf_rmse_bw", heading="GRF, % BW", form="{:.1f}", scale=100.0)

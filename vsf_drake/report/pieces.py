@@ -1,6 +1,6 @@
-"""What a chapter of the validation's report is made of: text, tables and figures, before they are written anywhere.
+"""What a chapter of a report is made of: text, tables and figures, before they are written anywhere.
 
-A chapter is a function of one saved section: `chapter(table, arrays) -> Chapter`. It never simulates. The page shows
+A chapter is a function of saved results: `chapter(table, arrays) -> Chapter`. It never simulates. The page shows
 its pieces in order; every `Grid` also becomes a CSV file, every `Picture` a PNG and an SVG.
 """
 

@@ -6,9 +6,9 @@ import pytest
 from browser import chromium, look
 from page_reader import Balanced
 
+from vsf_drake.report.chapter_page import cell, chapter_page
+from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Text
 from vsf_drake.report.style import label, new_figure, style
-from vsf_drake.report.validation.page import cell, validation_page
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Text
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
 
@@ -28,7 +28,7 @@ def chapter(*pieces) -> Chapter:
 
 def page(*pieces, **options) -> str:
     settings = {"synthetic": True, "links": {}} | options
-    return validation_page("A <title>", "Walking data are SYNTHETIC.", [chapter(*pieces)], **settings)
+    return chapter_page("A <title>", "Walking data are SYNTHETIC.", [chapter(*pieces)], **settings)
 
 
 WIDE = Grid(name="wide", caption="Forty columns.", rows=[{f"c{i}": 1.0 / 3.0 for i in range(40)}],

@@ -1,4 +1,4 @@
-"""The validation's page: chapters as one HTML file that needs no network, reads on a telephone and prints."""
+"""A page of chapters: one HTML file that needs no network, reads on a telephone and prints."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vsf_drake.report.page import bullets, document, embedded, picture
-from vsf_drake.report.validation.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Piece, Text
+from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Piece, Text
 
 _STYLE = """
 img,tr{break-inside:avoid}h2,h3,figcaption{break-after:avoid}figure{margin:1rem 0}
 figcaption{color:#555;font-size:.88rem}.unmet td{background:#fdecea;font-weight:600}
 .wide{overflow-x:auto;margin:.2rem 0 .6rem}.wide table{font-size:.88rem}th.number{text-align:right}
 thead th{border-bottom:2px solid #bbb}.missing{border-left:4px solid #b26a00;padding:.2rem .8rem;background:#fbf4e8}
+.alarm{background:#b3261e;color:#fff;font-weight:600;padding:.5rem .9rem;border-radius:4px}
 nav a{margin-right:1rem;white-space:nowrap;display:inline-block}h1,h2,h3,p,li,figcaption{overflow-wrap:anywhere}
 @media(max-width:600px){body{padding:.8rem;font-size:14px}.wide img{max-width:none;width:720px}}
 @media print{nav{display:none}body{max-width:none;padding:0;font-size:9pt}.wide{overflow-x:visible}
@@ -23,19 +24,21 @@ _PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
 """Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
 
 
-def validation_page(
+def chapter_page(
     title: str, first_line: str, chapters: Sequence[Chapter], *, synthetic: bool, links: Mapping[str, str],
-    drawings: Mapping[str, bytes] | None = None
+    drawings: Mapping[str, bytes] | None = None, alarm: str = ""
 ) -> str:
     """The page as HTML.
 
     Args:
         first_line: what is measured and what is not, in plain text; the first thing that one reads.
+        alarm: why nothing on the page may be taken for a result; red, above everything else.
         links: file beside the page by what it is called.
         drawings: SVG of pictures that are drawn already, by their name.
     """
     mark = ' class="synthetic"' if synthetic else ""
-    parts = [f"<p{mark}>{html.escape(first_line)}</p>", f"<h1>{html.escape(title)}</h1>"]
+    parts = [f'<p class="alarm" role="alert">{html.escape(alarm)}</p>'] if alarm else []
+    parts += [f"<p{mark}>{html.escape(first_line)}</p>", f"<h1>{html.escape(title)}</h1>"]
     if links:
         beside = ", ".join(f'<a href="{html.escape(file)}">{html.escape(name)}</a>' for name, file in links.items())
         parts.append(f"<p>Beside this page: {beside}.</p>")
@@ -60,7 +63,7 @@ def cell(column: Column, value: Any) -> str:
 
 
 def piece_html(piece: Piece, drawings: Mapping[str, bytes] | None = None) -> str:
-    """A piece as the page shows it; `drawings` as in `validation_page`."""
+    """A piece as the page shows it; `drawings` as in `chapter_page`."""
     match piece:
         case Text(text):
             return f"<p>{html.escape(text)}</p>"
