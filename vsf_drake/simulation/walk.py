@@ -18,6 +18,7 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
+from vsf_drake.simulation.applied import AppliedTorques, torques_on_grid
 from vsf_drake.simulation.courses import Course, course_motion, course_variables
 from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
@@ -28,7 +29,8 @@ from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.carried import Carried
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Stepper
-from vsf_drake.simulation.variables import added, check_names, check_number, check_values
+from vsf_drake.simulation.variables import added, check_names, check_values
+from vsf_drake.simulation.walk_grid import fulcrum_on_grid, walk_grid
 from vsf_drake.simulation.walk_notes import walk_notes
 from vsf_drake.simulation.walk_run import Walk
 
@@ -36,9 +38,6 @@ if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
 
 DEFAULT_STEP_S = 1e-3
-MAX_STEP_S = 0.01
-MOST_STEPS = 10_000_000
-"""Longer walks are mistakes in a unit."""
 
 
 class Walker:
@@ -83,6 +82,7 @@ class Walker:
         values: Mapping[str, float] | None = None,
         with_respect_to: Sequence[str] = (),
         initial: dict[str, float] | None = None,
+        applied: AppliedTorques | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
@@ -98,7 +98,8 @@ class Walker:
             with_respect_to: names of `variables` and courses by which the prosthetic foot's reaction is differentiated,
                 exactly if the start is at rest. One costs as much as a walk, each further one a few percent of that.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
-                start as the trajectory says.
+                start as the trajectory says, with its velocity.
+            applied: torques on free coordinates. What settles before the start does so without them.
             progress: called with the finished fraction.
 
         Raises:
@@ -106,20 +107,11 @@ class Walker:
             SimulationError: the run diverges.
         """
         started = time.perf_counter()
-        start_s, end_s, step_s = (check_number(value, where) for value, where in
-                                  ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s")))
-        if not 0.0 < step_s <= MAX_STEP_S:
-            raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
-                             right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
-        if not 0.0 < end_s - start_s <= MOST_STEPS * step_s:
-            raise InputError(f"{start_s:g} to {end_s:g} s is no time to walk", where="start_s, end_s")
+        moments, step_s = walk_grid(start_s, end_s, step_s)
         offsets = GeometricOffsets() if offsets is None else offsets
         if not isinstance(offsets, GeometricOffsets):
             raise InputError(f"is a {type(offsets).__name__}, no GeometricOffsets", where="offsets")
         check(offsets)
-        steps = max(1, round((end_s - start_s) / step_s))
-        moments = start_s + step_s * np.arange(steps + 1)
-        moments[-1] = min(moments[-1], end_s)
         coursed = course_variables(courses, self.gait.prescribed, moments)
         variables = self.variables | coursed
         values = check_values(values, variables)
@@ -127,7 +119,7 @@ class Walker:
         edits = tuple(variables[name].edit for name in with_respect_to)
         geometry, slide, shift = added(variables, values, self.gait.prescribed)
         course, course_rate = course_motion(variables, values, self.gait.prescribed, len(moments))
-        fulcrum = slide + _on_grid(fulcrum_m, moments)
+        fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
         with self._reading:
@@ -141,7 +133,9 @@ class Walker:
         q = motion.sample(moments)[0] + shift + course
         prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
         inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
-                        fulcrum=np.array(fulcrum), ground=np.full(steps + 1, mechanism.ground_height))
+                        fulcrum=np.array(fulcrum), ground=np.full(len(moments), mechanism.ground_height),
+                        torques=torques_on_grid(applied, free=self.free, coordinate_names=tree.coordinate_names,
+                                                moments=moments))
         compile_s = stepper.warm_up(sensitivities=bool(edits))
         q0, v0, rest_speed, by = start_state(
             stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {},
@@ -158,7 +152,8 @@ class Walker:
             sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
             intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
             values=values, courses={name: variables[name].edit.coordinate for name in coursed}, step_s=step_s,
-            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
+            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
+            applied_names=() if applied is None else tuple(applied.names))
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
         """Packs a run with all that it takes to understand and repeat it.
@@ -171,7 +166,7 @@ class Walker:
         count = len(sites.radius)
         socket = [tree.index(name) for name in self.gait.person.socket.coordinate_names]
         driven = np.zeros_like(record.load)
-        columns = [tree.index(name) for name in self.gait.prescribed]
+        columns = [tree.index(name) for name in (*self.gait.prescribed, *walk.applied_names)]
         driven[:, columns] = record.load[:, columns]
         unconverged, refined = int(np.sum(~record.converged)), int(np.sum(record.parts > 1))
         ledger = self._ledger(walk) if energy else {}
@@ -201,15 +196,6 @@ class Walker:
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
         keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
         return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
-
-
-def _on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
-    """Positions (n,) at the moments (n,)."""
-    given = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m)
-    if given.dtype.kind not in "iuf" or given.shape not in ((), moments.shape) or not np.isfinite(given).all():
-        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times",
-                         where="fulcrum_m", right="Give a finite number (m), or a function with one for each time")
-    return np.broadcast_to(given.astype(float), moments.shape)
 
 
 def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:

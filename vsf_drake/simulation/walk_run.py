@@ -21,6 +21,7 @@ class Walk:
         fulcrum_m: (n + 1,) from A, start included.
         values: of the variables that were asked for. courses: the coordinate that each course changed, by variable.
         sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
+        applied_names: the c driven coordinates of which `applied` holds the torques.
         rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
 
@@ -37,3 +38,9 @@ class Walk:
     wall_s: float
     compile_s: float
     rest_speed: float
+    applied_names: tuple[str, ...] = ()
+
+    @property
+    def applied(self) -> np.ndarray:
+        """(n, c) torques (N m, or N) that were applied to free coordinates over each step."""
+        return self.record.applied

@@ -16,6 +16,7 @@ from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
 from vsf_drake.simulation.stepping.room import split_coordinates, step_room
 from vsf_drake.simulation.stepping.stepper import CHUNK, Inputs, Stepper, drive_of
+from vsf_drake.simulation.stepping.torques import no_torques
 
 walked = cache(cut_walk)
 
@@ -74,7 +75,7 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.5e-3, 2e-3, 6))
     drive = Drive(time_s=time, prescribed_q=rng.normal(size=(6, 3)), fulcrum=rng.uniform(0.06, 0.15, 6),
-                  ground=rng.normal(size=6), ground_rate=rng.normal(size=6))
+                  ground=rng.normal(size=6), ground_rate=rng.normal(size=6), torques=no_torques(5))
     q_next = np.zeros(3)
     for k in range(5):
         for share in (0.1, 0.7, 0.9):

@@ -12,6 +12,7 @@ from vsf_drake.simulation.stepping.compiled import compiled
 from vsf_drake.simulation.stepping.linear import copy
 from vsf_drake.simulation.stepping.newton import step
 from vsf_drake.simulation.stepping.sensitivity import carry
+from vsf_drake.simulation.stepping.torques import Torques, differentiate_torques, sample_torques
 
 LEVELS = 5
 """How often a step is halved before it is accepted without convergence: down to 1/32."""
@@ -20,20 +21,21 @@ PARTS = 1 << LEVELS
 
 class Drive(NamedTuple):
     """What drives n steps: the grid time_s (n + 1,) and on it prescribed_q (n + 1, p), fulcrum (n + 1,) m from A,
-    ground and ground_rate (n + 1,): height (m) of the ground and its rate."""
+    ground and ground_rate (n + 1,): height (m) of the ground and its rate; and the torques of the steps."""
 
     time_s: np.ndarray
     prescribed_q: np.ndarray
     fulcrum: np.ndarray
     ground: np.ndarray
     ground_rate: np.ndarray
+    torques: Torques
 
 
 class Rows(NamedTuple):
     """Where n steps are written.
 
     q, v, load (n, coordinates), load on average over the step; sites (n, S, 9); support (n, 3); iterations, parts
-    (n,): accepted pieces of the step, 1 if it was not halved; converged (n,).
+    (n,): accepted pieces of the step, 1 if it was not halved; converged (n,); applied (n, c) torques.
     """
 
     q: np.ndarray
@@ -44,6 +46,7 @@ class Rows(NamedTuple):
     iterations: np.ndarray
     parts: np.ndarray
     converged: np.ndarray
+    applied: np.ndarray
 
 
 @compiled
@@ -98,6 +101,9 @@ def advance(
         done, size = 0, PARTS
         rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
         rows.load[k] = 0.0
+        sample_torques(k, drive.torques, q, v, room.applied, rows.applied[k])
+        if ways is not None:
+            differentiate_torques(k, drive.torques, split.place, tangent)
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             copy(q, q0)

@@ -12,6 +12,7 @@ from vsf_drake.simulation.stepping.assembly import Forces
 from vsf_drake.simulation.stepping.dynamics import TreeArrays
 from vsf_drake.simulation.stepping.newton import step
 from vsf_drake.simulation.stepping.room import Room, Split
+from vsf_drake.simulation.stepping.torques import sample_torques
 
 
 def advance_with_drake(
@@ -25,6 +26,7 @@ def advance_with_drake(
         done, size = 0, PARTS
         rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
         rows.load[k] = 0.0
+        sample_torques(k, drive.torques, q, v, room.applied, rows.applied[k])
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))

@@ -2,7 +2,7 @@
 
 With h the step and everything that depends on the pose frozen at its beginning, the end velocity v solves
 
-    M (v - v0) = h ( -C(q0, v0) v0 + tau_g(q0) + sum J^T f(v) ),        q = q0 + h v
+    M (v - v0) = h ( -C(q0, v0) v0 + tau_g(q0) + tau_applied + sum J^T f(v) ),        q = q0 + h v
 
 where every stiff force is written at the end of the step: contact depth d0 - h v_z and depth rate
 -v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', a moving ground's height at t + h.
@@ -52,7 +52,8 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
         ground, ground_rate: height (m) of the ground at the end and its rate. fulcrum: position (m from A).
         q_next: values of the prescribed coordinates at the end.
         M, C: mass matrix (n, n) and C(q0, v0) v0 - tau_g(q0) (n,); worked out here where M is (0, 0).
-        load: (n,) out, forces that hold the prescribed coordinates (the residual in the others).
+        load: (n,) out, forces that drive the coordinates: those that hold the prescribed ones, and in the others what
+            `room` applies, but for the residual.
         sites (S, 9), support (3,): out, see `assembly`.
     """
     free, prescribed, motion, contact = split.free, split.prescribed, room.motion, room.contact
@@ -153,7 +154,7 @@ def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, 
         put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), trial[c]))
     F[:] = 0.0
     add_sites(h, forces, contact, ground_rate, split.site_moves, True, sites)
-    tau[:] = 0.0
+    copy(room.applied, tau)
     add_springs(h, trial, q, forces, tau, room.springs)
     if forces.fulcrum[0] > 0.0:
         add_support(h, trial, forces, deflection, contact.row, tau, support)
@@ -231,6 +232,6 @@ def _loads(h, tree, split, room, given, M, v, load):
             if c >= 0:
                 load[c] = dot(six(S, c), six(motion.f, b))
     for c in range(v.shape[0]):
-        load[c] -= room.tau[c]
+        load[c] -= room.tau[c] - room.applied[c]
         if split.place[c] < 0:
             load[c] -= dot(six(S, c), six(F, tree.bodies[c]))

@@ -37,7 +37,7 @@ class Room(NamedTuple):
     """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs.
 
     tolerance: a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s. fulcrum, keel (1,): where the
-    support is (m from A), and which of the keel's bodies is on it.
+    support is (m from A), and which of the keel's bodies is on it. applied: (n,) torques on free coordinates.
     """
 
     motion: Motion
@@ -45,6 +45,7 @@ class Room(NamedTuple):
     v0: np.ndarray
     acceleration: np.ndarray
     bias: np.ndarray
+    applied: np.ndarray
     tau: np.ndarray
     trial: np.ndarray
     delta: np.ndarray
@@ -75,7 +76,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Spl
 def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLERANCE) -> Room:
     """Room for a step of this tree."""
     n, f = tree.num_coordinates, len(split.free)
-    vectors = {name: np.zeros(n) for name in ("v0", "acceleration", "bias", "tau", "trial")}
+    vectors = {name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")}
     return Room(
         motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
         delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f),

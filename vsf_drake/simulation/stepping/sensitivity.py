@@ -3,9 +3,10 @@
 If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed ways by du,
 that of the free ones changes by dv, where
 
-    A dv = -h ( Gq dq0 + Gv dv0 + E ) - B du,        dq = dq0 + h dv
+    A dv = -h ( Gq dq0 + Gv dv0 + E - dtau ) - B du,        dq = dq0 + h dv
 
-with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, B, E from `linearise`. A constant
+with A the tangent of Newton's method, friction's falling branch included, Gq, Gv, B, E from `linearise`, and dtau what
+the state at the start of the whole step changes in the applied torques. A constant
 shift has dv0 = du = 0; a course has the mean velocity of the step, as the coordinate that it moves. That is
 exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
 which that happens is not differentiated, its step is.
@@ -36,7 +37,7 @@ def carry(h, k, share, tree, forces, split, ways, room, tangent, q0, v, sites, s
     rhs = tangent.rhs
     for i in range(nf):
         for p in range(P):
-            rhs[i, p] = -h * tangent.E[i, p]
+            rhs[i, p] = h * (tangent.torque[i, p] - tangent.E[i, p])
         for j in range(nf):
             by_q = -h * tangent.Gq[i, j]
             if by_q != 0.0:

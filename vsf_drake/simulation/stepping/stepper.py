@@ -26,6 +26,7 @@ from vsf_drake.simulation.stepping.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.stepping.dynamics import tree_arrays
 from vsf_drake.simulation.stepping.edit import Edit
 from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
+from vsf_drake.simulation.stepping.torques import Torques, no_torques
 from vsf_drake.simulation.stepping.tree import Tree, tree_of
 
 CHUNK = 32
@@ -84,6 +85,7 @@ class Inputs:
     Attributes:
         prescribed: coordinate indices; prescribed_q (n + 1, len(prescribed)) their values.
         fulcrum (n + 1,): position from A (m). ground (n + 1,): height of the ground in W (m).
+        torques: on coordinates that are not prescribed, of the n steps; None for none.
     """
 
     time_s: np.ndarray
@@ -91,6 +93,7 @@ class Inputs:
     prescribed_q: np.ndarray
     fulcrum: np.ndarray
     ground: np.ndarray
+    torques: Torques | None = None
 
 
 @dataclass(frozen=True)
@@ -98,14 +101,15 @@ class Record:
     """What a run leaves: one row for the end of each step.
 
     Attributes:
-        q0, v0: state at the start. q, v, load: (n, coordinates); load holds the prescribed coordinates, on
-            average over the step.
+        q0, v0: state at the start. q, v, load: (n, coordinates); load drives the coordinates, on average over the
+            step: it holds the prescribed ones, and is what was applied to the others.
         sites: (n, S, 9) columns SITE_RECORD.
         fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
         iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
         converged (n,): whether all of its pieces did.
         wrench_by: (n, 6, P) derivatives by the `carried` parameters of the measured sites' wrench, moment about W's
             origin at the ground's height, then force; P = 0 without.
+        applied: (n, c) torques on free coordinates.
     """
 
     time_s: np.ndarray
@@ -120,6 +124,7 @@ class Record:
     parts: np.ndarray
     converged: np.ndarray
     wrench_by: np.ndarray
+    applied: np.ndarray
 
     def site(self, column: str) -> np.ndarray:
         """(n, S) column of the sites' record by its name."""
@@ -174,9 +179,10 @@ class Stepper:
         forces, drive = m.forces, drive_of(inputs)
         if carried is not None and self.dynamics != "compiled":
             raise ValueError("sensitivities need the compiled dynamics")
-        record = self._empty_record(inputs.time_s, q0, v0, 0 if carried is None else len(carried.edits))
+        record = self._empty_record(drive, q0, v0, 0 if carried is None else len(carried.edits))
         rows = Rows(q=record.q, v=record.v, load=record.load, sites=record.sites, support=record.fulcrum,
-                    iterations=record.iterations, parts=record.parts, converged=record.converged)
+                    iterations=record.iterations, parts=record.parts, converged=record.converged,
+                    applied=record.applied)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         room = step_room(m.tree, forces, split, self.tolerance)
@@ -241,14 +247,15 @@ class Stepper:
                              stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < at_rest))
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
-    def _empty_record(self, time: np.ndarray, q0: np.ndarray, v0: np.ndarray, parameters: int) -> Record:
-        steps, n, m = len(time) - 1, len(q0), self.mechanism
+    def _empty_record(self, drive: Drive, q0: np.ndarray, v0: np.ndarray, parameters: int) -> Record:
+        steps, n, m = len(drive.time_s) - 1, len(q0), self.mechanism
         return Record(
-            time_s=np.array(time[1:]), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
+            time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
             v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, len(m.sites), len(SITE_RECORD))),
             fulcrum=np.zeros((steps, 3)), iterations=np.zeros(steps, dtype=np.int64),
             parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
-            wrench_by=np.zeros((steps, 6, parameters)))
+            wrench_by=np.zeros((steps, 6, parameters)),
+            applied=np.zeros((steps, len(drive.torques.coordinates))))
 
     def _check_limits(self, record: Record) -> None:
         beyond = np.abs(record.q) > self.mechanism.limits
@@ -265,7 +272,8 @@ def drive_of(inputs: Inputs) -> Drive:
     columns = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
     time_s, prescribed_q, fulcrum, ground = (np.ascontiguousarray(column, dtype=float) for column in columns)
     return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
-                 ground_rate=np.gradient(ground, time_s))
+                 ground_rate=np.gradient(ground, time_s),
+                 torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
 
 
 def _cut(record: Record, steps: int) -> Record:

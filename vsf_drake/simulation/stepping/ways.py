@@ -76,7 +76,7 @@ class Tangent(NamedTuple):
             Gv is 0 for ways that are prescribed and do not move.
         B: (f, C) derivative of the residual by the end velocity of prescribed ways that move, else 0.
         q, v (C, P): sensitivities of the state. v_end (C, P): those of the end velocity of prescribed ways.
-        rhs (f, P).
+        torque: (f, P) of the applied torques. rhs (f, P).
     """
 
     S: np.ndarray
@@ -97,6 +97,7 @@ class Tangent(NamedTuple):
     q: np.ndarray
     v: np.ndarray
     v_end: np.ndarray
+    torque: np.ndarray
     rhs: np.ndarray
 
 
@@ -180,7 +181,7 @@ def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
         **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
         touched=np.zeros(B, dtype=np.bool_), dF=np.zeros((B, P, 6)), dT=np.zeros((P, 6)), Gq=np.zeros((f, C)),
         Gv=np.zeros((f, C)), E=np.zeros((f, P)), B=np.zeros((f, C)), q=ways.unit.copy(), v=v, v_end=np.zeros((C, P)),
-        rhs=np.zeros((f, P)))
+        torque=np.zeros((f, P)), rhs=np.zeros((f, P)))
 
 
 def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
