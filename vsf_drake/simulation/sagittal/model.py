@@ -1,10 +1,10 @@
-"""The person in the sagittal plane at one instant: what its motion takes, with keel and socket at rest under their load.
+"""The person in the sagittal plane at one instant: what its motion takes, keel and socket at rest under their load.
 
     q, v, a   pelvis (tilt, tx, ty), hips, knees, intact ankle: position, rate, acceleration
     w, u      socket (tx, tz, flexion) and keel (pin and sprung joints): displacement and its rate. Their inertia is
               left out (its own motion is of 1e2 1/s and faster); masses move with them
-    p         design: position of the fulcrum (m from A), stiffness of the heel's zones over the model's, turn of the foot
-              toes-up (rad), thickness of the keel over the model's (its mass is kept)
+    p         design: position of the fulcrum (m from A), stiffness of the heel's zones over the model's, turn of the
+              foot toes-up (rad), thickness of the keel over the model's (its mass is kept)
 
 Geometry, masses, springs and contact are those of the walker's plant and Context; contact and friction are smoothed
 (`smooth_laws`). The fulcrum's force goes from one rigid piece of the keel to the next over SUPPORT_WIDTH on both sides
@@ -100,11 +100,11 @@ class SagittalModel:
     ) -> np.ndarray:
         """(len(outputs), ...) at q, v, a (8, ...), w, u (12, ...), p (4, ...), real or complex.
 
-        Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible; torque_* (N m) and power_*
-        (W) of the joints; the ground's force fx, fz (N) on each foot and moment about +y at W's origin (N m); force_*
-        (N, N m) of the socket on the prosthesis; prosthesis_power (W), of the ground's wrench at the motion of the
-        residual shank, what everything below it gives to it but for inertia; stored_energy (J) of keel, fulcrum and
-        socket springs; *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
+        Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible; torque_* (N m) and
+        power_* (W) of the joints; the ground's force fx, fz (N) on each foot and moment about +y at W's origin (N m);
+        force_* (N, N m) of the socket on the prosthesis; prosthesis_power (W), of the ground's wrench at the motion of
+        the residual shank, what everything below it gives to it but for inertia; stored_energy (J) of keel, fulcrum
+        and socket springs; *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
         """
         n, k = len(q), len(w)
         zeros = np.zeros_like(w)
@@ -132,6 +132,19 @@ class SagittalModel:
         return np.concatenate([
             load[:3], load[n:n + k] - spring, torque, torque * v[3:], np.array(grounds[0]), np.array(grounds[1]),
             spring[:3], power[None], (spring_energy + support_energy)[None], np.array(soles)])
+
+    def linearise(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
+        smoothing: Smoothing
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m, N) of the outputs at real arrays (n, N), and (m, 52, N) derivatives by what is given, in order."""
+        given = (q, v, a, w, u, p)
+        sizes = [len(x) for x in given]
+        wide = np.repeat(np.concatenate(given)[:, None, :], sum(sizes), 1).astype(complex)
+        every = np.arange(sum(sizes))
+        wide[every, every] += 1j * IMAGINARY_STEP
+        outputs = self.evaluate(*np.split(wide, np.cumsum(sizes)[:-1]), smoothing)
+        return outputs[:, 0].real.copy(), outputs.imag / IMAGINARY_STEP
 
     def _ground(self, sites: Sites, scale: np.ndarray | None, motion: PlanarMotion, wrenches: Wrenches,
                 smoothing: Smoothing) -> tuple[list[np.ndarray], np.ndarray]:

@@ -50,7 +50,7 @@ class PlanarTree:
     """Links, parents first, and where the plant's bodies are on them.
 
     Attributes:
-        bodies: by the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in that link's frame.
+        bodies: by the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in its frame.
         gravity: m/s^2, downwards.
     """
 
@@ -69,8 +69,8 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
     """The sagittal tree with the coordinates `names`, in that order; all others at zero.
 
     Args:
-        turning_weld: a body whose weld turns too, clockwise seen from the left (about -y, at the frame on the child), as
-            one more coordinate after `names`.
+        turning_weld: a body whose weld turns too, clockwise seen from the left (about -y, at the frame on the child),
+            as one more coordinate after `names`.
 
     Raises:
         InputError: a fixed frame between two bodies is turned out of the plane, or a coordinate is not in it.

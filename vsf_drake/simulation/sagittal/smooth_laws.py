@@ -67,8 +67,8 @@ def friction_coefficient(
 ) -> np.ndarray:
     """Odd in slip (m/s): linear as the stepper's law up to 0.9 of the threshold, rounded there, flat at mu_static.
 
-    The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling curve has solutions that a search by
-    gradients jumps between; a foot that slides faster is held by up to mu_static / mu_kinetic too much.
+    The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling curve has solutions that a search
+    by gradients jumps between; a foot that slides faster is held by up to mu_static / mu_kinetic too much.
     """
     threshold = np.maximum(threshold_velocity, smoothing.friction_velocity_m_per_s)
     corner = 0.2
