@@ -1,0 +1,150 @@
+"""A 3-D motion seen from the side: the sagittal coordinates that come nearest to it, instant by instant.
+
+    minimise over q(t), for every t by itself, and over one constant d:
+        sum over points |p(q) - p_3D - d_p|^2 / sigma_p^2  +  sum over angles (q_c - recorded)^2 / sigma_q^2
+
+Points are both feet's contact spheres (height and place along the way are weighed apart), the knees, the ankle, the
+pylon's end, the two hips and the whole body's centre of mass. A sphere counts fully where it is near the floor and
+little in swing: 1 mm of height of the loaded prosthetic foot is about 3 % of body weight in its force (a sensitivity
+found in this model). The centre of mass counts because its acceleration is the sum of the ground's forces. The two
+hips are one point from the side: the pelvis's obliquity and rotation move them apart, by up to a centimetre, so that
+the hip must go somewhere between and the angles take up the rest.
+
+d_p is d for hips and centre of mass and zero for all other points: legs that lean outward are shorter seen from the
+side, by millimetres that hardly change with time. A body that is moved by a constant does not accelerate otherwise;
+knees that had to take that difference up, near straight, would bend by degrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.recorded_chain import HIP_P, TILT, SagittalChain
+
+ITERATIONS = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nearness:
+    """How far (standard deviations; choices) the sagittal model may be from the 3-D one. m and rad.
+
+    Attributes:
+        loaded_height, loaded_along: of a contact sphere near the floor. swinging: of one far from it, both ways.
+        knee, ankle: of these joint centres. hip: of each. mass: of the whole body's centre of mass.
+        angle: of hip, knee and ankle angles from the recorded ones. tilt: of the pelvis's.
+        floor_m, fade_m: gap under a sphere at which it counts half, and over which that fades.
+    """
+
+    loaded_height: float = 1e-4
+    loaded_along: float = 2e-3
+    swinging: float = 5e-3
+    knee: float = 5e-3
+    ankle: float = 5e-3
+    hip: float = 1e-2
+    mass: float = 2e-4
+    angle: float = 0.03
+    tilt: float = 0.02
+    floor_m: float = 0.01
+    fade_m: float = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """What the sum of squares is made of; n instants, k points of the chain and, last, the centre of mass.
+
+    Attributes:
+        wanted: (n, k + 1) complex, m. along, height: (n, k + 1) weights, m^-2. shifted: (k + 1,) whether d moves it.
+        recorded: (n, 8) angles that are wanted. turned: (8,) their weights.
+    """
+
+    wanted: np.ndarray
+    along: np.ndarray
+    height: np.ndarray
+    shifted: np.ndarray
+    recorded: np.ndarray
+    turned: np.ndarray
+
+    def normal(self, chain: SagittalChain, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
+        """Gauss-Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2).
+
+        The step (dq, dd) solves [A C; C' D] (dq, dd) = -(b, e), summed over the instants where d is concerned.
+        """
+        places, J = with_mass(chain, *chain.points(q, jacobian=True))
+        r = places - self.wanted - d * self.shifted
+        A = np.einsum("nkc,nkd->ncd", self.along[:, :, None] * J.real, J.real)
+        A += np.einsum("nkc,nkd->ncd", self.height[:, :, None] * J.imag, J.imag)
+        A[:, range(8), range(8)] += self.turned
+        b = np.einsum("nk,nkc->nc", self.along * r.real, J.real)
+        b += np.einsum("nk,nkc->nc", self.height * r.imag, J.imag) + self.turned * (q - self.recorded)
+        part = [weight[:, self.shifted] for weight in (self.along, self.height)]
+        C = -np.stack([np.einsum("nk,nkc->nc", part[0], J.real[:, self.shifted]),
+                       np.einsum("nk,nkc->nc", part[1], J.imag[:, self.shifted])], axis=2)
+        D = np.stack([weight.sum(axis=1) for weight in part], axis=1)
+        e = -np.stack([(part[0] * r.real[:, self.shifted]).sum(axis=1),
+                       (part[1] * r.imag[:, self.shifted]).sum(axis=1)], axis=1)
+        return A, b, C, D, e
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Attributes: q: (n, 8). shift: complex, m, the constant d. converged: whether nothing moved any more."""
+
+    q: np.ndarray
+    shift: complex
+    converged: bool
+
+
+def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0,
+                nearness: Nearness | None = None) -> Misfit:
+    """What `project` minimises.
+
+    Args:
+        wanted: (n, k) complex, m: where the chain's points are in 3-D, see `recorded_chain.targets`.
+        recorded: (n, 8) the coordinates of the same names in the 3-D motion.
+        ground: z of the floor, m.
+    """
+    near = nearness or Nearness()
+    turned = np.full(8, 1.0 / near.angle**2)
+    turned[TILT], turned[TILT + 1 : HIP_P] = 1.0 / near.tilt**2, 0.0
+    share = near_floor(chain, wanted, ground, near)
+    along, height = (np.zeros((len(wanted), len(chain.labels) + 1)) for _ in range(2))
+    for s in ("P", "I"):
+        for name, sigma in (("hip", near.hip), ("knee", near.knee), ("ankle", near.ankle)):
+            along[:, chain.rows(f"{name} {s}")] = height[:, chain.rows(f"{name} {s}")] = sigma**-2
+        rows = chain.rows(f"sphere {s}")
+        for weight, sigma in ((along, near.loaded_along), (height, near.loaded_height)):
+            weight[:, rows] = (share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / near.swinging**2) / len(rows)
+    along[:, -1] = height[:, -1] = near.mass**-2
+    shifted = np.append([label.startswith("hip") for label in chain.labels], True)
+    return Misfit(with_mass(chain, wanted)[0], along, height, shifted, np.asarray(recorded, dtype=float), turned)
+
+
+def project(chain: SagittalChain, misfit: Misfit) -> Projection:
+    """The sagittal motion nearest to a 3-D one: Gauss-Newton from the recorded angles."""
+    q, d = np.array(misfit.recorded), 0j
+    for _ in range(ITERATIONS):
+        A, b, C, D, e = misfit.normal(chain, q, d)
+        solved = np.linalg.solve(A, np.concatenate([b[:, :, None], C], axis=2))
+        S = np.diag(D.sum(axis=0)) - np.einsum("ncx,ncy->xy", C, solved[:, :, 1:])
+        step_d = np.linalg.solve(S, np.einsum("ncx,nc->x", C, solved[:, :, 0]) - e.sum(axis=0))
+        step = -solved[:, :, 0] - solved[:, :, 1:] @ step_d
+        q, d = q + step, d + complex(*step_d)
+        if max(np.abs(step).max(), np.abs(step_d).max()) < 1e-9:
+            return Projection(q, d, True)
+    return Projection(q, d, False)
+
+
+def near_floor(chain: SagittalChain, wanted: np.ndarray, ground: float, near: Nearness) -> np.ndarray:
+    """(n, k) from 0 to 1: how near the floor a contact sphere is; 0 for all other points."""
+    gap = wanted.imag - chain.radius - ground
+    return np.where(chain.radius > 0.0, 0.5 - 0.5 * np.tanh(0.5 * (gap - near.floor_m) / near.fade_m), 0.0)
+
+
+def with_mass(chain: SagittalChain, places: np.ndarray, J: np.ndarray | None = None
+              ) -> tuple[np.ndarray, np.ndarray | None]:
+    """The same with the whole body's centre of mass as a last point: (n, k + 1) and (n, k + 1, 8)."""
+    share = chain.mass / chain.mass.sum()
+    wider = np.concatenate([places, (places @ share)[:, None]], axis=1)
+    return wider, None if J is None else np.concatenate([J, np.einsum("k,nkc->nc", share, J)[:, None]], axis=1)

@@ -1,0 +1,193 @@
+"""One periodic stride of a recorded trial, seen from the side: what a trajectory optimisation starts from and tracks.
+
+The recording drives the 3-D model (fitted offsets and coordinates applied, keel and socket undeformed); the sagittal
+model is laid on it instant by instant (`recorded_projection`), the stride is closed (`recorded_period`,
+`recorded_curves`), and the plates' forces with it (`recorded_forces`). Phase 0 is the strike of the prosthetic foot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.recorded_chain import SagittalChain
+from vsf_drake.analysis.tuning.recorded_curves import (
+    PeriodicCurves,
+    PieceOfTime,
+    advance_of,
+    closing_weights,
+    fit_periodic,
+    piece_of_time,
+)
+from vsf_drake.analysis.tuning.recorded_errors import closing_errors, force_errors, place_errors, sentences
+from vsf_drake.analysis.tuning.recorded_events import (
+    first_strike,
+    heading,
+    loaded_stances,
+    moved_stances,
+    sides,
+    unknown_spans,
+    within_stride,
+)
+from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force, plate_series
+from vsf_drake.analysis.tuning.recorded_period import find_period
+from vsf_drake.analysis.tuning.recorded_projection import Nearness
+from vsf_drake.analysis.tuning.recorded_view import stride_heading, view
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.walk import Walker
+
+HARMONICS = 16
+"""Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
+MARGIN_S = 0.1
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedStride:
+    """A recorded stride in the sagittal plane, or one prosthetic stance of it.
+
+    Times are seconds since phase 0, the prosthetic foot's strike (the beginning of the piece if not `periodic`); time t
+    is `start_s` + t in the recording. x is the distance along the way of walking from the laboratory's origin, z up.
+
+    Attributes:
+        names: the 8 coordinates, see `recorded_chain.sagittal_names`.
+        periodic: whether it is a stride that repeats, or a piece of time from 0 to `period_s`.
+        period_s, advance_m: duration, and travel of pelvis_tx in it. start_s: time of phase 0 in the recording.
+        curves: the motion. forces: of the feet by "prosthetic" and "intact"; a foot without a plate is missing.
+        prosthetic_stance, intact_stance: (start, end) s; an end may lie beyond the period. None where unknown.
+        forward: (2,) the way of walking in the laboratory's floor. chain: the sagittal model's geometry.
+        errors: numbers by name with their unit at the end, see `recorded_errors`.
+        notes: what was done and how well it fits, in sentences.
+    """
+
+    names: tuple[str, ...]
+    periodic: bool
+    period_s: float
+    advance_m: float
+    start_s: float
+    curves: PeriodicCurves | PieceOfTime
+    forces: dict[str, FootForce]
+    prosthetic_stance: Span
+    intact_stance: Span | None
+    forward: np.ndarray
+    chain: SagittalChain
+    errors: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at (n,) s since phase 0.
+
+        Of a stride at any time: q(t + period) is q(t) with pelvis_tx advanced.
+
+        Raises:
+            InputError: a time outside a piece that is not periodic.
+        """
+        return self.curves.sample(np.atleast_1d(np.asarray(times_s, dtype=float)))
+
+    def grf(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
+        """By "prosthetic" and "intact" (n, 3): force along x and z (N), moment about y at W's origin (N m).
+
+        NaN where no plate measured it, see `known`.
+        """
+        return {foot: force.sample(times_s)[0] for foot, force in self.forces.items()}
+
+    def cop(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
+        """By "prosthetic" and "intact" (n,) m: the centre of pressure's x; NaN where the foot is not loaded."""
+        return {foot: force.sample(times_s)[1] for foot, force in self.forces.items()}
+
+    def known(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
+        """By "prosthetic" and "intact" (n,) whether the force is known; False for a foot without a plate."""
+        count = len(np.atleast_1d(times_s))
+        unknown = {foot: np.zeros(count, dtype=bool) for foot in ("prosthetic", "intact")}
+        return unknown | {foot: np.isfinite(force[:, :2]).all(axis=1) for foot, force in self.grf(times_s).items()}
+
+
+def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: int = HARMONICS,
+                    period_s: float | None = None, nearness: Nearness | None = None) -> RecordedStride:
+    """The periodic stride of a trial.
+
+    Args:
+        trial: with its fitted contact applied (`motion.fitted_trial.trial_with`), if it has one.
+        walker: of the trial's person and model; made if None. Its Context is not changed.
+        harmonics: order of the periodic curves.
+        period_s: instead of the one that the recording tells.
+        nearness: what counts how much where the sagittal model cannot follow.
+
+    Raises:
+        InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
+    """
+    seen, file = view(trial, walker), trial.path
+    time = seen.time_s
+    loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
+    unknown = unknown_spans(trial, loaded, moved)
+    angles = [i for i, name in enumerate(trial.trajectory.names) if name not in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
+    series = [plate_series(trial.plates[side], seen.forward, unknown[s]) for s, side in sides(trial).items()
+              if side in trial.plates]
+    period = find_period(time, trial.trajectory.values[:, angles], series, loaded, moved, stated_s=period_s, file=file)
+    T = period.seconds
+    first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file, what="The plate")
+    start = first.start_s
+    seen = seen.turned(stride_heading(seen, T))
+    projection = seen.projection(nearness)
+    t = time - start
+    weights = closing_weights(t, t[0], t[-1], T)
+    advance = np.zeros(8)
+    advance[1] = advance_of(time, projection.q[:, 1:2], T)[0]
+    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance, order=harmonics)
+    forces = {foot: foot_force(trial.plates[side], seen.forward, start_s=start, period_s=T, advance_m=advance[1],
+                               unknown=unknown[s])
+              for (s, side), foot in zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
+              if side in trial.plates}
+    prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
+    intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
+    errors = {"closing.all_angles_deg": float(np.degrees(period.closing)), "period.overlap_s": period.overlap_s}
+    errors |= place_errors(seen.chain, seen.wanted, projection.q, curves.sample(t)[0], seen.recorded, weights, seen.names)
+    errors |= closing_errors(time, projection.q, advance, T, seen.names)
+    errors |= force_errors(seen.chain, curves.sample, forces, trial.subject.mass_kg, T)
+    notes = (f"The stride takes {T:.4f} s, by {period.method}.",
+             f"Prosthetic stance: {how_p}. Intact stance: {how_i}.", *sentences(errors, projection))
+    return RecordedStride(
+        names=seen.names, periodic=True, period_s=T, advance_m=float(advance[1]), start_s=start, curves=curves,
+        forces=forces, prosthetic_stance=prosthetic or (0.0, first.duration_s), intact_stance=intact,
+        forward=seen.forward, chain=seen.chain, errors=errors, notes=notes)
+
+
+def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin_s: float = MARGIN_S,
+                           nearness: Nearness | None = None) -> RecordedStride:
+    """One prosthetic stance with a margin before and after it, not periodic: for a recording without a whole stride.
+
+    Args:
+        margin_s: as much of it as was recorded. Others: see `recorded_stride`.
+
+    Raises:
+        InputError: no prosthetic stance was seen as a whole, or the person does not travel.
+    """
+    seen, file = view(trial, walker), trial.path
+    time = seen.time_s
+    loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
+    stance = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file, what="The plate")
+    if not stance.complete:
+        raise InputError("no prosthetic stance was seen from strike to lift-off", file=file, where="forces")
+    start, end = max(time[0], stance.start_s - margin_s), min(time[-1], stance.end_s + margin_s)
+    rows = slice(int(np.searchsorted(time, start)), int(np.searchsorted(time, end, side="right")))
+    seen = seen.turned(heading(seen.points, rows, file=file))
+    projection = seen.projection(nearness)
+    curves = piece_of_time(time, projection.q, start, end)
+    unknown = unknown_spans(trial, loaded, moved)
+    forces = {foot: foot_force(trial.plates[side], seen.forward, start_s=start, period_s=end - start, advance_m=0.0,
+                               unknown=unknown[s], periodic=False)
+              for (s, side), foot in zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
+              if side in trial.plates}
+    at = time[rows] - start
+    errors = place_errors(seen.chain, seen.wanted[rows], projection.q[rows], curves.sample(at)[0], seen.recorded[rows],
+                          np.ones(len(at)), seen.names)
+    errors |= force_errors(seen.chain, curves.sample, forces, trial.subject.mass_kg, end - start)
+    q = curves.sample(np.array([0.0, end - start]))[0]
+    return RecordedStride(
+        names=seen.names, periodic=False, period_s=end - start, advance_m=float(q[1, 1] - q[0, 1]), start_s=start,
+        curves=curves, forces=forces, prosthetic_stance=(stance.start_s - start, stance.end_s - start),
+        intact_stance=None, forward=seen.forward, chain=seen.chain, errors=errors,
+        notes=(f"One prosthetic stance of {stance.duration_s:.3f} s with margins of {stance.start_s - start:.3f} and "
+               f"{end - stance.end_s:.3f} s, not periodic.", *sentences(errors, projection)))

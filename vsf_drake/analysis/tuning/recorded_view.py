@@ -1,0 +1,85 @@
+"""A recorded trial as the 3-D model shows it, and seen from the side of its way of walking."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.recorded_chain import SagittalChain, sagittal_chain, sagittal_names, targets
+from vsf_drake.analysis.tuning.recorded_events import heading
+from vsf_drake.analysis.tuning.recorded_points import BodyPoints, body_points
+from vsf_drake.analysis.tuning.recorded_projection import Nearness, Projection, make_misfit, project
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.walk import Walker
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The recorded instants of a trial, n of them.
+
+    Attributes:
+        points: in 3-D. zero: the same with every coordinate at zero. chain: the sagittal model.
+        names: its coordinates. recorded: (n, 8) their values in the 3-D motion, pelvis_tx along the way.
+        forward: (2,) the way of walking. ground: z of the floor, m.
+    """
+
+    time_s: np.ndarray
+    points: BodyPoints
+    zero: BodyPoints
+    chain: SagittalChain
+    names: tuple[str, ...]
+    recorded: np.ndarray
+    forward: np.ndarray
+    ground: float
+
+    @property
+    def wanted(self) -> np.ndarray:
+        """(n, k) complex, m: the chain's points seen from the side."""
+        return targets(self.chain, self.points, self.forward)
+
+    def turned(self, forward: np.ndarray) -> View:
+        """The same along another way of walking."""
+        recorded = self.recorded.copy()
+        recorded[:, 1] = self.points.pelvis[:, :2] @ forward
+        return dataclasses.replace(self, forward=forward, recorded=recorded)
+
+    def projection(self, nearness: Nearness | None) -> Projection:
+        """The nearest sagittal motion."""
+        return project(self.chain, make_misfit(self.chain, self.wanted, self.recorded, ground=self.ground,
+                                               nearness=nearness))
+
+
+def view(trial: Trial, walker: Walker | None) -> View:
+    """What the model shows of a trial, along the pelvis's way over the whole recording.
+
+    Raises:
+        InputError: the walker is another person; the pelvis hardly travels.
+    """
+    walker = walker or Walker(trial.subject, trial.model)
+    if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
+        raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
+                         f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
+    motion = trial.trajectory
+    place = {"fulcrum_m": trial.fulcrum_m}
+    points = body_points(walker, trial.offsets, motion.names, motion.values, **place)
+    names = sagittal_names(trial.subject.prosthetic_side)
+    forward = heading(points, file=trial.path)
+    found = View(
+        time_s=motion.time_s, points=points, names=names, recorded=motion.ordered(names).values, forward=forward,
+        zero=body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place),
+        chain=sagittal_chain(walker, trial.offsets, **place), ground=points.ground)
+    return found.turned(forward)
+
+
+def stride_heading(seen: View, period_s: float) -> np.ndarray:
+    """(2,) the mean way of the pelvis over a stride: free of its sway from side to side, which a piece of one is not."""
+    time = seen.time_s
+    early = time[time + period_s <= time[-1]]
+    if not early.size:
+        return seen.forward
+    way = [np.mean(np.interp(early + period_s, time, column) - column[: len(early)])
+           for column in seen.points.pelvis[:, :2].T]
+    return np.array(way) / np.hypot(*way)
