@@ -10,7 +10,9 @@ from vsf_drake.analysis.collocation.layout import Layout
 from vsf_drake.analysis.collocation.options import CollocationOptions
 from vsf_drake.analysis.collocation.problem import InstantFunction, TrajectoryProblem
 from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.analysis.collocation.sqp import solve
 from vsf_drake.analysis.collocation.terms import Convex, Design, Limits, Residuals, Total
 
 __all__ = ("CollocationOptions", "Convex", "Design", "Grid", "InstantFunction", "Iteration", "Layout", "Limits",
-           "LinearEquations", "Residuals", "Start", "Total", "TrajectoryProblem", "TrajectorySolution")
+           "LinearEquations", "Residuals", "Start", "Total", "TrajectoryProblem", "TrajectorySolution",
+           "solve")

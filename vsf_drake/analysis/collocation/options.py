@@ -15,6 +15,7 @@ class CollocationOptions:
         iterations: most iterations. time_limit_s: most wall time, s; checked once an iteration.
         violation: largest violation of any equation or limit of a solution.
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
+        step: largest change of a scaled variable that the next step would still make.
         damping: first Levenberg damping of the scaled step. least_damping, most_damping: its range.
         inequality_weight: of the l1 penalty at which limits may be broken within a step.
 
@@ -26,6 +27,7 @@ class CollocationOptions:
     time_limit_s: float = 600.0
     violation: float = 1e-8
     optimality: float = 1e-6
+    step: float = 1e-5
     damping: float = 1e-3
     least_damping: float = 1e-9
     most_damping: float = 1e6
@@ -35,7 +37,7 @@ class CollocationOptions:
         if isinstance(self.iterations, bool) or not isinstance(self.iterations, int) or self.iterations < 1:
             raise InputError(f"{self.iterations!r} is not usable", where="iterations",
                              right="It must be a whole number from 1 on")
-        for name in ("time_limit_s", "violation", "optimality", "damping", "least_damping", "most_damping",
+        for name in ("time_limit_s", "violation", "optimality", "step", "damping", "least_damping", "most_damping",
                      "inequality_weight"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:

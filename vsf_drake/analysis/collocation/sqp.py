@@ -1,0 +1,191 @@
+"""Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
+
+    step:    quadratic model of the cost (J'WJ, phi'' J'J, totals) + Levenberg damping, subject to linearised equations,
+             limits and bounds (`step`)
+    accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
+             at a shorter length; else the damping grows
+    end:     violation, first-order residual and step are below their tolerances
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vsf_drake.analysis.collocation.finish import finished
+from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
+from vsf_drake.analysis.collocation.merit import Merit, optimality, violations, worst
+from vsf_drake.analysis.collocation.options import CollocationOptions
+from vsf_drake.analysis.collocation.problem import TrajectoryProblem
+from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
+from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.analysis.collocation.step import Step, find_step, room_changes, slacks
+
+Progress = Callable[[Iteration], None]
+ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
+WASTED, LOST = 30, 1e10
+
+
+def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions | None = None,
+          progress: Progress | None = None) -> TrajectorySolution:
+    """Solves a trajectory problem from a start; an interrupt (Ctrl-C) ends it with the last iterate.
+
+    Args:
+        problem: what. start: from where; it is moved into the bounds. options: how.
+        progress: called once an iteration.
+
+    Raises:
+        InputError: the start has another shape than the problem, or the function no value there.
+    """
+    search = _Search(problem, start, options or CollocationOptions(), progress)
+    try:
+        status, message = search.run()
+    except KeyboardInterrupt:
+        status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
+    return search.end(status, message)
+
+
+@dataclass(eq=False)
+class _Search:
+    problem: TrajectoryProblem
+    start: Start
+    options: CollocationOptions
+    progress: Progress | None
+    history: list[Iteration] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.began = time.perf_counter()
+        self.scaled = Scaled(self.problem)
+        self.x = self.scaled.checked(self.start.z, self.start.p)
+        self.at: Linearised = self.scaled.linearised_start(self.x)
+        self.structure = KktStructure(self.scaled)
+        self.merit = Merit(self.scaled, self.at)
+        self.likely = np.zeros(0, dtype=int)
+        weights = self.problem.grid.weights / self.problem.grid.duration_s
+        shape = np.concatenate([np.repeat(weights, self.scaled.shape[1]), np.ones(self.problem.parameters)])
+        curve = np.concatenate([np.einsum("nzz->nz", self.at.hessian[0]).ravel(), np.diag(self.at.hessian[2])])
+        self.shape = shape * max(float(np.mean(curve / shape)), 1e-8)
+        self.damping, self.moved, self.length, self.optimality = self.options.damping, 0.0, 1.0, np.nan
+        self.step: Step | None = None
+
+    def run(self) -> tuple[str, str]:
+        """Iterates; returns the status and why."""
+        options, least, since = self.options, np.inf, 0
+        for number in range(options.iterations + 1):
+            kkt, step = self._find()
+            self.optimality = optimality(self.scaled, self.at, step)
+            broken = violations(self.scaled, self.at).max(initial=0.0)
+            change = np.abs(step.change).max(initial=0.0)
+            self._note(number, broken, step)
+            if broken <= options.violation and self.optimality <= options.optimality and (
+                    change <= options.step or abs(step.predicted) <= NOISE * (1.0 + abs(self.at.cost))):
+                return "optimal", "first-order conditions hold"
+            least, since = (broken, 0) if broken < 0.9 * least else (least, since + 1)
+            lost = broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST)
+            if lost:
+                return self._stuck("the violation no longer falls")
+            if number == options.iterations:
+                return "iterations", f"{number} iterations were not enough"
+            if time.perf_counter() - self.began > options.time_limit_s:
+                return "time", f"{options.time_limit_s:g} s were not enough"
+            if not self._advance(kkt, step):
+                return self._stuck("no step lowers the merit")
+        raise AssertionError
+
+    def end(self, status: str, message: str) -> TrajectorySolution:
+        """What it comes to."""
+        z, p = self.scaled.unscaled(self.at.x)
+        multipliers = None if self.step is None else self.step.multipliers
+        return finished(self.scaled, self.at, Start(z, p, multipliers), status=status, message=message,
+                        optimality=self.optimality, solver="gauss_newton_sqp", iterations=max(len(self.history) - 1, 0),
+                        wall_s=time.perf_counter() - self.began, history=tuple(self.history))
+
+    def _find(self) -> tuple[Kkt, Step]:
+        kkt = Kkt(self.structure, self.at, self.damping * self.shape)
+        step = find_step(self.scaled, kkt, linear=self.at.linear, equations=self.at.equations,
+                         room=slacks(self.scaled, self.at), likely=self.likely, weight=self.options.inequality_weight)
+        self.likely, self.step = step.pressed, step
+        return kkt, step
+
+    def _advance(self, kkt: Kkt, step: Step) -> bool:
+        """Moves to a better point, with more damping until there is one."""
+        while True:
+            self.merit.renew(step)
+            if self._try(kkt, step):
+                return True
+            if self.damping >= self.options.most_damping:
+                return False
+            self.damping = min(10.0 * max(self.damping, 1e-4), self.options.most_damping)
+            kkt, step = self._find()
+
+    def _try(self, kkt: Kkt, step: Step) -> bool:
+        before, promised = self.merit.value(self.at), step.predicted + self._mended(step)
+        noise = NOISE * (1.0 + abs(before))
+        full = self.scaled.linearised(self._moved(step.change))
+        if self._enough(before, self.merit.value(full), promised, noise):
+            gained = (before - self.merit.value(full)) / promised if promised > noise else 1.0
+            factor = 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0)
+            return self._take(full, 1.0, factor)
+        if full.finite:
+            better = self._corrected(kkt, step, full)
+            if self._enough(before, self.merit.value(better), promised, noise):
+                return self._take(better, 1.0, 1.0)
+        length = 0.5
+        while length >= SHORTEST:
+            near = self.scaled.point(self._moved(length * step.change))
+            if self._enough(before, self.merit.value(near), length * promised, noise):
+                return self._take(self.scaled.linearised(near.x), length, 4.0)
+            length *= 0.5
+        return False
+
+    def _corrected(self, kkt: Kkt, step: Step, full: Linearised) -> Linearised:
+        """The point after a step whose linearisation is corrected by what it left (second-order correction)."""
+        scaled, at = self.scaled, self.at
+        z, p = step.change[:scaled.count].reshape(scaled.shape), step.change[scaled.count:]
+        bent = full.equations - (np.einsum("nez,nz->ne", at.by_z[:, :scaled.equations], z)
+                                 + at.by_p[:, :scaled.equations] @ p)
+        room = slacks(scaled, full) - room_changes(scaled, at, step.change[:, None])[:, 0]
+        again = find_step(scaled, kkt, linear=at.linear, equations=bent, room=room, likely=step.pressed,
+                          weight=self.options.inequality_weight)
+        return scaled.linearised(self._moved(again.change))
+
+    def _mended(self, step: Step) -> float:
+        """By how much the violations in the merit fall if the linearisation were exact."""
+        scaled, at = self.scaled, self.at
+        room = slacks(scaled, at) + room_changes(scaled, at, step.change[:, None])[:, 0]
+        left = self.merit.weights[len(at.linear) + at.equations.size:] @ np.maximum(-room, 0.0)
+        return self.merit.broken(at) - float(left)
+
+    @staticmethod
+    def _enough(before: float, after: float, promised: float, noise: float) -> bool:
+        return bool(before - after >= ENOUGH * promised - noise) and np.isfinite(after)
+
+    def _moved(self, change: np.ndarray) -> np.ndarray:
+        return np.clip(self.at.x + change, self.scaled.low, self.scaled.high)
+
+    def _take(self, at: Linearised, length: float, factor: float) -> bool:
+        if not at.finite:
+            return False
+        self.moved, self.length = float(np.abs(at.x - self.at.x).max(initial=0.0)), length
+        self.at = at
+        self.damping = float(np.clip(factor * self.damping, self.options.least_damping, self.options.most_damping))
+        return True
+
+    def _stuck(self, why: str) -> tuple[str, str]:
+        broken, _, where = worst(self.scaled, self.at)
+        if broken > self.options.violation:
+            return "infeasible", f"{why}; {where} stays broken by {broken:.2g} (scaled)"
+        return "stalled", f"{why}, with a first-order residual of {self.optimality:.2g}"
+
+    def _note(self, number: int, broken: float, step: Step) -> None:
+        line = Iteration(
+            number=number, cost=self.at.cost * self.problem.cost_scale, violation=float(broken),
+            optimality=self.optimality, step=self.moved, length=self.length, damping=self.damping,
+            active=len(step.pressed), evaluations=self.scaled.evaluations, wall_s=time.perf_counter() - self.began,
+            p=tuple(self.scaled.unscaled(self.at.x)[1].tolist()))
+        self.history.append(line)
+        if self.progress is not None:
+            self.progress(line)

@@ -1,0 +1,126 @@
+"""One step of the SQP: the convex quadratic program of a linearisation.
+
+Without inequalities it is one KKT solve. Bounds and limits that the step would break join, as many as needed, through
+their multipliers l: the step is then d0 + W l with W = KKT^-1 B, and 0 <= l, slack + B'(d0 + W l) >= 0, complementary,
+is a small quadratic program with bounds (`box`). Their multipliers are held below a given weight, which makes limits
+elastic: a step always exists.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.collocation.box import box_minimum
+from vsf_drake.analysis.collocation.kkt import Kkt
+from vsf_drake.analysis.collocation.scaled import Linearised, Point, Scaled
+
+ROUNDS, AT_ONCE, BROKEN = 40, 200, 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step, scaled, with the multipliers that belong to it.
+
+    Attributes:
+        change: (N Z + P,) of x. multipliers: (L + N E,) of the equations.
+        pressed: indices of inequalities (see `slacks`) with a multiplier, and pressure: those, > 0.
+        pull: (N Z + P,) what the inequalities add to the gradient of the Lagrangian.
+        predicted: decrease of the cost in the quadratic model, without damping.
+        elastic: whether some limit could not be held.
+    """
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    pressed: np.ndarray
+    pressure: np.ndarray
+    pull: np.ndarray
+    predicted: float
+    elastic: bool
+
+
+def slacks(scaled: Scaled, at: Point) -> np.ndarray:
+    """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high.
+
+    Infinite where there is no such inequality, and for fixed variables.
+    """
+    low, high = at.x - scaled.low, scaled.high - at.x
+    low[scaled.fixed] = high[scaled.fixed] = np.inf
+    return np.concatenate([low, high, (at.limited - scaled.limit_low).ravel(),
+                           (scaled.limit_high - at.limited).ravel()])
+
+
+def room_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
+    """By how much the linearised slacks grow with a change (N Z + P, r) of x."""
+    columns = change.shape[1]
+    z = change[:scaled.count].reshape(*scaled.shape, columns)
+    by_z, by_p = at.by_z[:, scaled.equations:], at.by_p[:, scaled.equations:]
+    limits = (by_z @ z + by_p @ change[scaled.count:]).reshape(-1, columns)
+    return np.concatenate([change, -change, limits, -limits])
+
+
+def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
+    """(N Z + P, r) derivatives of the slacks of some inequalities by x."""
+    n, cells = len(at.x), at.limited.size
+    found = np.zeros((n, len(which)))
+    columns = np.arange(len(which))
+    low, high = which < n, (which >= n) & (which < 2 * n)
+    found[which[low], columns[low]] = 1.0
+    found[which[high] - n, columns[high]] = -1.0
+    limit = ~(low | high)
+    sign = np.where(which[limit] - 2 * n < cells, 1.0, -1.0)
+    instant, output = np.divmod((which[limit] - 2 * n) % max(cells, 1), max(at.limited.shape[1], 1))
+    rows = instant[:, None] * scaled.shape[1] + np.arange(scaled.shape[1])
+    found[rows, columns[limit][:, None]] = sign[:, None] * at.by_z[instant, scaled.equations + output]
+    found[scaled.count:, columns[limit]] += (sign[:, None] * at.by_p[instant, scaled.equations + output]).T
+    found[scaled.fixed] = 0.0
+    return found
+
+
+def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.ndarray, room: np.ndarray,
+              likely: np.ndarray, weight: float) -> Step:
+    """The step at a linearisation.
+
+    Args:
+        scaled: the problem. kkt: its matrix at the linearisation.
+        linear: (L,) and equations: (N, E) what the step is to bring to 0; values there, or after a first step.
+        room: slacks there.
+        likely: indices of inequalities to begin with. weight: most that a multiplier of an inequality may be.
+    """
+    at, n = kkt.at, len(kkt.at.x)
+    conditions = np.concatenate([linear, equations.ravel()])
+    base = kkt.solve(np.concatenate([-at.gradient * kkt.structure.free[:n], -conditions,
+                                     np.zeros(kkt.structure.totals)]))
+    open_room = np.isfinite(room)
+    which, pressure = likely[open_room[likely]], np.zeros(0)
+    ways, lines, found = np.zeros((kkt.structure.size, 0)), np.zeros((n, 0)), base
+    new, still = which, room_changes(scaled, at, base[:n, None])[:, 0]
+    after = room + still
+    for _ in range(ROUNDS):
+        if len(new):
+            added = normals(scaled, at, new)
+            right = np.zeros((kkt.structure.size, len(new)))
+            right[:n] = added
+            ways, lines = np.hstack([ways, kkt.solve(right)]), np.hstack([lines, added])
+            matrix = lines.T @ ways[:n]
+            start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
+            pressure = box_minimum(0.5 * (matrix + matrix.T), room[which] + still[which], weight, start)
+            found = base + ways @ pressure
+            after = room + room_changes(scaled, at, found[:n, None])[:, 0]
+        broken = np.flatnonzero(open_room & (after < -BROKEN))
+        broken = broken[~np.isin(broken, which)]
+        if not len(broken):
+            break
+        new = broken[np.argsort(after[broken])[:AT_ONCE]]
+        which = np.concatenate([which, new])
+    change = found[:n]
+    held = pressure > 0.0
+    own, mixed, shared = at.hessian
+    z, p = change[:scaled.count].reshape(scaled.shape), change[scaled.count:]
+    curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
+              + p @ shared @ p + at.total_weights @ (at.totals @ change) ** 2)
+    return Step(change=change, multipliers=found[n:n + kkt.structure.conditions], pressed=which[held],
+                pressure=pressure[held], pull=-lines[:, held] @ pressure[held],
+                predicted=float(-at.gradient @ change - 0.5 * curved),
+                elastic=bool((pressure >= 0.999 * weight).any()))
