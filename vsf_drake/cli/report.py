@@ -1,4 +1,4 @@
-"""`vsf-drake report`: the report of a validation made again."""
+"""`vsf-drake report`: the report of a validation or of a tuning made again."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from vsf_drake.cli.app import app, console
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="Folder that `vsf-drake validate --out` wrote.")],
+    folder: Annotated[Path, typer.Argument(help="Folder that `validate`, `tune` or `schedule` wrote with --out.")],
 ) -> None:
-    """Makes the report of a validation again from its saved results; nothing is simulated."""
-    from vsf_drake.report.validation.output import PAGE, remake_report
+    """Makes a report again from its saved results; nothing is simulated."""
+    from vsf_drake.report.tuning import output as tuning
+    from vsf_drake.report.validation import output as validation
 
     folder = folder.expanduser()
-    for sentence in remake_report(folder):
+    remake = tuning.remake_tuning if (folder / tuning.TABLE).is_file() else validation.remake_report
+    for sentence in remake(folder):
         console.print(f"! {sentence}", style="bold yellow", highlight=False, markup=False)
-    console.print(f"written to {folder / PAGE}", highlight=False, markup=False)
+    console.print(f"written to {folder / validation.PAGE}", highlight=False, markup=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from vsf_drake.errors import InputError
@@ -60,6 +60,21 @@ def tidy_chapters(out: Path, files: set[Path]) -> None:
 def unshown(what: str, error: Exception) -> str:
     """Says that this version cannot show something of saved results."""
     return f"This version cannot show {what} ({type(error).__name__}: {error})."
+
+
+def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
+    """What `make` makes; if `lenient` and it cannot, a chapter of that name that says so."""
+    try:
+        return make()
+    except Exception as error:  # whatever another version or an editor left there
+        if not lenient:
+            raise
+        return absent_chapter(name, title, unshown("what the results hold of it", error))
+
+
+def absent_chapter(name: str, title: str, why: str) -> Chapter:
+    """A chapter that only says why it is empty."""
+    return Chapter(name=name, title=title, pieces=(Missing(why),))
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.chapter_files import unshown
+from vsf_drake.report.chapter_files import absent_chapter, made_chapter
 from vsf_drake.report.pieces import Chapter, Missing, Piece
 from vsf_drake.report.validation.bench.chapter import bench_chapter
 from vsf_drake.report.validation.energy.chapter import energy_chapter
@@ -38,30 +38,19 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
         lenient: whether a section that this version cannot show is named as missing instead of raising, as for results
             that another version wrote or somebody edited.
     """
-    chapters = [_made("summary", "Summary", lambda: summary_chapter(content), lenient)]
+    chapters = [made_chapter("summary", "Summary", lambda: summary_chapter(content), lenient)]
     for name, (title, maker) in _MAKERS.items():
         section = content["sections"].get(name)
         if not isinstance(section, Mapping):
             if name not in _OPTIONAL:
-                chapters.append(_absent(name, title, "These results have no such section."))
+                chapters.append(absent_chapter(name, title, "These results have no such section."))
         elif section.get("failure") or section.get("table") is None:
-            chapters.append(_absent(name, title, f"This could not be computed: {section.get('failure') or 'unknown'}"))
+            chapters.append(absent_chapter(
+                name, title, f"This could not be computed: {section.get('failure') or 'unknown'}"))
         else:
             own = {key.partition("/")[2]: array for key, array in arrays.items() if key.partition("/")[0] == name}
-            made = _made(name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
+            made = made_chapter(
+                name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
             missing: list[Piece] = [Missing(str(sentence)) for sentence in section.get("missing") or ()]
             chapters.append(Chapter(name=name, title=made.title, pieces=(*missing, *made.pieces)))
-    return [*chapters, _made("made", "How this was made", lambda: making_chapter(content), lenient)]
-
-
-def _made(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
-    try:
-        return make()
-    except Exception as error:  # whatever another version or an editor left there
-        if not lenient:
-            raise
-        return _absent(name, title, unshown("what the results hold of it", error))
-
-
-def _absent(name: str, title: str, why: str) -> Chapter:
-    return Chapter(name=name, title=title, pieces=(Missing(why),))
+    return [*chapters, made_chapter("made", "How this was made", lambda: making_chapter(content), lenient)]

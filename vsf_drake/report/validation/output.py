@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import json
-import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,15 +12,16 @@ from vsf_drake.analysis.json_file import plain, write_json
 from vsf_drake.analysis.validation.keeping import is_kept
 from vsf_drake.analysis.validation.run import NAMES
 from vsf_drake.analysis.validation.study import Study
-from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
 from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
 from vsf_drake.report.validation.chapters import make_chapters
 from vsf_drake.report.validation.walks import REPLAY, WALKS, tidy_walks, write_replay_of, write_walks
-from vsf_drake.simulation.archive import check_target, result_folder
+from vsf_drake.simulation.archive import result_folder
 
 VALIDATION, FORMAT = "validation", 1
 TABLE, ARRAYS, PAGE, UNFINISHED = "validation.json", "validation.npz", "report.html", "unfinished"
+_COMMAND, _FILES, _FOLDERS = "validate", (ARRAYS, PAGE, REPLAY), (FIGURES, TABLES, WALKS)
 NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 
 
@@ -35,21 +31,8 @@ def check_validation_folder(out: Path) -> None:
     Raises:
         InputError: it cannot be written, or holds anything else.
     """
-    check_target(out, VALIDATION)
-    _check_names(out)
-    if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
-        raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out, right="Choose another folder")
-    if out.is_dir() and any(out.iterdir()) and not (_holds_validation(out) or _holds_unfinished(out / UNFINISHED)):
-        raise InputError("holds other things than an earlier validation", file=out, right="Choose another folder")
-
-
-def _check_names(out: Path) -> None:
-    for name in (TABLE, ARRAYS, PAGE, REPLAY):
-        if (out / name).is_dir():
-            raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
-    for name in (FIGURES, TABLES, WALKS):
-        if (out / name).exists() and not (out / name).is_dir():
-            raise InputError("cannot be written (it is a file)", file=out / name, right="Choose another folder")
+    check_report_folder(out, VALIDATION, table=TABLE, files=_FILES, folders=_FOLDERS, known=_is_validation,
+                        unfinished=lambda out: _holds_unfinished(out / UNFINISHED))
 
 
 def write_validation(
@@ -89,28 +72,10 @@ def read_validation(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.nd
     Raises:
         InputError: a file is missing or damaged, or the two do not belong together.
     """
-    path = Path(folder) / TABLE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no such file", file=path,
-                         right="Name the folder that `vsf-drake validate --out` wrote") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path,
-                         right="Run `vsf-drake validate` again") from None
-    known = isinstance(content, dict) and content.get("kind") == VALIDATION
-    if not known or not isinstance(content.get("sections"), dict):
-        raise InputError("is not the table of a validation", file=path,
-                         right="Name the folder that `vsf-drake validate --out` wrote")
-    arrays = Path(folder) / ARRAYS
-    if sha256(arrays) != content.get("arrays_sha256"):
-        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=arrays,
-                         right="Run `vsf-drake validate` again")
-    try:
-        with np.load(arrays, allow_pickle=False) as stored:
-            return content, {name.replace("__", "/", 1): stored[name] for name in stored.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"cannot be read ({error})", file=arrays, right="Run `vsf-drake validate` again") from None
+    content = read_table(Path(folder) / TABLE, lambda table: _is_validation(table) and isinstance(
+        table.get("sections"), dict), kind=VALIDATION, command=_COMMAND)
+    arrays = read_arrays(Path(folder) / ARRAYS, content, named=TABLE, command=_COMMAND)
+    return content, {name.replace("__", "/", 1): values for name, values in arrays.items()}
 
 
 def remake_report(folder: str | Path) -> list[str]:
@@ -124,7 +89,7 @@ def remake_report(folder: str | Path) -> list[str]:
     """
     folder = Path(folder)
     content, arrays = read_validation(folder)
-    _check_names(folder)
+    check_names(folder, files=_FILES, folders=_FOLDERS)
     notes = content["notes"] if isinstance(content.get("notes"), list) else []
     if content.get("format") != FORMAT:
         notes = [*notes, f"These results have format {content.get('format', 'unknown')}; this version writes format "
@@ -139,15 +104,8 @@ def remake_report(folder: str | Path) -> list[str]:
     return missing
 
 
-def _holds_validation(out: Path) -> bool:
-    """Whether there is the table of a validation, be it damaged."""
-    try:
-        content = json.loads((out / TABLE).read_text(encoding="utf-8"))
-    except ValueError:
-        return True
-    except OSError:
-        return False
-    return isinstance(content, dict) and content.get("kind") == VALIDATION
+def _is_validation(table: Mapping[str, Any]) -> bool:
+    return table.get("kind") == VALIDATION
 
 
 def _holds_unfinished(folder: Path) -> bool:

@@ -1,0 +1,145 @@
+"""A tuning in words: what was found, how much it is worth, and what it may not be taken for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vsf_drake.report.tuning.table import cost_at, cost_outcome, recorded_positions, swept
+
+NOT_OPTIMAL, HARDLY = "NOT OPTIMAL", "THE SETTING HARDLY MATTERS"
+_NEAR_MM = 0.05
+"""Positions that are nearer than this are one."""
+_MODELS = {
+    1: "The motion is the recorded one at every setting: only the foot's force follows the fulcrum. How the person "
+       "would adapt the gait is not in these figures (level 1).",
+    2: "The motion adapts: a sagittal model of the person, driven by joint torques, whose gait is optimised together "
+       "with the setting (level 2). It has no muscles, no trunk and no motion in the frontal plane."}
+
+
+def title_of(table: Mapping[str, Any]) -> str:
+    """Of page and figures; that there is no optimum comes first."""
+    words = f"Stiffness tuned for {table['cost_label']}"
+    return words if table["optimal"] else f"{NOT_OPTIMAL}: {words[0].lower()}{words[1:]}"
+
+
+def alarm_of(table: Mapping[str, Any]) -> str:
+    """What stands in red above a result that is none; nothing above an optimum."""
+    if table["optimal"]:
+        return ""
+    return (f"{NOT_OPTIMAL}: {_sentence(table['status'])} What is shown is where the solver stood when it ended. It is "
+            "no recommendation; do not set a foot by it.")
+
+
+def first_line(table: Mapping[str, Any]) -> str:
+    """Whose data these are, and what the model is."""
+    data = f"Data are SYNTHETIC, not recorded: {_listed(table['trials'])}." if table["synthetic"] else \
+        f"Recorded trials: {_listed(table['trials'])}."
+    return f"{data} {_MODELS[table['level']]}"
+
+
+def answer(table: Mapping[str, Any]) -> list[str]:
+    """Which setting, how much better than others, and whether that is more than the uncertainty; sentence by sentence.
+
+    Where nothing is to be gained, that comes first. Of a tuning that is not optimal, only where it stood.
+    """
+    if not table["optimal"]:
+        if table["fulcrum_mm"] is None:
+            return ["The tuning ended before it had a setting at all."]
+        worth = "" if table["cost"] is None else f", at a cost of {quantity(table['cost'], table['cost_unit'])}"
+        return [f"The solver's last iterate has the fulcrum at {millimetres(table['fulcrum_mm'])}{worth}. This is not "
+                "the best setting, and nothing here says how far from it."]
+    worth = worth_words(table)
+    first, last = (worth[:1], worth[1:]) if worth and worth[0].startswith(HARDLY) else ([], worth)
+    return [*first, setting_words(table), *_better_words(table), *last, *_bound_words(table)]
+
+
+def setting_words(table: Mapping[str, Any]) -> str:
+    """The setting, its cost, and which settings are as good."""
+    x, _ = swept(table)
+    span = f" between {x[0]:g} and {x[-1]:g} mm" if len(x) else ""
+    words = (f"The fulcrum at {millimetres(table['fulcrum_mm'])} gives the least {table['cost_label']} of all "
+             f"settings{span}: {quantity(table['cost'], table['cost_unit'])}.")
+    interval = table["fulcrum_interval_mm"]
+    if interval is not None:
+        words += f" Positions from {interval[0]:.0f} to {interval[1]:.0f} mm are as good" + (
+            f" ({table['interval_meaning']})." if table["interval_meaning"] else ".")
+    return words
+
+
+def worth_words(table: Mapping[str, Any]) -> list[str]:
+    """Whether the setting matters, by the cost's own uncertainty and by what else was looked at."""
+    row, (_, costs) = cost_outcome(table), swept(table)
+    said = []
+    if row is not None and row["matters"] is not None and len(costs):
+        size = quantity(float(costs.max() - costs.min()), table["cost_unit"])
+        known = "" if row["uncertainty"] is None else f" (± {quantity(row['uncertainty'], table['cost_unit'])})"
+        said.append(f"Over the whole range the cost changes by {size}, which is more than its uncertainty{known}."
+                    if row["matters"] else
+                    f"{HARDLY} for this cost: over the whole range it changes by {size}, which is no "
+                    f"more than its uncertainty{known}.")
+    others = [other for other in table["outcomes"] if other is not row]
+    names = {kind: [other["label"] for other in others if other["matters"] is kind] for kind in (True, False, None)}
+    if row is None and others and not names[True] and not names[None]:
+        said.append(f"{HARDLY}: none of the outcomes changes by more than its uncertainty.")
+        return said
+    if names[True]:
+        said.append(f"More than the uncertainty changes in: {_listed(names[True])}.")
+    if names[False]:
+        said.append(f"No more than the uncertainty changes in: {_listed(names[False])}.")
+    if (row is None or row["matters"] is None) and not names[True] and not names[False]:
+        said.append("Whether that is more than the uncertainty is not known.")
+    return said
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, in four digits."""
+    return f"{value:.4g} {unit}".rstrip() if unit not in ("1", "") else f"{value:.4g}"
+
+
+def millimetres(value: float) -> str:
+    """A position, to a tenth."""
+    return f"{value:.1f} mm"
+
+
+def _better_words(table: Mapping[str, Any]) -> list[str]:
+    x, y = swept(table)
+    if not len(x):
+        return []
+    recorded = recorded_positions(table)
+    places = [("the softest setting", float(x[0]), float(y[0])), ("the stiffest", float(x[-1]), float(y[-1]))]
+    for mm in recorded:
+        there = cost_at(table, mm)
+        if there is not None and mm not in (x[0], x[-1]):
+            places.append(("the recorded setting" if len(recorded) == 1 else "another recorded one", mm, there))
+    parts = []
+    for name, mm, there in places:
+        if abs(mm - table["fulcrum_mm"]) < _NEAR_MM:
+            continue
+        where = f"{mm:g} mm, also recorded" if mm in recorded and "recorded" not in name else f"{mm:g} mm"
+        parts.append(f"{_less(there, table)} than at {name} ({where})")
+    same = [f"It is {name} itself." for name, mm, _ in places if abs(mm - table["fulcrum_mm"]) < _NEAR_MM]
+    return [" ".join([*same, f"That is {_listed(parts)}."])]
+
+
+def _less(there: float, table: Mapping[str, Any]) -> str:
+    saved = there - table["cost"]
+    word = "less" if saved >= 0.0 else "MORE"
+    if there > 0.0 and table["cost"] > 0.0:
+        return f"{100.0 * abs(saved) / there:.1f} % {word}"
+    return f"{quantity(abs(saved), table['cost_unit'])} {word}"
+
+
+def _bound_words(table: Mapping[str, Any]) -> list[str]:
+    if not table["at_bound"]:
+        return []
+    return [f"On a bound of its range: {_listed(table['at_bound'])}. The cost may fall further beyond it."]
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else "none"
+
+
+def _sentence(text: str) -> str:
+    text = text.strip() or "the solver did not say why"
+    return text if text.endswith(".") else f"{text}."
