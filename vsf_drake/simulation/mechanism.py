@@ -13,13 +13,14 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, LeafSystem
 
+from vsf_drake.errors import InputError
 from vsf_drake.plants.bench import BenchDiagram
 from vsf_drake.plants.device import DeviceSystems, velocity_indices
 from vsf_drake.plants.foot import FootHandles
 from vsf_drake.plants.gait import FootGround, GaitDiagram
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
-from vsf_drake.simulation.variables import Variable, walk_variables
+from vsf_drake.simulation.variables import Variable, check_number, walk_variables
 
 UNLIMITED = 1e30
 LARGEST_KEEL_ANGLE = 1.0
@@ -88,6 +89,20 @@ def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapp
             if unit is not None:
                 array[...] = array + value * unit if variables[name].added else np.where(unit, value * unit, array)
     return dataclasses.replace(mechanism, **arrays)
+
+
+def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
+    """The mechanism whose support passes from one piece of the keel to the next over `width_m` on either side.
+
+    Raises:
+        InputError: the width is no number from 0 to half the distance of two joints.
+    """
+    width = check_number(width_m, "support_width_m")
+    most = 0.5 * float(np.diff(mechanism.keel_starts).min())
+    if not 0.0 <= width <= most:
+        raise InputError(f"{1e3 * width:g} mm is not usable", where="support_width_m",
+                         right=f"It must be from 0 to {1e3 * most:.4g} mm, half the least distance of keel joints")
+    return dataclasses.replace(mechanism, support_width=width)
 
 
 def coordinate_limits(count: int, *, keel: np.ndarray, socket: np.ndarray | None = None) -> np.ndarray:

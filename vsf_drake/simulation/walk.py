@@ -21,7 +21,7 @@ from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.applied import AppliedTorques, torques_on_grid
 from vsf_drake.simulation.courses import Course, course_motion, course_variables
 from vsf_drake.simulation.energy import energy_ledger
-from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
+from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables, supported_over
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import foot_reaction, reaction_sensitivity
 from vsf_drake.simulation.results import WalkResult
@@ -81,6 +81,7 @@ class Walker:
         courses: Sequence[Course] = (),
         values: Mapping[str, float] | None = None,
         with_respect_to: Sequence[str] = (),
+        support_width_m: float = 0.0,
         initial: dict[str, float] | None = None,
         applied: AppliedTorques | None = None,
         progress: Callable[[float], None] | None = None,
@@ -92,6 +93,8 @@ class Walker:
         Args:
             trajectory: must hold every prescribed coordinate (rad, m).
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
+            support_width_m: on either side of a keel joint over which the support passes from one rigid piece of the
+                keel to the next, so that derivatives by `fulcrum.shift` are continuous too; 0 at the joint itself.
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
             courses: what changes prescribed coordinates with time; each is a variable of this walk, "course.NAME".
             values: of `variables` and courses, for this walk only; what is not named stays as the Context has it.
@@ -127,7 +130,7 @@ class Walker:
                       height=offsets.height_m + geometry[0], fore_aft=offsets.fore_aft_m + geometry[1],
                       alignment=offsets.alignment_rad + geometry[2])
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
-        stepper = Stepper(mechanism)
+        stepper = Stepper(supported_over(mechanism, support_width_m))
         tree = stepper.mechanism.tree
         motion = trajectory.ordered(self.gait.prescribed)
         q = motion.sample(moments)[0] + shift + course
@@ -204,11 +207,12 @@ def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:
     return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
 
 
-def used_numbers(mechanism: Mechanism) -> dict[str, list]:
+def used_numbers(mechanism: Mechanism) -> dict[str, list | float]:
     """Contact, springs and support as the run used them, whatever the model file says."""
     return {"site_columns": list(SITE_COLUMNS), "sites": mechanism.sites.tolist(),
             "spring_columns": list(SPRING_COLUMNS), "springs": mechanism.springs.tolist(),
-            "fulcrum_stiffness_and_damping": mechanism.fulcrum.tolist()}
+            "fulcrum_stiffness_and_damping": mechanism.fulcrum.tolist(),
+            "support_width_m": mechanism.support_width}
 
 
 def simulate_trial(

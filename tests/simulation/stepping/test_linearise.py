@@ -13,12 +13,13 @@ from pydrake.multibody.tree import MultibodyForces_
 
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.stepping.assembly import find_sites, find_support
+from vsf_drake.simulation.stepping.assembly import find_sites
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.stepping.edit import Edit
 from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import EXACT, _residual, _velocities, step, tangent_matrix
 from vsf_drake.simulation.stepping.room import split_coordinates, step_room
+from vsf_drake.simulation.stepping.support import find_support
 from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
 from vsf_drake.simulation.variables import added
 
@@ -35,7 +36,7 @@ def _residual_at(tree, forces, split, room, ground, fulcrum, q, v0, a, v, sites,
     find_sites(STEP_S, forces, room.motion, ground, room.contact, sites)
     deflection = 0.0
     if forces.fulcrum[0] > 0.0:
-        _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
+        _, _, _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
     room.v0[:] = v0
     room.trial[:] = v
     inverse_dynamics(tree, v0, a, room.motion, room.bias)
@@ -49,11 +50,12 @@ class Instant:
 
     Args:
         depth: how far (m) the lowest sphere is in the ground at the start; negative: above it.
-        names: variables.
+        names: variables. fulcrum, width: where the support is (m from A), and over which it passes a joint.
     """
 
-    def __init__(self, walker, seed, names, *, depth, speed, forces=True):
+    def __init__(self, walker, seed, names, *, depth, speed, forces=True, fulcrum=FULCRUM_M, width=0.0):
         self.walker, self.names, rng = walker, names, np.random.default_rng(seed)
+        self.fulcrum, self.width = fulcrum, width
         mechanism = self._mechanism(np.zeros(3))
         if not forces:
             mechanism = dataclasses.replace(mechanism, springs=np.zeros_like(mechanism.springs), fulcrum=np.zeros(2))
@@ -62,7 +64,7 @@ class Instant:
         self.held = np.array([tree.index(name) for name in HELD])
         self.split = split_coordinates(tree, mechanism.forces, self.held)
         self.q = rng.uniform(-0.05, 0.05, n) * np.where(np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1)
-        self.q[tree.index("fulcrum")] = FULCRUM_M
+        self.q[tree.index("fulcrum")] = fulcrum
         self.v0 = rng.uniform(-speed, speed, n)
         self.room = step_room(tree, mechanism.forces, self.split)
         arrays = tree_arrays(tree)
@@ -74,7 +76,7 @@ class Instant:
         q, self.v = self.q.copy(), self.v0.copy()
         sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
         _, self.converged = step(
-            STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, FULCRUM_M,
+            STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, fulcrum,
             self.q[self.held] + STEP_S * held_v, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
             support)
         edits = [walker.variables[name].edit for name in names]
@@ -99,7 +101,7 @@ class Instant:
         set_mount(plant_context, foot, height=height, fore_aft=fore_aft, alignment=alignment)
         mechanism = gait_mechanism(gait, context)
         set_mount(plant_context, foot)
-        return mechanism
+        return dataclasses.replace(mechanism, support_width=self.width)
 
     def residual(self, *, dq=0.0, dv0=0.0, dv=0.0, values=None):
         """r / h, free end velocities unchanged, and which branch of its law each site is on."""
@@ -116,7 +118,7 @@ class Instant:
         q[tree.index("fulcrum")] += slide
         sites = np.zeros((len(mechanism.sites), 9))
         a[self.held] = (v - v0)[self.held] / STEP_S
-        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, FULCRUM_M + slide, q, v0, a, v, sites,
+        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, self.fulcrum + slide, q, v0, a, v, sites,
                      np.zeros(3))
         loaded, law = sites[:, 1] > 0.0, mechanism.sites
         speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
@@ -203,3 +205,22 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
                 scale = max(np.abs(at.by_variable[:, p]).max(), 1.0 / (abs(variable.default) or 0.01))
                 np.testing.assert_allclose(at.by_variable[:, p], found, rtol=0.0, atol=1e-5 * scale, err_msg=name)
     assert checked > 0.9 * total
+
+
+@pytest.mark.parametrize("place", [-0.7, 0.0, 0.3])
+@pytest.mark.parametrize("joint", [0.07764, 0.10093, 0.1475])
+def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
+    """Within a width of a joint, by keel and socket coordinates, by the support's place and by its stiffness."""
+    names = ("fulcrum.shift", "fulcrum.stiffness")
+    at = Instant(walker("right"), 5, names, depth=-1.0, speed=0.5, fulcrum=joint + place * 0.006, width=0.006)
+    assert at.converged and 0.0 < at.room.fulcrum[1] < 1.0
+    for exact, unit in zip(at.by_q.T, np.eye(len(at.q))[at.split.free], strict=True):
+        found, _ = at.difference(1e-6, dq=unit)
+        np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(at.by_q).max())
+    stiffness = at.mechanism.fulcrum[0]
+    ends = [at.residual(values={"fulcrum.stiffness": (1.0 + sign * 1e-5) * stiffness})[0] for sign in (1.0, -1.0)]
+    by_stiffness = (ends[0] - ends[1]) / (2e-5 * stiffness)
+    for exact, found in zip(at.by_variable.T, (at.difference(1e-6, values={"fulcrum.shift": 1.0})[0], by_stiffness),
+                            strict=True):
+        assert np.abs(exact).max() > 0.0
+        np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(exact).max())

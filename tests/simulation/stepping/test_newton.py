@@ -12,7 +12,7 @@ from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForc
 
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, find_sites, find_support
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, find_sites
 from vsf_drake.simulation.stepping.dynamics import (
     energies,
     inverse_dynamics,
@@ -25,6 +25,7 @@ from vsf_drake.simulation.stepping.linear import copy
 from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, tangent_matrix
 from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.support import find_support
 
 STEP_S = 1e-3
 """Functions of the package that only compiled code may call are called from compiled functions here."""
@@ -35,7 +36,7 @@ def begin(tree, forces, split, room, ground, fulcrum, q, v0, sites):
     """What a step does before its first residual; returns the deflection of the support (m)."""
     place(tree, q, room.motion)
     find_sites(STEP_S, forces, room.motion, ground, room.contact, sites)
-    _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
+    _, _, _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
     copy(v0, room.v0)
     inverse_dynamics(tree, v0, np.zeros(v0.shape[0]), room.motion, room.bias)
     mass_matrix(tree, room.motion, split.free, split.above, split.counts, room.M)

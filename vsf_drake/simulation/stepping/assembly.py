@@ -1,4 +1,4 @@
-"""The stiff forces of one step: contact and friction of sites, sprung coordinates, the fulcrum (compiled).
+"""The stiff forces of one step: contact and friction of sites, sprung coordinates (compiled); the fulcrum: `support`.
 
 Poses are those at the beginning of the step and frozen over it; forces are functions of the velocity at its end.
 A force on a body is a wrench about W's origin (`spatial`), so that what a coordinate feels is its joint's
@@ -14,7 +14,7 @@ import numpy as np
 
 from vsf_drake.simulation.stepping.compiled import internal
 from vsf_drake.simulation.stepping.forces import friction_per_speed, normal_force, spring_force
-from vsf_drake.simulation.stepping.spatial import add, dot, put, six
+from vsf_drake.simulation.stepping.spatial import add
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")
@@ -32,7 +32,7 @@ class Forces(NamedTuple):
 
     sites (S, 11), site_bodies (S,). springs (k, 6), spring_index (k,): coordinates. fulcrum (2,): stiffness
     (N/m), damping (N s/m); zero for none. keel_bodies, keel_coordinates, keel_starts (K,): from A to the toe.
-    frame_body: what the fulcrum stands on.
+    frame_body: what the fulcrum stands on. support_width: m on either side of a joint, see `support`.
     """
 
     sites: np.ndarray
@@ -44,6 +44,7 @@ class Forces(NamedTuple):
     keel_coordinates: np.ndarray
     keel_starts: np.ndarray
     frame_body: int
+    support_width: float
 
 
 class Contact(NamedTuple):
@@ -95,28 +96,6 @@ def find_sites(h, forces, motion, ground, contact, record):
             contact.near[count] = s
             count += 1
     contact.near[-1] = count
-
-
-@internal
-def find_support(forces, motion, position, contact):
-    """Unit wrench W and row of the support at `position` (m from A); returns which keel body bears it, deflection (m).
-
-    The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies.
-    """
-    j = 0
-    while j + 1 < forces.keel_starts.shape[0] and forces.keel_starts[j + 1] <= position:
-        j += 1
-    b, F, R, p = forces.keel_bodies[j], forces.frame_body, motion.R, motion.p
-    along = position - forces.keel_starts[j]
-    x, y, z = p[b, 0] + R[b, 0, 0] * along, p[b, 1] + R[b, 1, 0] * along, p[b, 2] + R[b, 2, 0] * along
-    ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
-    W = (y * uz - z * uy, z * ux - x * uz, x * uy - y * ux, ux, uy, uz)
-    put(contact.W, 0, W)
-    contact.row[:] = 0.0
-    for k in range(j + 1):
-        c = forces.keel_coordinates[k]
-        contact.row[c] = dot(six(motion.S, c), W)
-    return j, ux * (x - p[F, 0]) + uy * (y - p[F, 1]) + uz * (z - p[F, 2])
 
 
 @internal
@@ -206,18 +185,3 @@ def add_springs(h, v, q0, forces, tau, record):
             q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
         tau[c] += force
         record[k] = -(h * by_x + by_rate)
-
-
-@internal
-def add_support(h, v, forces, deflection0, row, tau, record):
-    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s)."""
-    rate = 0.0
-    for k in range(forces.keel_coordinates.shape[0]):
-        c = forces.keel_coordinates[k]
-        rate += row[c] * v[c]
-    deflection = deflection0 + h * rate
-    force = -forces.fulcrum[0] * deflection - forces.fulcrum[1] * rate
-    record[0], record[1], record[2] = force, deflection, rate
-    for k in range(forces.keel_coordinates.shape[0]):
-        c = forces.keel_coordinates[k]
-        tau[c] += row[c] * force

@@ -24,6 +24,7 @@ from vsf_drake.simulation.stepping.spatial import (
     times,
     transposed_times,
 )
+from vsf_drake.simulation.stepping.support import add_support_tangent
 from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES
 
 NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -47,7 +48,7 @@ def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support
     _rows(h, tree, split, ways, room, tangent)
     _springs(h, forces, split, ways, q0, v, tangent)
     if forces.fulcrum[0] > 0.0:
-        _support(h, forces, split, ways, room, tangent, room.keel[0], support)
+        add_support_tangent(h, forces, split, ways, room, tangent, support)
 
 
 @internal
@@ -182,59 +183,3 @@ def _springs(h, forces, split, ways, q0, v, tangent):
                 q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
                 s[k, 3], s[k, 4], s[k, 5])
             tangent.E[i, ways.spring_parameter[e]] -= force
-
-
-@internal
-def _support(h, forces, split, ways, room, tangent, keel_body, support):
-    """The fulcrum's pair of forces: only keel coordinates up to it change it, and only they feel it."""
-    contact, motion, keel = room.contact, room.motion, forces.keel_coordinates
-    W, row, stiffness, damping = six(contact.W, 0), contact.row, forces.fulcrum[0], forces.fulcrum[1]
-    force, deflection, rate = support[0], support[1], support[2]
-    b, F = forces.keel_bodies[keel_body], forces.frame_body
-    ux, uy, uz = W[3], W[4], W[5]
-    at = room.fulcrum[0] - forces.keel_starts[keel_body]
-    x = motion.p[b, 0] + motion.R[b, 0, 0] * at
-    y = motion.p[b, 1] + motion.R[b, 1, 0] * at
-    z = motion.p[b, 2] + motion.R[b, 2, 0] * at
-    V_keel = six(contact.V, b)
-    relative = plus(V_keel, six(contact.V, F), -1.0)
-    slides = False
-    for p in range(ways.slide.shape[0]):
-        slides |= ways.slide[p] != 0.0
-    for column in range(keel_body + 2 if slides else keel_body + 1):
-        sliding = column > keel_body
-        if sliding:
-            dx, dy, dz = motion.R[b, 0, 0], motion.R[b, 1, 0], motion.R[b, 2, 0]
-            S_j, by_motion = NONE, NONE
-            d_deflection = ux * dx + uy * dy + uz * dz
-        else:
-            c = keel[column]
-            S_j = six(motion.S, c)
-            dx = S_j[3] + S_j[1] * z - S_j[2] * y
-            dy = S_j[4] + S_j[2] * x - S_j[0] * z
-            dz = S_j[5] + S_j[0] * y - S_j[1] * x
-            parent = forces.keel_bodies[column - 1] if column > 0 else F
-            by_motion = cross_motion(S_j, plus(V_keel, six(contact.V, parent), -1.0))
-            d_deflection = row[c]
-        dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
-        d_rate = dot(dW, relative) + dot(W, by_motion)
-        d_force = -stiffness * (d_deflection + h * d_rate) - damping * d_rate
-        for k in range(keel_body + 1):
-            i = split.place[keel[k]]
-            if i < 0:
-                continue
-            S_i = six(motion.S, keel[k])
-            d_row = dot(S_i, dW)
-            if not sliding and column < k:
-                d_row += dot(cross_motion(S_j, S_i), W)
-            change = d_row * force + row[keel[k]] * d_force
-            if sliding:
-                for p in range(ways.slide.shape[0]):
-                    tangent.E[i, p] -= change * ways.slide[p]
-            elif split.place[keel[column]] >= 0:
-                tangent.Gq[i, split.place[keel[column]]] -= change
-    for k in range(keel_body + 1):
-        i = split.place[keel[k]]
-        if i >= 0:
-            for p in range(ways.support.shape[0]):
-                tangent.E[i, p] += row[keel[k]] * (ways.support[p, 0] * deflection + ways.support[p, 1] * rate)

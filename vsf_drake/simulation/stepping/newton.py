@@ -23,15 +23,14 @@ import math
 from vsf_drake.simulation.stepping.assembly import (
     add_sites,
     add_springs,
-    add_support,
     find_sites,
-    find_support,
     tangents,
 )
 from vsf_drake.simulation.stepping.compiled import compiled, internal
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
 from vsf_drake.simulation.stepping.linear import cholesky, copy, scaled_norm, solve_columns
 from vsf_drake.simulation.stepping.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times
+from vsf_drake.simulation.stepping.support import add_support, find_support
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12
@@ -62,7 +61,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
     find_sites(h, forces, motion, ground, contact, sites)
     deflection, room.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
-        room.keel[0], deflection = find_support(forces, motion, fulcrum, contact)
+        room.keel[0], room.fulcrum[1], room.fulcrum[2], deflection = find_support(forces, motion, fulcrum, contact)
     copy(v, room.v0)
     room.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):

@@ -36,8 +36,9 @@ class Split(NamedTuple):
 class Room(NamedTuple):
     """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs.
 
-    tolerance: a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s. fulcrum, keel (1,): where the
-    support is (m from A), and which of the keel's bodies is on it. applied: (n,) torques on free coordinates.
+    tolerance: a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s. fulcrum (3,), keel (1,): where
+    the support is (m from A), and of the foremost of the keel's bodies that bear it the weight, the derivative of that
+    by the place (1/m), and which it is. applied: (n,) torques on free coordinates.
     """
 
     motion: Motion
@@ -81,4 +82,4 @@ def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLER
         motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
         delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f),
         M=np.zeros((f, f)), L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)),
-        fulcrum=np.zeros(1), keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
+        fulcrum=np.zeros(3), keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)

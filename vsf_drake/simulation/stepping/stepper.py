@@ -51,6 +51,8 @@ class Mechanism:
         springs (k, 6), spring_index (k,): sprung coordinates (keel joints, then the socket's six).
         fulcrum (2,): stiffness (N/m) and damping (N s/m) of the support; zero for none.
         keel_bodies, keel_coordinates, keel_starts, frame_body: what the fulcrum acts on.
+        support_width: m on either side of a keel joint over which the support passes from one piece to the next; see
+            `support`. At most half the distance of two joints.
         limits (n,): coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed.
     """
 
@@ -68,6 +70,7 @@ class Mechanism:
     keel_starts: np.ndarray
     frame_body: int
     limits: np.ndarray
+    support_width: float = 0.0
 
     @property
     def forces(self) -> Forces:
@@ -75,7 +78,8 @@ class Mechanism:
         return Forces(
             sites=self.sites, site_bodies=self.site_bodies, springs=self.springs, spring_index=self.spring_index,
             fulcrum=self.fulcrum, keel_bodies=self.keel_bodies, keel_coordinates=self.keel_coordinates,
-            keel_starts=self.keel_starts, frame_body=self.frame_body)
+            keel_starts=self.keel_starts, frame_body=self.frame_body,
+            support_width=float(self.support_width))
 
 
 @dataclass(frozen=True)
