@@ -97,7 +97,7 @@ def test_foot_that_stands_at_the_start_is_told_of(solution):
     """Friction there depends on the past: what a creep law forgets slowly, a run that starts late does not have."""
     found = resimulate_prescribed(embedded_walker(), part(solution, slice(13, 31)))
     late = found.difference("prosthetic", filtered=False)
-    assert late.fore_aft > 1.0 > late.vertical / 2
+    assert late.fore_aft > 5.0 * late.vertical
     assert any("prosthetic foot stood on the ground" in sentence for sentence in found.sentences())
     assert not any("intact foot stood" in sentence for sentence in found.sentences())
 

@@ -68,8 +68,9 @@ def assess(
     shown = (run.time_s >= run.first_s - 1e-9) & (run.time_s <= min(instants[-1], last) + 1e-9)
     lateral = max(np.abs(force[shown, 1]).max(initial=0.0) for force in run.grf_W.values())
     return Resimulation(
-        kind=kind, fell=run.fell_s is not None, fell_s=None if run.fell_s is None else run.fell_s - run.shift_s,
-        why=run.why, time_s=np.array(trajectory.time_s), counted=counted,
+        kind=kind, fell=run.fell_s is not None,
+        fell_after_s=None if run.fell_s is None else run.fell_s - trajectory.start_s, why=run.why,
+        time_s=np.array(trajectory.time_s), counted=counted,
         solution_grf={foot: np.array(trajectory.grf[foot]) for foot in FEET}, grf=series[False],
         filtered_grf=series[True], forces=differences,
         motion_rms=_motion_rms(run, trajectory, shown) if kind == FEEDBACK else {},

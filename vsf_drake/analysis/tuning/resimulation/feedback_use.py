@@ -41,8 +41,12 @@ class FeedbackUse:
 
     def sentences(self) -> tuple[str, ...]:
         """What it took, in words."""
+        if not any(self.feedback_peak.values()) and not self.hand_percent_bw:
+            grows = "" if self.open_multiplier is None else (
+                f": a small disturbance is multiplied by {self.open_multiplier:.2g} from stride to stride (linearised)")
+            return (f"The solution's torques ran without feedback{grows}.",)
         name = max(self.feedback_peak, key=lambda joint: self.feedback_peak[joint])
-        said = [f"Beyond the solution's torques the feedback used {100.0 * self.share:.0f} % of them (root mean "
+        said = [f"Beyond the solution's torques the feedback used {100.0 * self.share:.1f} % of them (root mean "
                 f"square), at most {self.feedback_peak[name]:.0f} N m ({name})."]
         if self.multiplier is not None and self.open_multiplier is not None:
             said.append(f"From stride to stride a small disturbance is multiplied by {self.multiplier:.2g} with the "

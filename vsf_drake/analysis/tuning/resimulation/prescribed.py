@@ -46,6 +46,7 @@ def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: f
     if walker.free:
         raise InputError(f"{', '.join(walker.free)} are free", where="walker",
                          right="Give a walker that prescribes all")
+    step_s = whole_steps(trajectory, step_s)
     start_s, end_s = span(trajectory, step_s)
     motion = whole_motion(SolutionMotion(trajectory), walker.gait.prescribed, start_s, end_s)
     return walker.walk(motion, fulcrum_m=trajectory.fulcrum_m, start_s=start_s, end_s=end_s, step_s=step_s,
@@ -59,6 +60,13 @@ def span(trajectory: SagittalTrajectory, step_s: float) -> tuple[float, float]:
         return trajectory.start_s, trajectory.start_s + steps * step_s
     lead = math.ceil(LEAD * trajectory.period_s / step_s) * step_s
     return trajectory.start_s - lead, trajectory.end_s + TAIL_S
+
+
+def whole_steps(trajectory: SagittalTrajectory, step_s: float) -> float:
+    """The step next to `step_s` (s) of which a period is a whole number."""
+    if trajectory.period_s is None or not 0.0 < step_s < trajectory.period_s:
+        return step_s
+    return trajectory.period_s / round(trajectory.period_s / step_s)
 
 
 def first_counted(trajectory: SagittalTrajectory) -> float:

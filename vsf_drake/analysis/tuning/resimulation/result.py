@@ -25,7 +25,7 @@ class Resimulation:
     Attributes:
         kind: "prescribed" or "feedback".
         fell: the run ended before the solution did, or the person was down. Reading a difference of such a one raises
-            SimulationError. fell_s, why: when and how; None and "" otherwise.
+            SimulationError. fell_after_s, why: when, from the run's start, and how; None and "" otherwise.
         time_s: (n,) s, the solution's instants. counted: (n,) bool, those that are compared: not the transient of
             the start, nothing after a fall.
         solution_grf: by foot (n, 2) N, of the solution. grf, filtered_grf: the same of the re-simulation, as the
@@ -42,7 +42,7 @@ class Resimulation:
 
     kind: str
     fell: bool
-    fell_s: float | None
+    fell_after_s: float | None
     why: str
     time_s: np.ndarray
     counted: np.ndarray
@@ -64,7 +64,7 @@ class Resimulation:
         """Raises SimulationError if the person fell."""
         if self.fell:
             raise SimulationError(f"the {LABEL[self.kind]} fell: {self.why}",
-                                  time_s=float("nan") if self.fell_s is None else self.fell_s)
+                                  time_s=float("nan") if self.fell_after_s is None else self.fell_after_s)
 
     def difference(self, foot: str, *, over: str = STRIDE, filtered: bool = True) -> ForceDifference:
         """One of `forces`; raises SimulationError if the person fell."""
@@ -97,8 +97,7 @@ class Resimulation:
     def sentences(self) -> tuple[str, ...]:
         """What it found, in words."""
         if self.fell:
-            when = "" if self.fell_s is None else f" at {self.fell_s - self.time_s[0]:.2f} s of the solution"
-            return (f"The {LABEL[self.kind]} fell{when}: {self.why}.", *self._helped())
+            return (f"The {LABEL[self.kind]} fell after {self.fell_after_s:.2f} s: {self.why}.", *self._helped())
         raw = max(d.resultant for d in self.forces if d.over == STRIDE and not d.filtered)
         stance = max(d.resultant for d in self.forces if d.over != STRIDE and d.filtered)
         parts = max(max(d.fore_aft, d.vertical) for d in self.forces if d.over == STRIDE and d.filtered)
