@@ -75,9 +75,13 @@ def made_arrays() -> dict[str, np.ndarray]:
     """Arrays of a tuning of level 1 of three trials."""
     time = np.linspace(0.0, 0.7, 90)
     force = np.column_stack([-100.0 * np.cos(np.pi * time / 0.7), 10.0 * time, 800.0 * np.sin(np.pi * time / 0.7)])
-    own = np.stack([cost_of(POSITIONS + shift) + 0.1 * k for k, shift in enumerate((-8.0, 0.0, 8.0))], axis=1)
-    return {"sweep_mm": POSITIONS, "sweep_cost_trials": own, "grf_time": time, "grf_softest": 0.95 * force,
-            "grf_optimum": force, "grf_stiffest": 1.08 * force, "grf_recorded": 1.01 * force}
+    found = {"sweep_fulcrum_mm": POSITIONS,
+             "sweep_cost": np.array([cost_of(POSITIONS + shift) + 0.1 * k for k, shift in enumerate((-8.0, 0.0, 8.0))])}
+    for i in range(3):
+        for name, factor in (("softest", 0.95), ("optimum", 1.0), ("stiffest", 1.08), ("recorded", 1.01)):
+            found |= {f"{i}_{name}_time_s": time, f"{i}_{name}_grf_W": factor * (1.0 - 0.1 * i) * force}
+        found[f"{i}_plate_grf_W"] = (1.02 - 0.1 * i) * force
+    return found
 
 
 def made_stride_table(**changes: Any) -> dict[str, Any]:

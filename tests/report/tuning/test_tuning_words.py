@@ -36,7 +36,7 @@ def test_savings_are_those_of_the_parabola():
 def test_setting_interval_and_cost_are_named():
     words = said()
     assert f"The fulcrum at {BEST_MM:.1f} mm gives the least load of the intact knee" in words
-    assert "Positions from 98 to 111 mm are as good (cost within its uncertainty)" in words
+    assert "Its interval is 98 to 111 mm: cost within its uncertainty." in words
     assert "between 66 and 151 mm: 2 BW." in words
 
 

@@ -67,9 +67,9 @@ def _answer(table: Mapping[str, Any], arrays: Arrays) -> Chapter:
         pieces.append(Picture(
             name="cost", figure=cost_curve_figure(table, arrays), alt=cost_alt(table),
             caption="Left: the cost over the fulcrum's whole range (black); in grey, where there are several trials, "
-                    "each of them, moved up or down to meet the mean at the marked setting. The band holds the "
-                    "settings that are as good; dotted lines are where the fulcrum was recorded. Right, where the "
-                    "cost has several terms: the change of each from the marked setting."))
+                    "each of them, moved up or down to meet the mean at the marked setting. The band is the "
+                    "interval of the optimum; dotted lines are where the fulcrum was recorded. Right, where the cost "
+                    "has several terms: the change of each from the marked setting."))
     else:
         pieces.append(Missing("The cost was not computed over the range of the fulcrum."))
     if table["design"]:
@@ -114,7 +114,7 @@ def _robustness(table: Mapping[str, Any]) -> Chapter:
     pieces: list[Piece] = [Text(robustness_words(table))]
     if any(row["fulcrum_mm"] is not None for row in table["robustness"]):
         pieces.append(Picture(name="robustness", figure=robustness_figure(table), alt=robustness_alt(table),
-                              caption="Line: the optimum. Band: settings that are as good."))
+                              caption="Line: the optimum. Band: its interval."))
     return Chapter(name="robustness", title="How firm the setting is", pieces=(*pieces, robustness_grid(table)))
 
 

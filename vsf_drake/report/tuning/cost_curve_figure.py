@@ -39,7 +39,7 @@ def mark_positions(axes: Axes, table: Mapping[str, Any], *, named: bool = True) 
     """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it ended."""
     interval = table["fulcrum_interval_mm"]
     if interval is not None and table["optimal"]:
-        axes.axvspan(*interval, color=SHADE, zorder=0, label="as good" if named else None)
+        axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
     for i, mm in enumerate(recorded_positions(table)):
         axes.axvline(mm, color=NEUTRAL, linestyle=":", linewidth=1.2, zorder=1,
                      label="recorded" if named and not i else None)
@@ -57,23 +57,22 @@ def mark_origin(figure: Figure, table: Mapping[str, Any]) -> None:
                         color=_FAILED if not table["optimal"] else "black")
 
 
-def plain_legend(axes: Any) -> None:
-    """Names in the legend are no mathematics, whatever signs they have."""
-    for text in axes.get_legend().get_texts():
-        text.set_parse_math(False)
+def every(x: np.ndarray) -> int:
+    """How many points of a curve share a marker, so that there are about twenty."""
+    return max(1, round(len(x) / 20))
 
 
 def _cost(axes: Axes, table: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
     x, y = swept(table)
-    x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
-    if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
+    x_of, trials = arrays.get("sweep_fulcrum_mm"), arrays.get("sweep_cost")
+    if x_of is not None and trials is not None and len(trials) > 1:
         own = np.asarray(trials, dtype=float)
         at = int(np.argmin(np.abs(np.asarray(x_of) - (table["fulcrum_mm"] or np.median(x_of)))))
-        mean = own.mean(axis=1)
-        for i in range(own.shape[1]):
-            axes.plot(x_of, own[:, i] - own[at, i] + mean[at], color="0.75", linewidth=0.9, zorder=1,
+        mean = own.mean(axis=0)
+        for i, values in enumerate(own):
+            axes.plot(x_of, values - values[at] + mean[at], color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
-    axes.plot(x, y, color="black", linewidth=1.8, marker="o", markersize=3.5, label="cost")
+    axes.plot(x, y, color="black", linewidth=1.8, marker="o", markersize=3.5, markevery=every(x), label="cost")
     if table["fulcrum_mm"] is not None and table["cost"] is not None:
         if table["optimal"]:
             axes.plot(table["fulcrum_mm"], table["cost"], marker="*", markersize=15, color="white", linestyle="",
@@ -91,5 +90,5 @@ def _terms(axes: Axes, table: Mapping[str, Any], terms: list[Mapping[str, Any]])
         x, y = swept_part(table, "terms", row["name"])
         here = row["value"] if row["value"] is not None else float(y.min())
         axes.plot(x, y - here, color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
-                  marker=MARKERS[i % len(MARKERS)], markersize=3.5, label=row["label"])
+                  marker=MARKERS[i % len(MARKERS)], markersize=3.5, markevery=every(x), label=row["label"])
     label(axes, x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})", title="What each term adds")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.report.pieces import Chapter, Missing, Picture, Piece, Text
-from vsf_drake.report.tuning.force_figure import FEET, stance_force_figure, stride_force_figure
+from vsf_drake.report.tuning.force_figure import FEET, SETTINGS, drawn_trials, stance_force_figure, stride_force_figure
 from vsf_drake.report.tuning.motion_figure import motion_figure, root_mean_squares, torque_figure
 from vsf_drake.report.tuning.words_of_figures import spans
 
@@ -22,11 +22,11 @@ def motion_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
     pieces: list[Piece] = []
     if table["level"] == 1:
         pieces.append(Text("The motion is the recorded one at every setting, so that only forces are shown."))
-    if "grf_time" in arrays:
+    if drawn_trials(arrays):
         pieces.append(Picture(
-            name="force", figure=stance_force_figure(table, arrays), alt=_stance_alt(arrays),
-            caption="Ground reaction force of the prosthetic foot in one trial, by setting, and what its plate "
-                    "recorded (grey, at the recorded setting)."))
+            name="force", figure=stance_force_figure(table, arrays), alt=_stance_alt(table, arrays),
+            caption="Ground reaction force of the prosthetic foot by setting, in three trials at most, and what the "
+                    "plate measured (grey) at the setting of the recording."))
     if "phase" in arrays and any(f"grf_{foot}" in arrays for foot in FEET):
         pieces.append(Picture(
             name="stride_force", figure=stride_force_figure(table, arrays), alt=_stride_alt(arrays),
@@ -48,10 +48,13 @@ def motion_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
     return Chapter(name="motion", title=TITLE, pieces=tuple(pieces))
 
 
-def _stance_alt(arrays: Mapping[str, np.ndarray]) -> str:
-    names = {"grf_softest": "softest", "grf_optimum": "best", "grf_stiffest": "stiffest", "grf_recorded": "recorded"}
-    peaks = [f"{name} {np.nanmax(np.asarray(arrays[key])[:, 2]):.0f} N" for key, name in names.items() if key in arrays]
-    return f"Force of the prosthetic foot by setting. Largest vertical force: {', '.join(peaks)}."
+def _stance_alt(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
+    said = []
+    for i in drawn_trials(arrays):
+        peaks = [f"{name} {np.nanmax(np.asarray(arrays[f'{i}_{name}_grf_W'])[:, 2]):.0f} N" for name in SETTINGS
+                 if f"{i}_{name}_grf_W" in arrays]
+        said.append(f"{table['trials'][i] if i < len(table['trials']) else i}: {', '.join(peaks)}")
+    return f"Force of the prosthetic foot by setting. Largest vertical force, {'; '.join(said)}."
 
 
 def _stride_alt(arrays: Mapping[str, np.ndarray]) -> str:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vsf_drake.report.style import condition_colour, label, new_figure, style
-from vsf_drake.report.tuning.cost_curve_figure import FULCRUM, mark_origin, mark_positions
+from vsf_drake.report.tuning.cost_curve_figure import FULCRUM, every, mark_origin, mark_positions
 from vsf_drake.report.tuning.table import swept_part
 
 _ACROSS = 3
@@ -47,7 +47,7 @@ def _panel(axes: Axes, table: Mapping[str, Any], row: Mapping[str, Any]) -> None
     here = row["optimum"]
     if here is not None and row["uncertainty"] is not None:
         axes.axhspan(here - row["uncertainty"], here + row["uncertainty"], color="0.8", alpha=0.5, zorder=0)
-    axes.plot(x, y, color="black", linewidth=1.5, marker="o", markersize=3.0)
+    axes.plot(x, y, color="black", linewidth=1.5, marker="o", markersize=3.0, markevery=every(x))
     if here is not None and table["fulcrum_mm"] is not None and table["optimal"]:
         axes.plot(table["fulcrum_mm"], here, marker="*", markersize=12, color="white", zorder=5,
                   markeredgecolor=condition_colour(1e-3 * table["fulcrum_mm"]), markeredgewidth=1.4)

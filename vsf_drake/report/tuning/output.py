@@ -39,8 +39,9 @@ def write_tuning(
 
     Args:
         table: see `table.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
-        arrays: any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), `grf_time` (n,) s, `grf_softest`,
-            `grf_optimum`, `grf_stiffest`, `grf_recorded` (n, 3) N in W; of level 2: `phase` (n,) 0 to 1, `names` (8,),
+        arrays: any of level 1: `sweep_fulcrum_mm` (s,), `sweep_cost` (trials, s), and by trial I from 0 and setting
+            (softest, optimum, stiffest, recorded) `I_SETTING_time_s` (n,), `I_SETTING_grf_W` (n, 3) N in W, and
+            `I_plate_grf_W` (n, 3) on the time of the recorded setting; of level 2: `phase` (n,) 0 to 1, `names` (8,),
             `q`, `q_recorded` (n, 8) rad and m, `torque`, `torque_recorded` (n, 5) N m, `grf_prosthetic`, `grf_intact`
             (n, 2) N (forward, up), and these two with `_recorded`, `_resimulated_prescribed`, `_resimulated_feedback`.
             Others are kept, and not shown.

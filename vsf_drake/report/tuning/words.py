@@ -55,15 +55,15 @@ def answer(table: Mapping[str, Any]) -> list[str]:
 
 
 def setting_words(table: Mapping[str, Any]) -> str:
-    """The setting, its cost, and which settings are as good."""
+    """The setting, its cost and its interval."""
     x, _ = swept(table)
     span = f" between {x[0]:g} and {x[-1]:g} mm" if len(x) else ""
     words = (f"The fulcrum at {millimetres(table['fulcrum_mm'])} gives the least {table['cost_label']} of all "
              f"settings{span}: {quantity(table['cost'], table['cost_unit'])}.")
     interval = table["fulcrum_interval_mm"]
     if interval is not None:
-        words += f" Positions from {interval[0]:.0f} to {interval[1]:.0f} mm are as good" + (
-            f" ({table['interval_meaning']})." if table["interval_meaning"] else ".")
+        words += f" Its interval is {interval[0]:.0f} to {interval[1]:.0f} mm" + (
+            f": {_sentence(table['interval_meaning'])}" if table["interval_meaning"] else ".")
     return words
 
 
@@ -76,8 +76,8 @@ def worth_words(table: Mapping[str, Any]) -> list[str]:
         known = "" if row["uncertainty"] is None else f" (± {quantity(row['uncertainty'], table['cost_unit'])})"
         said.append(f"Over the whole range the cost changes by {size}, which is more than its uncertainty{known}."
                     if row["matters"] else
-                    f"{HARDLY} for this cost: over the whole range it changes by {size}, which is no "
-                    f"more than its uncertainty{known}.")
+                    f"{HARDLY} for this cost: over the whole range it changes by {size}, which is too little to be "
+                    f"told from its uncertainty{known} or from nothing.")
     others = [other for other in table["outcomes"] if other is not row]
     names = {kind: [other["label"] for other in others if other["matters"] is kind] for kind in (True, False, None)}
     if row is None and others and not names[True] and not names[None]:

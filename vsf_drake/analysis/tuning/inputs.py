@@ -1,0 +1,116 @@
+"""The trials that a foot is tuned to: read, with a fitted contact or with offsets fitted to their plates."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.offsets import fit_offsets
+from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import InputError
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import Trial, load_trial
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the finished fraction of it."""
+NO_CONTACT = (
+    "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was fitted, "
+    "to each trial's own plate.")
+_TYPICAL_EVALUATIONS = 25.0
+
+
+@dataclass(frozen=True, eq=False)
+class TuningTrials:
+    """Trials as they are to be walked.
+
+    Attributes:
+        trials: in the order in which they were named. labels: a short name for each.
+        notes: what a user should know of them.
+    """
+
+    trials: tuple[Trial, ...]
+    labels: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def recorded_mm(self) -> list[float]:
+        """Where the fulcrum stood in each trial (mm from A)."""
+        return [round(1e3 * trial.fulcrum_m, 9) for trial in self.trials]
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any of them was constructed rather than measured."""
+        return any(trial.synthetic for trial in self.trials)
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """SHA-256 of every file that was read, by trial and name."""
+        return {f"{label}: {file}": digest for label, trial in zip(self.labels, self.trials, strict=True)
+                for file, digest in trial.inputs.items()}
+
+    @property
+    def reach_mm(self) -> tuple[float, float]:
+        """Between which positions (mm from A) the carriage of every trial's foot can stand."""
+        feet = [trial.model.foot.fulcrum for trial in self.trials]
+        return 1e3 * max(foot.rearmost_m for foot in feet), 1e3 * min(foot.foremost_m for foot in feet)
+
+
+def embedded_tuning_trials(*, level: int) -> tuple[Path, ...]:
+    """Manifests of the synthetic trials that ship with the package: one a setting, or one stride for level 2."""
+    one_each = embedded_trials(quick=True)
+    return one_each if level == 1 else one_each[1:2]
+
+
+def load_tuning_trials(
+    manifests: Sequence[str | Path], *, contact: str | Path | None = None, level: int = 1,
+    progress: Progress | None = None
+) -> TuningTrials:
+    """Reads trials of one person; without any, the embedded ones with the contact that was fitted to them.
+
+    Args:
+        contact: a contact file (`vsf-drake fit`). Without one, height, fore-aft position and alignment of the
+            prosthesis are fitted to each trial's plate.
+        level: of the tuning, which decides which trials are taken where none is named.
+
+    Raises:
+        InputError: a file cannot be read or used; a trial is named twice; the trials are of several persons.
+        SimulationError: a trial whose offsets are to be fitted cannot be walked.
+    """
+    if not manifests:
+        manifests, contact = embedded_tuning_trials(level=level), contact or embedded_contact()
+    files = [Path(manifest).resolve() for manifest in manifests]
+    for i, file in enumerate(files):
+        if file in files[:i]:
+            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+    trials = [load_trial(manifest) for manifest in manifests]
+    check_one_person(trials)
+    labels = labels_of(trials)
+    if contact is not None:
+        fitted = load_contact(contact)
+        return TuningTrials(tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, ())
+    found, notes = [], [NO_CONTACT]
+    for i, (trial, label) in enumerate(zip(trials, labels, strict=True)):
+        def show(count: int, cost: float, label: str = label, i: int = i) -> None:
+            if progress:
+                share = count / (count + _TYPICAL_EVALUATIONS)
+                progress(f"{label}: fitting offsets, cost {cost:.1f}", (i + share) / len(trials))
+
+        fit = fit_offsets(trial, progress=show)
+        if not fit.success or fit.at_bound:
+            ended = f"ended on a bound ({', '.join(fit.at_bound)})" if fit.at_bound else f"failed: {fit.message}"
+            notes.append(f"{label}: the fit of its offsets {ended}.")
+        found.append(dataclasses.replace(trial, offsets=fit.offsets))
+    return TuningTrials(tuple(found), labels, tuple(notes))
+
+
+def check_one_person(trials: Sequence[Trial]) -> None:
+    """Raises InputError unless all trials are of one subject, with the prosthesis on one side."""
+    first = trials[0]
+    for trial in trials[1:]:
+        if trial.subject != first.subject:
+            raise InputError(f"is of another subject than {first.path}", file=trial.path, where="subject",
+                             right="A setting is one person's: tune one subject at a time")

@@ -1,0 +1,227 @@
+"""One setting for each task: what a device's controller would store, and what that buys over one setting for all.
+
+Every task has been tuned by itself. Its cost over the fulcrum's range is the monotone cubic (PCHIP) through the points
+of its sweep and its optimum; the one setting for all minimises the mean of the tasks' costs.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
+
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.errors import FitError, InputError
+
+GRID_MM = 0.01
+"""Of the search for the setting that is best for all."""
+SAME = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskSetting:
+    """A row of the policy.
+
+    Attributes:
+        label: of the task. descriptors: by name of DESCRIPTORS, None where not known.
+        fulcrum_mm: what is stored, within the reach and rounded to the carriage's resolution. exact_mm: before that;
+            both None for a task without any result.
+        cost: at what is stored. cost_exact: at `exact_mm`. cost_common: at the one setting for all.
+        interval_mm: of the optimum; None if unknown.
+        matters: whether the task's own setting is known to differ from the one for all: the task's cost is known to
+            depend on the setting, and the one for all lies outside of the interval. None if that is not known.
+        optimal, status: whether the tuning of the task ended at an optimum, and how.
+    """
+
+    label: str
+    descriptors: Mapping[str, float | None]
+    fulcrum_mm: float | None
+    exact_mm: float | None
+    cost: float | None
+    cost_exact: float | None
+    cost_common: float | None
+    interval_mm: tuple[float, float] | None
+    matters: bool | None
+    optimal: bool
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """The policy table.
+
+    Attributes:
+        tasks: a row each. common_fulcrum_mm: the one setting that is best for all; None if a task has no result.
+        reach_mm: of the carriage. resolution_mm: steps of it from the lower end of its reach; None for none.
+    """
+
+    tasks: tuple[TaskSetting, ...]
+    common_fulcrum_mm: float | None
+    reach_mm: tuple[float, float]
+    resolution_mm: float | None
+
+    @property
+    def optimal(self) -> bool:
+        """Whether every task's tuning ended at an optimum."""
+        return all(task.optimal for task in self.tasks)
+
+    def check(self) -> Schedule:
+        """This schedule. Raises FitError if a task's tuning did not end at an optimum."""
+        bad = [task for task in self.tasks if not task.optimal]
+        if bad:
+            raise FitError("the schedule is not optimal: " + "; ".join(f"{t.label}: {t.status}" for t in bad))
+        return self
+
+    def lookup(
+        self, *, speed: float | None = None, slope: float | None = None, carried: float | None = None
+    ) -> float:
+        """The fulcrum position (mm from A) for a task between those of the table.
+
+        Linear between the tasks in each descriptor that tells them apart; outside of the table the nearest edge of it
+        (nothing is extrapolated); then within the carriage's reach and on its resolution. Descriptors that are the same
+        in all tasks, or known of none, have no say. With several, the tasks must form a full grid.
+
+        Args:
+            speed: m/s. slope: °, uphill +. carried: kg.
+
+        Raises:
+            InputError: a number is missing or not finite; the tasks do not tell this descriptor, or form no grid.
+            FitError: a task's tuning did not end at an optimum.
+        """
+        self.check()
+        given = dict(zip(DESCRIPTORS, (speed, slope, carried), strict=True))
+        for name, value in given.items():
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"{value} is no value", where=name)
+            if value is not None and all(task.descriptors.get(name) is None for task in self.tasks):
+                raise InputError("no task of this schedule says its own", where=name,
+                                 right="Describe the tasks in the task file")
+        axes = self._axes()
+        for name in axes:
+            if given[name] is None:
+                raise InputError("is missing: the tasks differ in it", where=name,
+                                 right=f"Give it in {DESCRIPTORS[name]}")
+        if not axes:
+            raise InputError("the tasks of this schedule are told apart by nothing", where="lookup",
+                             right="Give their speeds, slopes or loads in a task file")
+        at = [float(np.clip(given[name], values[0], values[-1])) for name, values in axes.items()]
+        found = RegularGridInterpolator(tuple(axes.values()), self._grid(axes), method="linear")(at)
+        return on_carriage(float(found[0]), self.reach_mm, self.resolution_mm)
+
+    def _axes(self) -> dict[str, np.ndarray]:
+        """Rising values of each descriptor in which the tasks differ."""
+        found = {}
+        for name in DESCRIPTORS:
+            values = [task.descriptors.get(name) for task in self.tasks]
+            known = sorted({value for value in values if value is not None})
+            if known and len(known) + (None in values) > 1:
+                if None in values:
+                    raise InputError("some tasks say it and others do not", where=name,
+                                     right="Describe all tasks in the task file, or none")
+                found[name] = np.array(known, dtype=float)
+        return found
+
+    def _grid(self, axes: Mapping[str, np.ndarray]) -> np.ndarray:
+        shape = tuple(len(values) for values in axes.values())
+        grid = np.full(shape, np.nan)
+        for task in self.tasks:
+            at = tuple(int(np.searchsorted(values, task.descriptors[name])) for name, values in axes.items())
+            if not np.isnan(grid[at]):
+                raise InputError("two tasks have the same descriptors", where=task.label,
+                                 right="Ask for it by its label instead, or tell the tasks apart")
+            grid[at] = task.exact_mm
+        if np.isnan(grid).any():
+            missing = [corner for corner in itertools.product(*map(range, shape)) if np.isnan(grid[corner])]
+            place = ", ".join(f"{name} {values[i]:g}" for (name, values), i in
+                              zip(axes.items(), missing[0], strict=True))
+            raise InputError(f"the tasks form no full grid: there is none at {place}", where="lookup",
+                             right="Between tasks that differ in several things, a setting is told only inside a grid")
+        return grid
+
+
+def make_schedule(
+    tuned: Sequence[tuple[str, Mapping[str, float | None], Mapping[str, Any]]], *, reach_mm: tuple[float, float],
+    resolution_mm: float | None = None
+) -> Schedule:
+    """The schedule of tasks that were tuned by themselves.
+
+    Args:
+        tuned: label, descriptors and the table of the tuning (`tuning.json`) of each task.
+        reach_mm: positions that the carriage can take. resolution_mm: its steps.
+
+    Raises:
+        InputError: the resolution is not usable.
+    """
+    low, high = reach_mm
+    if resolution_mm is not None and not 0.0 < resolution_mm <= high - low:
+        raise InputError(f"{resolution_mm:g} mm is no resolution", where="resolution",
+                         right=f"It must be above 0 and at most the reach, {high - low:g} mm")
+    curves = [cost_curve(table) for _, _, table in tuned]
+    known = [curve for curve in curves if curve is not None]
+    common = best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
+    rows = tuple(_row(label, descriptors, table, curve, common, reach_mm, resolution_mm)
+                 for (label, descriptors, table), curve in zip(tuned, curves, strict=True))
+    return Schedule(tasks=rows, common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
+
+
+def cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
+    """The cost over the fulcrum (mm) through the sweep's points and the optimum; None with fewer than two points."""
+    points = {float(row["fulcrum_mm"]): float(row["cost"]) for row in table["sweep"] if row["cost"] is not None}
+    if table["optimal"] and table["fulcrum_mm"] is not None and table["cost"] is not None:
+        points = {x: y for x, y in points.items() if abs(x - table["fulcrum_mm"]) > 1e-6}
+        points[float(table["fulcrum_mm"])] = float(table["cost"])
+    if len(points) < 2:
+        return None
+    x = np.array(sorted(points))
+    curve = PchipInterpolator(x, [points[at] for at in x])
+    return lambda at: np.asarray(curve(np.clip(at, x[0], x[-1])))
+
+
+def best_common(
+    curves: Sequence[Callable[[Any], np.ndarray]], reach_mm: tuple[float, float], resolution_mm: float | None
+) -> float:
+    """The position (mm) that the carriage can take at which the mean of the costs is least."""
+    spacing = resolution_mm or GRID_MM
+    count = math.floor((reach_mm[1] - reach_mm[0]) / spacing + SAME) + 1
+    at = reach_mm[0] + spacing * np.arange(count)
+    if resolution_mm is None:
+        at = np.append(at[at < reach_mm[1] - SAME], reach_mm[1])
+    return float(at[int(np.argmin(np.mean([curve(at) for curve in curves], axis=0)))])
+
+
+def on_carriage(fulcrum_mm: float, reach_mm: tuple[float, float], resolution_mm: float | None) -> float:
+    """The nearest position that the carriage can take: within its reach, on a whole step from its lower end."""
+    low, high = reach_mm
+    inside = min(max(fulcrum_mm, low), high)
+    if resolution_mm is None:
+        return inside
+    steps = min(round((inside - low) / resolution_mm), math.floor((high - low) / resolution_mm + SAME))
+    return low + steps * resolution_mm
+
+
+def _row(
+    label: str, descriptors: Mapping[str, float | None], table: Mapping[str, Any],
+    curve: Callable[[Any], np.ndarray] | None, common: float | None, reach_mm: tuple[float, float],
+    resolution_mm: float | None
+) -> TaskSetting:
+    exact, interval = table["fulcrum_mm"], table["fulcrum_interval_mm"]
+    stored = None if exact is None else on_carriage(exact, reach_mm, resolution_mm)
+
+    def cost(at: float | None) -> float | None:
+        return None if curve is None or at is None else float(curve(at))
+
+    depends = next((row["matters"] for row in table["outcomes"] if row["name"] in ("cost", table["cost_name"])), None)
+    matters: bool | None = None
+    if table["optimal"] and common is not None:
+        inside = interval is not None and interval[0] <= common <= interval[1]
+        matters = False if inside or depends is False else True if depends and interval is not None else None
+    return TaskSetting(
+        label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=cost(stored),
+        cost_exact=table["cost"], cost_common=cost(common),
+        interval_mm=None if interval is None else (float(interval[0]), float(interval[1])), matters=matters,
+        optimal=bool(table["optimal"]), status=str(table["status"]))
