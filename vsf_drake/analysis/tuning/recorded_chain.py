@@ -29,6 +29,8 @@ _TURNS["shank_P"] = (*_TURNS["thigh_P"], (KNEE_P, -1.0))
 _TURNS["thigh_I"] = (*_TURNS["pelvis"], (HIP_I, 1.0))
 _TURNS["shank_I"] = (*_TURNS["thigh_I"], (KNEE_I, -1.0))
 _TURNS["foot_I"] = (*_TURNS["shank_I"], (ANKLE_I, 1.0))
+_ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])
+"""The joints down either leg, with their signs."""
 _PARENT = {"thigh_P": "pelvis", "shank_P": "thigh_P", "thigh_I": "pelvis", "shank_I": "thigh_I", "foot_I": "shank_I"}
 
 
@@ -85,6 +87,23 @@ class SagittalChain:
             for c, sign in _TURNS[name]:
                 J[:, k, c] = 1j * sign * (places[:, k] - origin[pivot[c]])
         return places, J
+
+    def curvature(self, J: np.ndarray, pull: np.ndarray) -> np.ndarray:
+        """(n, 8, 8) sum over points of Re(conj(pull) d2p/dq2): what curved paths add to a least-squares Hessian.
+
+        d2p/dq_c dq_d is i s_c dp/dq_d, c being the joint nearer to the pelvis and s_c its sign.
+
+        Args:
+            J: (n, k, 8) from `points`; the points need not be the chain's own, but may be sums of them.
+            pull: (n, k) complex residuals, each part times its weight.
+        """
+        turned = np.einsum("nk,nkd->nd", pull.conj(), 1j * J).real
+        H = np.zeros((len(J), 8, 8))
+        for order in _ORDERS:
+            for place, (c, sign) in enumerate(order):
+                for deeper, _ in order[place:]:
+                    H[:, c, deeper] = H[:, deeper, c] = sign * turned[:, deeper]
+        return H
 
     def mass_center(self, q: np.ndarray) -> np.ndarray:
         """(n,) complex, m: the whole body's centre of mass."""

@@ -42,10 +42,9 @@ class PeriodicCurves:
 
 @dataclass(frozen=True, eq=False)
 class PieceOfTime:
-    """Curves that are known from 0 to `end_s`, which is from `start_s` on in `motion`."""
+    """Curves that are known from 0 to `end_s`."""
 
     motion: CoordinateTrajectory
-    start_s: float
     end_s: float
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,7 +53,7 @@ class PieceOfTime:
         if times.size and not (times.min() >= -1e-9 and times.max() <= self.end_s + 1e-9):
             raise InputError(f"{times.min():g} to {times.max():g} s lies outside the piece of time of 0 to "
                              f"{self.end_s:g} s", where="times_s")
-        return self.motion.sample(np.clip(times, 0.0, self.end_s) + self.start_s)
+        return self.motion.sample(np.clip(times, self.motion.start_s, self.motion.end_s))
 
 
 def harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -96,21 +95,19 @@ def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, 
     return PeriodicCurves(period_s, np.asarray(advance, dtype=float), coefficients)
 
 
-def piece_of_time(times: np.ndarray, values: np.ndarray, start: float, end: float) -> PieceOfTime:
-    """Natural quintic splines through (n,) times and (n, m) values, seen from `start` to `end`."""
-    names = [str(i) for i in range(values.shape[1])]
-    return PieceOfTime(CoordinateTrajectory(times, values, names), start, end - start)
+def piece_of_time(times: np.ndarray, values: np.ndarray, end_s: float) -> PieceOfTime:
+    """Natural quintic splines through (n,) times, of which the first is nearest to 0, and (n, m) values."""
+    return PieceOfTime(CoordinateTrajectory(times, values, [str(i) for i in range(values.shape[1])]), end_s)
 
 
-def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> np.ndarray:
-    """(m,) mean of value(t + period) - value(t) over all t that have both; by extrapolated rate if there are none.
+def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
+    """Mean of value(t + period) - value(t) over all t that have both; from the mean rate if there are none.
 
-    The mean is weighted toward the middle of the overlap, like `closing_weights`.
+    The mean is weighted toward the middle of the overlap, like `closing_weights`. times, values: (n,).
     """
     early = times[times + period_s <= times[-1]]
-    if not early.size:
-        return (values[-1] - values[0]) * period_s / (times[-1] - times[0])
-    later = np.column_stack([np.interp(early + period_s, times, column) for column in values.T])
-    x = (early - early[0] + 1e-9) / (early[-1] - early[0] + 2e-9)
-    weights = x**2 * (1.0 - x) ** 2 + 1e-12
-    return np.average(later - values[: len(early)], axis=0, weights=weights)
+    if early.size < 2:
+        return float((values[-1] - values[0]) * period_s / (times[-1] - times[0]))
+    later = np.interp(early + period_s, times, values)
+    x = (early - early[0]) / (early[-1] - early[0])
+    return float(np.average(later - values[: len(early)], weights=x**2 * (1.0 - x) ** 2 + 1e-9))

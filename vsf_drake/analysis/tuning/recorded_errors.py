@@ -7,114 +7,123 @@
     angle.*       the final curves less the recorded angles of the 3-D motion, RMS
     smoothing.*   the final curves less the projection of every recorded instant, RMS
     closing.*     the projection at one end of the recording less that at the other, one stride apart, RMS
-    force.*       m (g + a) of the sagittal model's centre of mass less the forces of both feet, where both are known,
-                  RMS in body weights; balance: the mean of the recorded forces over the stride in body weights (less
-                  1 upward), which is zero for a periodic stride
+    force.*       m (g + a) of the centre of mass, the sagittal model's or the recorded 3-D motion's own, less the
+                  forces of both feet, where both are known, RMS in body weights; balance: the mean of the plates'
+                  forces over the stride in body weights (less 1 upward), which is zero for a stride that repeats
     parts.*       between two recordings of the same instant of a foot's force, RMS
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import SagittalChain
+from vsf_drake.analysis.tuning.recorded_curves import PeriodicCurves, PieceOfTime
 from vsf_drake.analysis.tuning.recorded_forces import FootForce
-from vsf_drake.analysis.tuning.recorded_projection import Nearness, Projection, near_floor
+from vsf_drake.analysis.tuning.recorded_projection import Nearness, near_floor
+from vsf_drake.analysis.tuning.recorded_view import View
 from vsf_drake.motion.plates import GRAVITY
 
 STEP_S = 0.002
+ON_FLOOR = 0.5
+"""Spheres' worth of nearness to the floor from which on a foot is said to be on it."""
+_LENGTHS = ("pelvis_tx", "pelvis_ty")
 FEET = (("P", "prosthetic"), ("I", "intact"))
 
 
-def place_errors(chain: SagittalChain, wanted: np.ndarray, projected: np.ndarray, final: np.ndarray,
-                 recorded: np.ndarray, weights: np.ndarray, names: Sequence[str], ground: float = 0.0
-                 ) -> dict[str, float]:
+def place_errors(seen: View, projected: np.ndarray, final: np.ndarray, weights: np.ndarray) -> dict[str, float]:
     """`place.*`, `angle.*` and `smoothing.*`.
 
     Args:
-        wanted: (n, k) complex, m. projected, final, recorded: (n, 8). weights: (n,) of the instants.
+        projected, final: (n, 8) coordinates. weights: (n,) of the instants.
     """
+    chain, wanted = seen.chain, seen.wanted
     off = 1e3 * (chain.points(final)[0] - wanted)
-    share = near_floor(chain, wanted, ground, Nearness())
+    share = near_floor(chain, wanted, seen.ground, Nearness())
     found: dict[str, float] = {}
     for s, foot in FEET:
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
-        on = weights * (near > 0.5)
+        on = weights * (near > ON_FLOOR)
         found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, on)
         found[f"place.{foot}_foot_up_largest_mm"] = float(np.abs(mean.imag[on > 0.0]).max(initial=0.0))
         found[f"place.{foot}_foot_along_mm"] = _rms(mean.real, on)
+        found[f"place.{foot}_foot_slip_mm_per_s"] = _rms(np.gradient(mean.real, seen.time_s), on)
         for joint in ("knee", "ankle"):
             d = off[:, chain.rows(f"{joint} {s}")][:, 0]
             found[f"place.{foot}_{joint}_up_mm"], found[f"place.{foot}_{joint}_along_mm"] = (
                 _rms(d.imag, weights), _rms(d.real, weights))
     hips = off[:, np.concatenate([chain.rows("hip P"), chain.rows("hip I")])].mean(axis=1)
-    mass = 1e3 * (chain.mass_center(final) - wanted @ chain.mass / chain.mass.sum())
+    mass = off @ chain.mass / chain.mass.sum()
     for name, d in (("hip", hips), ("mass_center", mass)):
         found[f"place.{name}_up_mm"], found[f"place.{name}_along_mm"] = _rms(d.imag, weights), _rms(d.real, weights)
-    for c, name in enumerate(names):
-        if name not in ("pelvis_tx", "pelvis_ty"):
-            found[f"angle.{name}_deg"] = _rms(np.degrees(final[:, c] - recorded[:, c]), weights)
+    for c, name in enumerate(seen.names):
+        if name not in _LENGTHS:
+            found[f"angle.{name}_deg"] = _rms(np.degrees(final[:, c] - seen.recorded[:, c]), weights)
         found[f"smoothing.{_unit(name)}"] = _rms(_scaled(name, final[:, c] - projected[:, c]), weights)
     return found
 
 
-def closing_errors(time_s: np.ndarray, projected: np.ndarray, advance: np.ndarray, period_s: float,
-                   names: Sequence[str]) -> dict[str, float]:
-    """`closing.*`: nothing if the recording is no longer than a stride."""
-    early = time_s[time_s + period_s <= time_s[-1]]
+def closing_errors(seen: View, projected: np.ndarray, advance: np.ndarray, period_s: float) -> dict[str, float]:
+    """`closing.*`: nothing if the recording is no longer than a stride. advance: (8,) per stride."""
+    time = seen.time_s
+    early = time[time + period_s <= time[-1]]
     found = {}
-    for c, name in enumerate(names) if early.size else ():
-        later = np.interp(early + period_s, time_s, projected[:, c])
+    for c, name in enumerate(seen.names) if early.size else ():
+        later = np.interp(early + period_s, time, projected[:, c])
         found[f"closing.{_unit(name)}"] = _rms(_scaled(name, later - advance[c] - projected[: len(early), c]))
     return found
 
 
-def force_errors(chain: SagittalChain, sample, forces: Mapping[str, FootForce], mass_kg: float,
-                 period_s: float) -> dict[str, float]:
-    """`force.*` and `parts.*`; a balance only where both feet's forces are known throughout.
+def center_rate(chain: SagittalChain, curves: PeriodicCurves | PieceOfTime, times: np.ndarray) -> np.ndarray:
+    """(n,) complex, m/s^2: the acceleration of the sagittal model's centre of mass at even times, inner differences."""
+    h = times[1] - times[0]
+    center = chain.mass_center(curves.sample(times)[0])
+    inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / h**2
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def force_errors(acceleration: Callable[[np.ndarray], np.ndarray], forces: Mapping[str, FootForce], mass_kg: float,
+                 period_s: float, *, of: str = "sagittal", periodic: bool = True) -> dict[str, float]:
+    """`force.*` and `parts.*`; a balance only where both feet's forces are known throughout a periodic stride.
 
     Args:
-        sample: coordinates, rates and accelerations of times, see `RecordedStride.sample`.
+        acceleration: complex (n,) m/s^2 of the centre of mass at even times (n,) s. of: whose it is.
     """
     found: dict[str, float] = {}
     for foot, force in forces.items():
         if force.parts_overlap_s > 0.0:
             found[f"parts.{foot}_overlap_s"] = force.parts_overlap_s
             found[f"parts.{foot}_along_n"], found[f"parts.{foot}_up_n"] = force.parts_differ
-    if len(forces) < 2:
+    if len(forces) < len(FEET):
         return found
     times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
-    weight = mass_kg * GRAVITY
-    total = sum(force.sample(times)[0][:, :2] for force in forces.values()) / weight
-    center = chain.mass_center(sample(times)[0])
-    h = times[1]
-    rate = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / h**2 / GRAVITY + 1j
+    total = sum(force.sample(times)[0][:, :2] for force in forces.values()) / (mass_kg * GRAVITY)
+    needed = acceleration(times) / GRAVITY + 1j
     known = np.isfinite(total).all(axis=1)
-    inner = known[1:-1]
-    if inner.any():
-        found["force.along_bw"] = _rms(rate.real[inner] - total[1:-1, 0][inner])
-        found["force.up_bw"] = _rms(rate.imag[inner] - total[1:-1, 1][inner])
+    if known.any():
+        found[f"force.{of}_along_bw"] = _rms(needed.real[known] - total[known, 0])
+        found[f"force.{of}_up_bw"] = _rms(needed.imag[known] - total[known, 1])
         found["force.known_share"] = float(known.mean())
-    if known.all():
+    if known.all() and periodic:
         along, up = np.trapezoid(total, times, axis=0) / period_s
         found["force.balance_along_bw"], found["force.balance_up_bw"] = float(along), float(up) - 1.0
     return found
 
 
-def sentences(errors: Mapping[str, float], projection: Projection) -> tuple[str, ...]:
-    """What a reader should know of `errors`."""
+def sentences(errors: Mapping[str, float], shift: complex, *, converged: bool) -> tuple[str, ...]:
+    """What a reader should know of `errors`; shift: the constant by which the pelvis was moved, m."""
     notes = []
-    if not projection.converged:
-        notes.append("The sagittal projection DID NOT CONVERGE at every instant.")
+    if not converged:
+        notes.append("The sagittal motion DID NOT CONVERGE: it is near the nearest one, not at it.")
     notes.append("Seen from the side, the soles near the floor lie within "
                  f"{errors['place.prosthetic_foot_up_mm']:.2f} mm (prosthetic) and "
-                 f"{errors['place.intact_foot_up_mm']:.2f} mm (intact, both RMS in height) of the 3-D model's, the centre "
-                 f"of mass within {errors['place.mass_center_up_mm']:.2f} mm; the pelvis was moved by "
-                 f"{1e3 * projection.shift.real:+.1f} mm along the way and {1e3 * projection.shift.imag:+.1f} mm up.")
+                 f"{errors['place.intact_foot_up_mm']:.2f} mm (intact, both RMS in height) of the 3-D model's, the "
+                 f"centre of mass within {errors['place.mass_center_up_mm']:.2f} mm; the pelvis was moved by "
+                 f"{1e3 * shift.real:+.1f} mm along the way and {1e3 * shift.imag:+.1f} mm up.")
     angles = {name: value for name, value in errors.items() if name.startswith("angle.")}
     worst = max(angles, key=angles.__getitem__)
     notes.append(f"For that the joint angles differ from the recorded ones by up to {angles[worst]:.1f}° RMS "
@@ -129,10 +138,11 @@ def sentences(errors: Mapping[str, float], projection: Projection) -> tuple[str,
             notes.append(f"The {foot} foot's force was recorded twice over {errors[f'parts.{foot}_overlap_s']:.3f} s "
                          f"of the stride; the two differ by {errors[f'parts.{foot}_up_n']:.0f} N up and "
                          f"{errors[f'parts.{foot}_along_n']:.0f} N along (RMS), and were blended.")
-    if "force.up_bw" in errors:
-        notes.append(f"What the sagittal model's centre of mass needs differs from what the plates measured by "
-                     f"{100 * errors['force.up_bw']:.1f} % of body weight up and {100 * errors['force.along_bw']:.1f} % "
-                     "along (RMS).")
+    for of, whose in (("sagittal", "sagittal model's"), ("recorded", "recorded motion's own")):
+        if f"force.{of}_up_bw" in errors:
+            notes.append(f"What the {whose} centre of mass needs differs from what the plates measured by "
+                         f"{100 * errors[f'force.{of}_up_bw']:.1f} % of body weight up and "
+                         f"{100 * errors[f'force.{of}_along_bw']:.1f} % along (RMS).")
     if "force.balance_up_bw" in errors:
         notes.append(f"Over the stride the plates carry {100 * errors['force.balance_up_bw']:+.1f} % more than body "
                      f"weight, and push {100 * errors['force.balance_along_bw']:+.1f} % of it forward.")
@@ -140,11 +150,11 @@ def sentences(errors: Mapping[str, float], projection: Projection) -> tuple[str,
 
 
 def _unit(name: str) -> str:
-    return f"{name}_mm" if name in ("pelvis_tx", "pelvis_ty") else f"{name}_deg"
+    return f"{name}_mm" if name in _LENGTHS else f"{name}_deg"
 
 
 def _scaled(name: str, values: np.ndarray) -> np.ndarray:
-    return 1e3 * values if name in ("pelvis_tx", "pelvis_ty") else np.degrees(values)
+    return 1e3 * values if name in _LENGTHS else np.degrees(values)
 
 
 def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:

@@ -75,13 +75,13 @@ def unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
     return found
 
 
-def heading(points: BodyPoints, rows: slice = slice(None), *, file: object = None) -> np.ndarray:
+def heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
     """(2,) unit vector in the floor along which the pelvis travels.
 
     Raises:
         InputError: it hardly travels.
     """
-    way = (points.pelvis[rows][-1] - points.pelvis[rows][0])[:2]
+    way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
     if length < LEAST_WAY_M:
         raise InputError(f"the pelvis gets only {length:.2f} m ahead", file=file, where="kinematics",
@@ -110,7 +110,7 @@ def within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: f
     return None, "not seen"
 
 
-def first_strike(stances: Sequence[Stance], window: Span, *, file: object, what: str) -> Stance:
+def first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
     """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen.
 
     Raises:
@@ -122,5 +122,5 @@ def first_strike(stances: Sequence[Stance], window: Span, *, file: object, what:
     if whole or struck:
         return (whole or struck)[0]
     seen = ", ".join(f"{x.start_s:.3f} to {x.end_s:.3f} s" for x in stances) or "none"
-    raise InputError(f"{what} shows no strike of the prosthetic foot from {window[0]:.3f} to {window[1]:.3f} s",
+    raise InputError(f"the plate shows no strike of the prosthetic foot from {window[0]:.3f} to {window[1]:.3f} s",
                      file=file, where="forces", right=f"Its stances are: {seen}")

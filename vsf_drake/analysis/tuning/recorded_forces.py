@@ -30,8 +30,8 @@ class FootForce:
         force: (g, 2) N, along the way of walking and up; NaN where not known.
         cop: (g,) m along the way, less `advance_m` times t / period; NaN where not known or not loaded.
         period_s, advance_m: see `RecordedStride`. periodic: whether it goes on beyond the grid.
-        parts_differ: RMS (N, along and up) between what was recorded of the same instant more than once; NaN if nothing.
-        parts_overlap_s: how long that was, while the foot was loaded.
+        parts_differ: RMS (N, along and up) between two recordings of the same instant while the foot was loaded; NaN if
+            there are none. parts_overlap_s: for how long there are.
     """
 
     time_s: np.ndarray

@@ -149,8 +149,8 @@ class _Alike:
         shifts = np.arange(low, high, GRID_S)
         costs = [self.cost(shift) for shift in shifts]
         at = int(np.argmin(costs))
-        found = minimize_scalar(self.cost, bounds=(max(low, shifts[at] - 2 * GRID_S), min(high, shifts[at] + 2 * GRID_S)),
-                                method="bounded", options={"xatol": 1e-5})
+        near = (max(low, shifts[at] - 2 * GRID_S), min(high, shifts[at] + 2 * GRID_S))
+        found = minimize_scalar(self.cost, bounds=near, method="bounded", options={"xatol": 1e-5})
         return float(found.x), 0 < at < len(shifts) - 1
 
     def closing(self, seconds: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ Keel and socket are undeformed: what the recording prescribes is all that is kno
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,6 +44,12 @@ class BodyPoints:
     mass_center: np.ndarray
     mass_body: np.ndarray
     ground: float
+
+    def at(self, rows: np.ndarray) -> BodyPoints:
+        """The same at some of the instants only; rows: (n,) bool."""
+        return dataclasses.replace(
+            self, pelvis=self.pelvis[rows], hip=self.hip[rows], knee=self.knee[rows], ankle=self.ankle[rows],
+            spheres={s: centres[rows] for s, centres in self.spheres.items()}, mass_center=self.mass_center[rows])
 
     @property
     def whole_center(self) -> np.ndarray:

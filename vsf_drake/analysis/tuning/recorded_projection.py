@@ -23,7 +23,9 @@ import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import HIP_P, TILT, SagittalChain
 
-ITERATIONS = 30
+ITERATIONS = 50
+SMALLEST_STEP = 1e-7
+"""m and rad: what moves by less has arrived."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +40,14 @@ class Nearness:
     """
 
     loaded_height: float = 1e-4
-    loaded_along: float = 2e-3
+    loaded_along: float = 5e-4
     swinging: float = 5e-3
     knee: float = 5e-3
     ankle: float = 5e-3
-    hip: float = 1e-2
+    hip: float = 2e-2
     mass: float = 2e-4
     angle: float = 0.03
-    tilt: float = 0.02
+    tilt: float = 0.04
     floor_m: float = 0.01
     fade_m: float = 0.002
 
@@ -66,15 +68,23 @@ class Misfit:
     recorded: np.ndarray
     turned: np.ndarray
 
-    def normal(self, chain: SagittalChain, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
-        """Gauss-Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2).
+    def cost(self, chain: SagittalChain, q: np.ndarray, d: complex) -> np.ndarray:
+        """(n,) the sum of squares of every instant."""
+        r = with_mass(chain, chain.points(q)[0])[0] - self.wanted - d * self.shifted
+        return (np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
+                + (q - self.recorded) ** 2 @ self.turned)
 
-        The step (dq, dd) solves [A C; C' D] (dq, dd) = -(b, e), summed over the instants where d is concerned.
+    def normal(self, chain: SagittalChain, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
+        """Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2).
+
+        The step (dq, dd) solves [A C; C' D] (dq, dd) = -(b, e), summed over the instants where d is concerned. A has
+        the curvature of the points' paths in it: without, steps overshoot twofold where a knee is nearly straight.
         """
         places, J = with_mass(chain, *chain.points(q, jacobian=True))
         r = places - self.wanted - d * self.shifted
         A = np.einsum("nkc,nkd->ncd", self.along[:, :, None] * J.real, J.real)
         A += np.einsum("nkc,nkd->ncd", self.height[:, :, None] * J.imag, J.imag)
+        A += chain.curvature(J, self.along * r.real + 1j * self.height * r.imag)
         A[:, range(8), range(8)] += self.turned
         b = np.einsum("nk,nkc->nc", self.along * r.real, J.real)
         b += np.einsum("nk,nkc->nc", self.height * r.imag, J.imag) + self.turned * (q - self.recorded)
@@ -122,16 +132,22 @@ def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, 
 
 
 def project(chain: SagittalChain, misfit: Misfit) -> Projection:
-    """The sagittal motion nearest to a 3-D one: Gauss-Newton from the recorded angles."""
-    q, d = np.array(misfit.recorded), 0j
+    """The sagittal motion nearest to a 3-D one: damped Newton steps from the recorded angles."""
+    q, d, damping = np.array(misfit.recorded), 0j, 1e-3
+    cost = misfit.cost(chain, q, d).sum()
     for _ in range(ITERATIONS):
         A, b, C, D, e = misfit.normal(chain, q, d)
+        A[:, range(8), range(8)] += damping * np.abs(A[:, range(8), range(8)])
         solved = np.linalg.solve(A, np.concatenate([b[:, :, None], C], axis=2))
         S = np.diag(D.sum(axis=0)) - np.einsum("ncx,ncy->xy", C, solved[:, :, 1:])
         step_d = np.linalg.solve(S, np.einsum("ncx,nc->x", C, solved[:, :, 0]) - e.sum(axis=0))
         step = -solved[:, :, 0] - solved[:, :, 1:] @ step_d
-        q, d = q + step, d + complex(*step_d)
-        if max(np.abs(step).max(), np.abs(step_d).max()) < 1e-9:
+        tried = misfit.cost(chain, q + step, d + complex(*step_d)).sum()
+        if not tried <= cost * (1.0 + 1e-12):
+            damping *= 10.0
+            continue
+        q, d, damping, cost = q + step, d + complex(*step_d), max(0.1 * damping, 1e-12), tried
+        if max(np.abs(step).max(), np.abs(step_d).max()) < SMALLEST_STEP:
             return Projection(q, d, True)
     return Projection(q, d, False)
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.recorded_chain import SagittalChain
+from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
+from vsf_drake.analysis.tuning.recorded_closing import acceleration_of_forces, acceleration_of_path, close
 from vsf_drake.analysis.tuning.recorded_curves import (
     PeriodicCurves,
     PieceOfTime,
@@ -20,7 +21,13 @@ from vsf_drake.analysis.tuning.recorded_curves import (
     fit_periodic,
     piece_of_time,
 )
-from vsf_drake.analysis.tuning.recorded_errors import closing_errors, force_errors, place_errors, sentences
+from vsf_drake.analysis.tuning.recorded_errors import (
+    center_rate,
+    closing_errors,
+    force_errors,
+    place_errors,
+    sentences,
+)
 from vsf_drake.analysis.tuning.recorded_events import (
     first_strike,
     heading,
@@ -32,8 +39,8 @@ from vsf_drake.analysis.tuning.recorded_events import (
 )
 from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force, plate_series
 from vsf_drake.analysis.tuning.recorded_period import find_period
-from vsf_drake.analysis.tuning.recorded_projection import Nearness
-from vsf_drake.analysis.tuning.recorded_view import stride_heading, view
+from vsf_drake.analysis.tuning.recorded_projection import Nearness, project
+from vsf_drake.analysis.tuning.recorded_view import View, stride_heading, view
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker
@@ -105,7 +112,8 @@ class RecordedStride:
 
 
 def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: int = HARMONICS,
-                    period_s: float | None = None, nearness: Nearness | None = None) -> RecordedStride:
+                    period_s: float | None = None, nearness: Nearness | None = None,
+                    follow_forces: bool = False) -> RecordedStride:
     """The periodic stride of a trial.
 
     Args:
@@ -114,6 +122,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
         harmonics: order of the periodic curves.
         period_s: instead of the one that the recording tells.
         nearness: what counts how much where the sagittal model cannot follow.
+        follow_forces: whether the closed motion's accelerations follow the plates rather than the recorded motion.
 
     Raises:
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
@@ -122,36 +131,45 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     time = seen.time_s
     loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
     unknown = unknown_spans(trial, loaded, moved)
-    angles = [i for i, name in enumerate(trial.trajectory.names) if name not in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
+    angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis_t") or "tilt" in name]
     series = [plate_series(trial.plates[side], seen.forward, unknown[s]) for s, side in sides(trial).items()
               if side in trial.plates]
     period = find_period(time, trial.trajectory.values[:, angles], series, loaded, moved, stated_s=period_s, file=file)
-    T = period.seconds
-    first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file, what="The plate")
+    T, mass = period.seconds, trial.subject.mass_kg
+    first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
-    seen = seen.turned(stride_heading(seen, T))
-    projection = seen.projection(nearness)
-    t = time - start
-    weights = closing_weights(t, t[0], t[-1], T)
-    advance = np.zeros(8)
-    advance[1] = advance_of(time, projection.q[:, 1:2], T)[0]
-    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance, order=harmonics)
-    forces = {foot: foot_force(trial.plates[side], seen.forward, start_s=start, period_s=T, advance_m=advance[1],
-                               unknown=unknown[s])
-              for (s, side), foot in zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
-              if side in trial.plates}
     prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
     intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
-    errors = {"closing.all_angles_deg": float(np.degrees(period.closing)), "period.overlap_s": period.overlap_s}
-    errors |= place_errors(seen.chain, seen.wanted, projection.q, curves.sample(t)[0], seen.recorded, weights, seen.names)
-    errors |= closing_errors(time, projection.q, advance, T, seen.names)
-    errors |= force_errors(seen.chain, curves.sample, forces, trial.subject.mass_kg, T)
-    notes = (f"The stride takes {T:.4f} s, by {period.method}.",
-             f"Prosthetic stance: {how_p}. Intact stance: {how_i}.", *sentences(errors, projection))
+    seen = seen.turned(stride_heading(seen, T))
+    misfit = seen.misfit(nearness)
+    projection = project(seen.chain, misfit)
+    t = time - start
+    weights = closing_weights(t, t[0], t[-1], T)
+    advance = advance_of(time, projection.q[:, TX], T)
+    by = {"start_s": start, "period_s": T, "unknown": unknown}
+    path = acceleration_of_path(misfit.wanted[:, -1], t, weights, period_s=T, order=harmonics)
+    wish = path
+    if follow_forces:
+        wish = acceleration_of_forces(_forces(trial, seen, advance_m=advance, **by), mass, order=harmonics)
+        if wish is None:
+            raise InputError("the plates do not know both feet's forces over the whole stride", file=file,
+                             where="forces", right="Without follow_forces the motion's own accelerations serve")
+    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX], order=harmonics)
+    curves, shift, closed = close(seen.chain, misfit, curves, t, weights, wish, projection.shift)
+    advance = float(curves.advance[TX])
+    forces = _forces(trial, seen, advance_m=advance, **by)
+    errors = {"period.overlap_s": period.overlap_s}
+    errors |= place_errors(seen, projection.q, curves.sample(t)[0], weights)
+    errors |= closing_errors(seen, projection.q, curves.advance, T)
+    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, T)
+    errors |= force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
+    notes = (f"The stride takes {T:.4f} s, by {period.method}; the pelvis travels {advance:.3f} m.",
+             f"Prosthetic stance: {how_p}. Intact stance: {how_i}.",
+             *sentences(errors, shift, converged=closed and projection.converged))
     return RecordedStride(
-        names=seen.names, periodic=True, period_s=T, advance_m=float(advance[1]), start_s=start, curves=curves,
-        forces=forces, prosthetic_stance=prosthetic or (0.0, first.duration_s), intact_stance=intact,
-        forward=seen.forward, chain=seen.chain, errors=errors, notes=notes)
+        names=seen.names, periodic=True, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
+        prosthetic_stance=prosthetic, intact_stance=intact, forward=seen.forward, chain=seen.chain, errors=errors,
+        notes=notes)
 
 
 def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin_s: float = MARGIN_S,
@@ -167,27 +185,31 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
     seen, file = view(trial, walker), trial.path
     time = seen.time_s
     loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
-    stance = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file, what="The plate")
+    stance = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     if not stance.complete:
-        raise InputError("no prosthetic stance was seen from strike to lift-off", file=file, where="forces")
+        raise InputError(f"the prosthetic stance from {stance.start_s:.3f} s is cut at {stance.end_s:.3f} s", file=file,
+                         where="forces", right="A stance needs strike and lift-off, in the motion and on the plate")
     start, end = max(time[0], stance.start_s - margin_s), min(time[-1], stance.end_s + margin_s)
-    rows = slice(int(np.searchsorted(time, start)), int(np.searchsorted(time, end, side="right")))
-    seen = seen.turned(heading(seen.points, rows, file=file))
-    projection = seen.projection(nearness)
-    curves = piece_of_time(time, projection.q, start, end)
-    unknown = unknown_spans(trial, loaded, moved)
-    forces = {foot: foot_force(trial.plates[side], seen.forward, start_s=start, period_s=end - start, advance_m=0.0,
-                               unknown=unknown[s], periodic=False)
-              for (s, side), foot in zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
-              if side in trial.plates}
-    at = time[rows] - start
-    errors = place_errors(seen.chain, seen.wanted[rows], projection.q[rows], curves.sample(at)[0], seen.recorded[rows],
-                          np.ones(len(at)), seen.names)
-    errors |= force_errors(seen.chain, curves.sample, forces, trial.subject.mass_kg, end - start)
-    q = curves.sample(np.array([0.0, end - start]))[0]
+    seen = seen.at((time >= start) & (time <= end))
+    seen = seen.turned(heading(seen.points, file=file))
+    projection = project(seen.chain, seen.misfit(nearness))
+    curves = piece_of_time(seen.time_s - start, projection.q, end - start)
+    forces = _forces(trial, seen, start_s=start, period_s=end - start, advance_m=0.0, periodic=False,
+                     unknown=unknown_spans(trial, loaded, moved))
+    q = curves.sample(seen.time_s - start)[0]
+    errors = place_errors(seen, projection.q, q, np.ones(len(q)))
+    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, trial.subject.mass_kg,
+                           end - start, periodic=False)
     return RecordedStride(
-        names=seen.names, periodic=False, period_s=end - start, advance_m=float(q[1, 1] - q[0, 1]), start_s=start,
+        names=seen.names, periodic=False, period_s=end - start, advance_m=float(q[-1, TX] - q[0, TX]), start_s=start,
         curves=curves, forces=forces, prosthetic_stance=(stance.start_s - start, stance.end_s - start),
         intact_stance=None, forward=seen.forward, chain=seen.chain, errors=errors,
         notes=(f"One prosthetic stance of {stance.duration_s:.3f} s with margins of {stance.start_s - start:.3f} and "
-               f"{end - stance.end_s:.3f} s, not periodic.", *sentences(errors, projection)))
+               f"{end - stance.end_s:.3f} s, not periodic.",
+               *sentences(errors, projection.shift, converged=projection.converged)))
+
+
+def _forces(trial: Trial, seen: View, *, unknown: dict[str, tuple[Span, ...]], **by) -> dict[str, FootForce]:
+    feet = zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
+    return {foot: foot_force(trial.plates[side], seen.forward, unknown=unknown[s], **by) for (s, side), foot in feet
+            if side in trial.plates}

@@ -10,7 +10,7 @@ import numpy as np
 from vsf_drake.analysis.tuning.recorded_chain import SagittalChain, sagittal_chain, sagittal_names, targets
 from vsf_drake.analysis.tuning.recorded_events import heading
 from vsf_drake.analysis.tuning.recorded_points import BodyPoints, body_points
-from vsf_drake.analysis.tuning.recorded_projection import Nearness, Projection, make_misfit, project
+from vsf_drake.analysis.tuning.recorded_projection import Misfit, Nearness, make_misfit
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker
@@ -46,10 +46,14 @@ class View:
         recorded[:, 1] = self.points.pelvis[:, :2] @ forward
         return dataclasses.replace(self, forward=forward, recorded=recorded)
 
-    def projection(self, nearness: Nearness | None) -> Projection:
-        """The nearest sagittal motion."""
-        return project(self.chain, make_misfit(self.chain, self.wanted, self.recorded, ground=self.ground,
-                                               nearness=nearness))
+    def at(self, rows: np.ndarray) -> View:
+        """The same at some of the instants only; rows: (n,) bool."""
+        return dataclasses.replace(self, time_s=self.time_s[rows], points=self.points.at(rows),
+                                   recorded=self.recorded[rows])
+
+    def misfit(self, nearness: Nearness | None) -> Misfit:
+        """What is to be small for a sagittal motion to be near."""
+        return make_misfit(self.chain, self.wanted, self.recorded, ground=self.ground, nearness=nearness)
 
 
 def view(trial: Trial, walker: Walker | None) -> View:
@@ -75,7 +79,7 @@ def view(trial: Trial, walker: Walker | None) -> View:
 
 
 def stride_heading(seen: View, period_s: float) -> np.ndarray:
-    """(2,) the mean way of the pelvis over a stride: free of its sway from side to side, which a piece of one is not."""
+    """(2,) the mean way of the pelvis over a stride, in which its sway from side to side has no part."""
     time = seen.time_s
     early = time[time + period_s <= time[-1]]
     if not early.size:
