@@ -1,0 +1,1 @@
+"""Tunes the stiffness of the foot to the person: costs of a motion that is given, and of one that adapts."""

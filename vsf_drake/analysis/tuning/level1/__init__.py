@@ -1,0 +1,14 @@
+"""Tunes the foot's stiffness to recorded motion that is given: the first of two levels.
+
+    trials = [trial_with(load_trial(path), contact) for path in paths]
+    solution = solve(StiffnessTuning(trials, cost="joint_load", options=TuningOptions(design=("alignment",))))
+    solution.fulcrum_mm, solution.table()
+"""
+
+from vsf_drake.analysis.tuning.level1.options import COSTS, DESIGN, WEIGHTED, TuningOptions
+from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
+from vsf_drake.analysis.tuning.level1.solution import TuningSolution
+from vsf_drake.analysis.tuning.level1.solve import TuningProgress, solve
+
+__all__ = ("COSTS", "DESIGN", "WEIGHTED", "StiffnessTuning", "TuningOptions", "TuningProgress", "TuningSolution",
+           "solve")

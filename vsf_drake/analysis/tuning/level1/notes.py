@@ -1,0 +1,59 @@
+"""What a reader of a tuning has to know before believing it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, TRACKING
+from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
+from vsf_drake.analysis.tuning.level1.sweep import Sweep
+
+_APART_MM = 1.0
+
+
+def notes(
+    tuning: StiffnessTuning, best: Evaluation, found: Sweep | None, draw_failures: tuple[str, ...], *, success: bool
+) -> tuple[str, ...]:
+    """Sentences; the first says so if the result is not optimal."""
+    options, told = tuning.options, []
+    if not success:
+        told.append("NOT OPTIMAL: the tuning ended before its end, and these are the numbers where it stopped.")
+    told += [
+        "The motion is given: the person does not adapt. Under the same motion a stiffer foot is pressed as far and "
+        "bears and stores more; under the same load, as experiments have it, a softer one stores and returns more. "
+        "Which of the two a person would do, the tuning with free motion asks.",
+        "With the motion given the intact leg is the recording's at every setting: no cost counts it.",
+        f"Walks are in steps of {1e3 * options.step_s:g} ms, those that look for starts and those of drawn contacts in "
+        f"steps of {1e3 * options.search_step_s:g} ms."]
+    if options.support_width_m > 0.0:
+        width = 1e3 * tuning.parts[0].support_width_m
+        told.append(f"The support passes a joint of the keel over {width:.3g} mm on either side, so that the cost has "
+                    "a derivative there.")
+    if CONSISTENCY in tuning.combination.factors:
+        told.append(_share(tuning, best))
+    if "keel_thickness" in options.design:
+        told.append("A thicker keel is stiffer by the cube of its thickness; that it is heavier too is left out.")
+    own = [part.own[0] for part in tuning.parts]
+    if np.ptp(own) > _APART_MM and tuning.cost_name != TRACKING:
+        told.append(f"The trials were walked with the fulcrum from {min(own):.0f} to {max(own):.0f} mm. Each motion "
+                    "belongs to its own setting, and one setting for all is a compromise between them.")
+    if tuning.cost_name == TRACKING:
+        told.append("Tracking is a test, no aim: its optimum tells where the model believes the fulcrum to have stood, "
+                    "which is " + ", ".join(f"{value:.0f}" for value in own) + " mm.")
+    if found is not None and found.failures:
+        told.append(f"{len(found.failures)} walks of the sweep failed, the first of {found.failures[0]}")
+    if draw_failures:
+        told.append(f"{len(draw_failures)} draws of the contact could not be walked: {draw_failures[0]}")
+    synthetic = sum(trial.synthetic for trial in tuning.trials)
+    if synthetic:
+        told.append(f"{synthetic} of {len(tuning.trials)} trials are synthetic: nobody walked them.")
+    return tuple(told)
+
+
+def _share(tuning: StiffnessTuning, best: Evaluation) -> str:
+    options = tuning.options
+    part = next(term.value for term in best.terms if term.name == CONSISTENCY)
+    return (f"A change of the ground reaction force by {options.consistency_bw:.0%} body weight (root mean square over "
+            f"stance, against the recorded setting) adds {options.consistency_weight:.0%} of the cost's size: nothing "
+            f"in the given motion pays for it. At the optimum that part is {part / tuning.combination.size:.1%} of the "
+            "size. See the robustness for what other weights would choose.")

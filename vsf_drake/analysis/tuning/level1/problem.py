@@ -1,0 +1,244 @@
+"""The tuning of a foot's stiffness to recorded motion, as a mathematical program.
+
+    minimise    J(x) = mean over trials of sum over costs of factor * cost(walk of the trial at x)
+    subject to  low <= x <= high
+
+over x, the fulcrum position and what else of the device is tuned (`variables`), searched in
+u = (x - low) / (high - low). The motion is the recorded one at every x. Derivatives are the walks' own, exact for the
+numerical solution (`Walker.walk`, `with_respect_to`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue
+from pydrake.solvers import MathematicalProgram
+
+from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.tuning.level1.checks_of_input import check_cost, check_support, check_trials
+from vsf_drake.analysis.tuning.level1.combination import Combination, Terms, combine, sizes
+from vsf_drake.analysis.tuning.level1.costs.term import CostTerm
+from vsf_drake.analysis.tuning.level1.options import TuningOptions
+from vsf_drake.analysis.tuning.level1.trial_tuning import TrialTuning, WalkOutcome
+from vsf_drake.analysis.tuning.level1.variables import design_variables
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.walk import Walker
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The cost at one setting.
+
+    Attributes:
+        x: (P,) the setting. step_s: of the walks.
+        terms: of the cost, means over trials, each with its gradient.
+        per_trial: (T,) the cost of each trial alone. walks: of each trial.
+    """
+
+    x: np.ndarray
+    step_s: float
+    terms: tuple[CostTerm, ...]
+    per_trial: np.ndarray
+    walks: tuple[WalkOutcome, ...]
+
+    @property
+    def cost(self) -> float:
+        """J, in the unit of the cost."""
+        return float(sum(term.value for term in self.terms))
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(P,) of J, per unit of each design variable."""
+        found: np.ndarray = np.sum([term.by for term in self.terms], axis=0)
+        return found
+
+    @property
+    def unconverged(self) -> int:
+        """Steps of the walks that did not converge."""
+        return int(sum(np.sum(~walk.walk.record.converged) for walk in self.walks))
+
+
+class StiffnessTuning:
+    """One person's trials, and the cost by which the foot is to be tuned to them.
+
+    Args:
+        trials: one or more, with the contact that was fitted to them (`motion.fitted_trial.trial_with`).
+        cost: "joint_load", "metabolic", "push_off", "tracking" or "weighted"; see `costs`.
+        options: how.
+        labels: of the trials; their files' names if None.
+        tasks: name of the motion that each trial is of, such as a speed; trials of one name share a setting in the
+            comparison of one setting for all with one for each. Every trial its own if None.
+        walkers: of the trials, built before; made here if None.
+
+    Attributes:
+        design: what is tuned, the fulcrum first. low, high: (P,) its bounds.
+        combination: the cost. size: of each cost at the trials' own settings.
+        evaluations: how many settings were evaluated.
+
+    Raises:
+        InputError: the trials do not belong together or do not support the cost; bounds are out of reach; a trial has
+            no whole stance of the prosthetic foot.
+        SimulationError: a trial cannot be walked at its own setting.
+    """
+
+    def __init__(
+        self, trials: Sequence[Trial], *, cost: str = "joint_load", options: TuningOptions | None = None,
+        labels: Sequence[str] | None = None, tasks: Sequence[str] | None = None,
+        walkers: Sequence[Walker] | None = None
+    ) -> None:
+        self.options = options or TuningOptions()
+        if not isinstance(self.options, TuningOptions):
+            raise InputError(f"is a {type(options).__name__}, no TuningOptions", where="options")
+        self.cost_name = check_cost(cost)
+        check_trials(trials)
+        check_support(cost, trials, self.options)
+        self.trials = tuple(trials)
+        self.labels = _names(labels, labels_of(trials), "labels")
+        self.tasks = _names(tasks, self.labels, "tasks")
+        self.design = design_variables(self.options, [trial.model.foot for trial in trials])
+        self.low, self.high = (np.array([getattr(v, end) for v in self.design]) for end in ("low", "high"))
+        walkers = _walkers(trials) if walkers is None else walkers
+        self.parts = tuple(TrialTuning(walker, trial, label, self.design, self.options)
+                           for walker, trial, label in zip(walkers, trials, self.labels, strict=True))
+        self.own: tuple[Terms, ...] = tuple(part.own_terms(self.options.step_s) for part in self.parts)
+        self.size = sizes(list(self.own))
+        missing = [name for name in ([cost] if cost in self.size else self.options.weights if cost == "weighted"
+                                     else [cost]) if name not in self.size]
+        if missing:
+            raise InputError("the force of a trial's plate does not cover its window", where="trials",
+                             right="Choose a window that the plate covers, or another cost")
+        self.combination: Combination = combine(cost, self.size, self.options)
+        self.evaluations = 0
+        self._last: tuple[tuple, Evaluation] | None = None
+
+    def without_smoothing(self) -> StiffnessTuning:
+        """The same problem with a support that passes a keel joint at once."""
+        return StiffnessTuning(
+            self.trials, cost=self.cost_name, options=dataclasses.replace(self.options, support_width_m=0.0),
+            labels=self.labels, tasks=self.tasks, walkers=[part.walker for part in self.parts])
+
+    @property
+    def start(self) -> np.ndarray:
+        """(P,) the trials' own setting on average, within the bounds."""
+        mean: np.ndarray = np.mean([part.own for part in self.parts], axis=0)
+        return np.clip(mean, self.low, self.high)
+
+    def from_u(self, u: np.ndarray) -> np.ndarray:
+        """(P,) the setting at search coordinates within 0 and 1."""
+        found: np.ndarray = self.low + np.asarray(u, dtype=float) * (self.high - self.low)
+        return np.clip(found, self.low, self.high)
+
+    def to_u(self, x: np.ndarray) -> np.ndarray:
+        """(P,) search coordinates of a setting."""
+        found: np.ndarray = (np.asarray(x, dtype=float) - self.low) / (self.high - self.low)
+        return found
+
+    def evaluate(
+        self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None,
+        base: Mapping[str, float] | None = None
+    ) -> Evaluation:
+        """The cost at x (P,); trials are walked side by side.
+
+        Args:
+            step_s: of the walks; that of the options if None.
+            base: values of the walks' variables in place of the model's.
+
+        Raises:
+            SimulationError: a walk fails there.
+        """
+        x = np.array(x, dtype=float)
+        step = step_s or self.options.step_s
+        key = (tuple(x), step, tuple((base or {}).items()))
+        if self._last is not None and self._last[0] == key and (
+                not derivatives or self._last[1].gradient.shape == x.shape):
+            return self._last[1]
+        self.evaluations += 1
+
+        def one(part: TrialTuning) -> WalkOutcome:
+            return part.at(x, step_s=step, derivatives=derivatives, base=base)
+
+        if len(self.parts) == 1:
+            walks = [one(self.parts[0])]
+        else:
+            with ThreadPoolExecutor(min(len(self.parts), self.workers)) as pool:
+                walks = list(pool.map(one, self.parts))
+        found = self.evaluation(x, step, walks)
+        self._last = (key, found)
+        return found
+
+    def evaluation(self, x: np.ndarray, step_s: float, walks: Sequence[WalkOutcome]) -> Evaluation:
+        """The cost that the trials' walks at x make."""
+        each = [self.combination.terms(walk.terms) for walk in walks]
+        means = tuple(CostTerm(terms[0].name, terms[0].label, float(np.mean([term.value for term in terms])),
+                               np.mean([term.by for term in terms], axis=0)) for terms in zip(*each, strict=True))
+        return Evaluation(x=x, step_s=step_s, terms=means, walks=tuple(walks),
+                          per_trial=np.array([sum(term.value for term in terms) for terms in each]))
+
+    @property
+    def groups(self) -> tuple[float, ...]:
+        """(T,) mm, where the fulcrum stood in each trial: trials of one position repeat each other."""
+        return tuple(round(float(part.own[0]), 1) for part in self.parts)
+
+    @property
+    def workers(self) -> int:
+        """Threads."""
+        return self.options.workers or os.cpu_count() or 1
+
+    def program(
+        self, cost: Callable[[np.ndarray, bool], tuple[float, np.ndarray]] | None = None
+    ) -> MathematicalProgram:
+        """The tuning for Drake's solvers: u within 0 and 1, and the cost over its size with its gradient.
+
+        Args:
+            cost: (u, whether the gradient is wanted) -> (cost over its size, gradient by u), e.g. to survive walks that
+                fail; this problem's own if None.
+        """
+        evaluate = cost or self.scaled
+        program = MathematicalProgram()
+        u = program.NewContinuousVariables(len(self.design), "u")
+        program.AddBoundingBoxConstraint(0.0, 1.0, u)
+
+        def of(at: np.ndarray) -> float | AutoDiffXd:
+            if at.dtype != object:
+                return evaluate(at, False)[0]
+            value, gradient = evaluate(ExtractValue(at).ravel(), True)
+            return AutoDiffXd(value, gradient @ np.array([entry.derivatives() for entry in at]))
+
+        program.AddCost(of, vars=u)
+        program.SetInitialGuess(u, self.to_u(self.start))
+        return program
+
+    def scaled(
+        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
+    ) -> tuple[float, np.ndarray]:
+        """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty without."""
+        found, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
+        return found.cost / size, found.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
+
+
+def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) -> tuple[str, ...]:
+    if given is None:
+        return default
+    if isinstance(given, str) or len(given) != len(default) or not all(isinstance(name, str) for name in given):
+        raise InputError(f"{given!r} does not name {len(default)} trials", where=where, right="Give one name a trial")
+    return tuple(given)
+
+
+def _walkers(trials: Sequence[Trial]) -> list[Walker]:
+    """One walker for each person with a device: several trials share it."""
+    known: list[Walker] = []
+    found = []
+    for trial in trials:
+        own = next((w for w in known if w.subject == trial.subject and w.model == trial.model), None)
+        if own is None:
+            own = Walker(trial.subject, trial.model)
+            known.append(own)
+        found.append(own)
+    return found

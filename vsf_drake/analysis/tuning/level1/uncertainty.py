@@ -1,0 +1,156 @@
+"""How well the best fulcrum position is known, and whether it matters.
+
+An optimum is worth what sets it apart. Three answers, and the interval holds them all:
+
+    trials      how far the optima of single trials are from each other
+    draws       where the cost is least with other contacts that the data would have allowed (`draws`)
+    flatness    where the cost is above its minimum by less than FLAT of its size, or, with enough trials, by less than
+                can be told from zero by their paired differences (t test, 95 %)
+
+Trials that were walked at one setting are repetitions of each other; those of different settings are different motions.
+Only repetitions tell how uncertain anything is, so that spreads are taken within such groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from vsf_drake.analysis.tuning.level1.draws import Draw
+from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest
+
+FLAT = 0.01
+"""Share of a cost's size below which a difference is none (a choice)."""
+FEWEST_FREEDOMS = 2
+"""Degrees of freedom from which a t test is made: with one it allows anything."""
+CONFIDENCE = 0.975
+
+
+@dataclass(frozen=True)
+class FulcrumUncertainty:
+    """Of the best fulcrum position.
+
+    Attributes:
+        low_mm, high_mm: the interval.
+        per_trial_mm, draws_mm: optima by trial and by draw. flat_mm: (low, high) of what is as good as the optimum.
+        range, spread, matters: of the cost, see `Difference`.
+        meaning, sentence: in words, what the interval holds and whether the setting matters.
+    """
+
+    low_mm: float
+    high_mm: float
+    per_trial_mm: tuple[float, ...]
+    draws_mm: tuple[float, ...]
+    flat_mm: tuple[float, float]
+    range: float
+    spread: float | None
+    matters: bool | None
+    meaning: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """By how much a curve differs between the settings where it is highest and lowest.
+
+    Attributes:
+        range: mean over groups of that difference. spread: standard deviation of it over repetitions; None if unknown.
+    """
+
+    range: float
+    spread: float | None
+
+    def matters(self, size: float) -> bool | None:
+        """Whether the range is above FLAT of `size` and above the spread; None if that cannot be known."""
+        if not self.range > FLAT * size:
+            return False
+        return None if self.spread is None else self.range > self.spread
+
+
+def difference(each: np.ndarray, groups: Sequence) -> Difference:
+    """Of curves (T, m) whose T trials belong to groups; positions where a curve is unknown do not count."""
+    known = np.isfinite(each).all(axis=0)
+    if not known.any():
+        return Difference(float("nan"), None)
+    ranges, squares, freedoms = [], 0.0, 0
+    for rows in _members(groups):
+        own = each[rows][:, known]
+        mean = own.mean(axis=0)
+        pair = own[:, int(mean.argmax())] - own[:, int(mean.argmin())]
+        ranges.append(float(pair.mean()))
+        squares, freedoms = squares + float(np.sum((pair - pair.mean()) ** 2)), freedoms + len(rows) - 1
+    return Difference(float(np.mean(ranges)), float(np.sqrt(squares / freedoms)) if freedoms else None)
+
+
+def fulcrum_uncertainty(
+    found: Sweep, fulcrum_mm: float, draws: tuple[Draw, ...], groups: Sequence, *, size: float, unit: str
+) -> FulcrumUncertainty:
+    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size."""
+    each = found.per_trial
+    optima = np.array([lowest(found.fulcrum_mm, row)[0] for row in each])
+    drawn = tuple(draw.fulcrum_mm for draw in draws if np.isfinite(draw.fulcrum_mm))
+    flat = flat_range(found.fulcrum_mm, each, groups, fulcrum_mm, size)
+    apart = [optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1]
+    shifts = np.clip(fulcrum_mm + np.array(apart), found.fulcrum_mm[0], found.fulcrum_mm[-1])
+    width, of = difference(each, groups), ""
+    if width.spread is None and len(drawn) > 1:
+        ranges = [np.nanmax(draw.sweep.cost) - np.nanmin(draw.sweep.cost) for draw in draws]
+        width, of = Difference(width.range, float(np.std(ranges, ddof=1))), "draw of the contact"
+    parts = [f"as good within {FLAT:.0%} of the cost's size"
+             + (" or what repeated trials can tell" if _freedoms(groups) >= FEWEST_FREEDOMS else "")
+             + f": {flat[0]:.0f} to {flat[1]:.0f} mm"]
+    if len(optima) > 1:
+        parts.append(f"single trials are best from {np.nanmin(optima):.0f} to {np.nanmax(optima):.0f} mm")
+    if drawn:
+        parts.append(f"{len(drawn)} draws of the contact from {min(drawn):.0f} to {max(drawn):.0f} mm")
+    ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
+    matters = width.matters(size)
+    return FulcrumUncertainty(
+        low_mm=float(min(ends)), high_mm=float(max(ends)), per_trial_mm=tuple(map(float, optima)), draws_mm=drawn,
+        flat_mm=flat, range=width.range, spread=width.spread, matters=matters, meaning="; ".join(parts),
+        sentence=_sentence(width, size, unit, matters, of or "trial"))
+
+
+def flat_range(
+    fulcrum_mm: np.ndarray, each: np.ndarray, groups: Sequence, best_mm: float, size: float
+) -> tuple[float, float]:
+    """(low, high) mm around the optimum where the mean of curves (T, m) cannot be told from its minimum."""
+    excess = each - np.array([np.interp(best_mm, fulcrum_mm, row) for row in each])[:, None]
+    allowed = np.full(len(fulcrum_mm), FLAT * size)
+    freedoms = _freedoms(groups)
+    if freedoms >= FEWEST_FREEDOMS:
+        left = np.concatenate([excess[rows] - excess[rows].mean(axis=0) for rows in _members(groups)])
+        error = np.sqrt(np.sum(left**2, axis=0) / freedoms / len(each))
+        allowed = np.maximum(allowed, student.ppf(CONFIDENCE, freedoms) * error)
+    with np.errstate(invalid="ignore"):
+        same = excess.mean(axis=0) <= allowed
+    at = int(np.abs(fulcrum_mm - best_mm).argmin())
+    ends = []
+    for way in (-1, 1):
+        j = at
+        while 0 <= j + way < len(same) and same[j + way]:
+            j += way
+        ends.append(float(fulcrum_mm[j]))
+    return min(ends[0], best_mm), max(ends[1], best_mm)
+
+
+def _members(groups: Sequence) -> list[list[int]]:
+    return [[i for i, other in enumerate(groups) if other == name] for name in dict.fromkeys(groups)]
+
+
+def _freedoms(groups: Sequence) -> int:
+    return len(groups) - len(set(groups))
+
+
+def _sentence(width: Difference, size: float, unit: str, matters: bool | None, of: str) -> str:
+    unit = "" if unit == "1" else f" {unit}"
+    told = (f"From the best to the worst position the cost changes by {width.range:.3g}{unit}, "
+            f"{width.range / size:.0%} of its size")
+    if width.spread is not None:
+        told += f"; from {of} to {of} that varies by {width.spread:.2g}{unit}"
+    if matters is None:
+        return f"{told}; one trial does not tell whether that is more than chance."
+    return f"{told}: the setting {'matters' if matters else 'hardly matters to this cost'}."
