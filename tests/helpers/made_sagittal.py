@@ -12,12 +12,13 @@ from functools import cache
 import numpy as np
 
 from vsf_drake.analysis.tuning.resimulation.motion import SolutionMotion, whole_motion
-from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, sagittal_names
+from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory
 from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walk, Walker
 
 HARMONICS = 8
@@ -39,7 +40,7 @@ def embedded_walker(free: tuple[str, ...] = ()) -> Walker:
 
 def sagittal() -> tuple[str, ...]:
     """The coordinates."""
-    return sagittal_names(embedded_trial().subject.prosthetic_side)
+    return sagittal_coordinates(embedded_trial().subject.prosthetic_side)
 
 
 @cache

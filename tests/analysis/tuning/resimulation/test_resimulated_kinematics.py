@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_trial, embedded_walker, loaded_motion, walked
 
-from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed
+from vsf_drake.analysis.tuning.resimulation import design_values, resimulate_prescribed
 from vsf_drake.errors import InputError
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY
 
 FEET = ("prosthetic", "intact")
@@ -112,3 +113,26 @@ def test_other_side_is_refused(solution):
     names = tuple(n if n.startswith("pelvis") else n[:-2] + swapped[n[-2:]] for n in solution.names)
     with pytest.raises(InputError, match="prosthesis on the right"):
         resimulate_prescribed(embedded_walker(), dataclasses.replace(solution, names=names))
+
+
+def test_design_of_the_device_reaches_springs_and_contact():
+    """A leaf twice as thick bends an eighth as much; the heel's zones and no others change with the heel."""
+    walker = embedded_walker()
+    values = design_values(walker, heel_stiffness=1.5, alignment_rad=0.02, keel_thickness=2.0)
+    for name, value in values.items():
+        default = walker.variables[name].default
+        assert value == {"keel.flexural_modulus": 8.0 * default, "offset.alignment": 0.02}.get(name, 1.5 * default)
+    heel = {name for name in values if name.startswith("contact")}
+    assert heel and all(name.startswith("contact.heel") and name.endswith("stiffness") for name in heel)
+    assert design_values(walker) == {}
+    with pytest.raises(InputError, match="keel_thickness"):
+        design_values(walker, keel_thickness=0.0)
+
+
+def test_offsets_reach_the_walk(solution, resimulation):
+    """By the two ways that a walk takes them."""
+    lower = dataclasses.replace(solution, offsets=GeometricOffsets(height_m=-0.005))
+    by_value = dataclasses.replace(solution, values={"offset.height": -0.005})
+    first, second = (resimulate_prescribed(embedded_walker(), t) for t in (lower, by_value))
+    np.testing.assert_allclose(first.walk_grf["prosthetic"], second.walk_grf["prosthetic"], atol=1e-6)
+    assert np.abs(first.walk_grf["prosthetic"] - resimulation.walk_grf["prosthetic"]).max() > 0.05 * weight()

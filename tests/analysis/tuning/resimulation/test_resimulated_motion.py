@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from made_sagittal import periodic_motion, sagittal
 
-from vsf_drake.analysis.tuning.resimulation import SagittalTrajectory, sagittal_names
+from vsf_drake.analysis.tuning.resimulation import SagittalTrajectory
 from vsf_drake.analysis.tuning.resimulation.motion import SolutionMotion, whole_motion
 from vsf_drake.errors import InputError
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 
 
 def quintic(t):
@@ -23,7 +24,7 @@ def quintic(t):
 
 def trajectory(time, states, **changes):
     n = len(time)
-    given = dict(time_s=time, names=sagittal_names("left"), q=states[0], v=states[1], a=states[2],
+    given = dict(time_s=time, names=sagittal_coordinates("left"), q=states[0], v=states[1], a=states[2],
                  torque=np.zeros((n, 5)), grf={"prosthetic": np.zeros((n, 2)), "intact": np.zeros((n, 2))},
                  fulcrum_m=0.1)
     return SagittalTrajectory(**(given | changes))
@@ -99,3 +100,14 @@ def test_period_closes_as_told():
     solution = periodic_motion(40)
     with pytest.raises(InputError, match="pelvis_tx misses its start"):
         dataclasses.replace(solution, advance=0.9 * solution.advance)
+
+
+def test_period_without_its_end_gets_it():
+    """The whole periodic motion from its instants but the last."""
+    whole = periodic_motion(40)
+    rows = {name: getattr(whole, name)[:-1] for name in ("q", "v", "a", "torque")}
+    found = SagittalTrajectory.of_period(
+        whole.time_s[:-1], period_s=whole.period_s, advance=whole.advance, fulcrum_m=0.1, names=whole.names,
+        grf={foot: force[:-1] for foot, force in whole.grf.items()}, **rows)
+    for name in ("time_s", "q", "v", "a"):
+        np.testing.assert_allclose(getattr(found, name), getattr(whole, name), atol=1e-9)

@@ -7,9 +7,10 @@ import math
 from vsf_drake.analysis.tuning.resimulation.assess import Run, assess
 from vsf_drake.analysis.tuning.resimulation.motion import SolutionMotion, whole_motion
 from vsf_drake.analysis.tuning.resimulation.result import PRESCRIBED, Resimulation
-from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, sagittal_names
+from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
 LEAD = 0.3
@@ -50,7 +51,7 @@ def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: f
     start_s, end_s = span(trajectory, step_s)
     motion = whole_motion(SolutionMotion(trajectory), walker.gait.prescribed, start_s, end_s)
     return walker.walk(motion, fulcrum_m=trajectory.fulcrum_m, start_s=start_s, end_s=end_s, step_s=step_s,
-                       values=trajectory.values)
+                       values=trajectory.values, offsets=trajectory.offsets)
 
 
 def span(trajectory: SagittalTrajectory, step_s: float) -> tuple[float, float]:
@@ -76,7 +77,7 @@ def first_counted(trajectory: SagittalTrajectory) -> float:
 
 def check_walker(walker: Walker, trajectory: SagittalTrajectory) -> None:
     """Raises InputError unless the trajectory's coordinates are the ones of this person."""
-    expected = sagittal_names(walker.subject.prosthetic_side)
+    expected = sagittal_coordinates(walker.subject.prosthetic_side)
     if tuple(trajectory.names) != expected:
         raise InputError(f"are {', '.join(trajectory.names)}", where="names",
                          right=f"For a prosthesis on the {walker.subject.prosthetic_side}: {', '.join(expected)}")

@@ -94,6 +94,10 @@ class Resimulation:
                 "value": None if self.fell else self.percent_bw, "unit": "% body weight", "target": f"{target:g}",
                 "met": self.met, "sentence": " ".join(self.sentences())}
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
+        return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.filtered_grf.items()}
+
     def sentences(self) -> tuple[str, ...]:
         """What it found, in words."""
         if self.fell:

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.manifest import GeometricOffsets
 
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
 FEET = ("prosthetic", "intact")
 COORDINATES, TORQUES = 8, 5
+_ROWS = ("q", "v", "a", "torque", "pelvis_load")
 PERIODIC_WITHIN = 1e-4
 """rad, m, rad/s, m/s: what a periodic trajectory may miss its own start by after one period."""
-
-
-def sagittal_names(prosthetic_side: str) -> tuple[str, ...]:
-    """The eight coordinates that move in the sagittal plane; the last five have a torque.
-
-    Args:
-        prosthetic_side: "right" or "left".
-    """
-    p, i = ("r", "l") if prosthetic_side == "right" else ("l", "r")
-    return (*PELVIS, f"hip_flexion_{p}", f"knee_angle_{p}", f"hip_flexion_{i}", f"knee_angle_{i}", f"ankle_angle_{i}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,13 +25,15 @@ class SagittalTrajectory:
 
     Attributes:
         time_s: (n,) s, increasing, n >= 3; of a periodic one from the start of the period to its end, both included.
-        names: of the coordinates, see `sagittal_names`.
+        names: of the coordinates, see `simulation.sagittal.model.sagittal_coordinates`; the last five have a torque.
         q, v, a: (n, 8) coordinates, their first and second derivatives.
         torque: (n, 5) N m on the last five coordinates, as loads of a driver: positive increases the coordinate.
         grf: by "prosthetic" and "intact" (n, 2) N, fx forward and fz up, of the ground on the foot, in W.
         period_s, advance: of a periodic trajectory q(t + period_s) = q(t) + advance (8,); None for a single stance.
         fulcrum_m: from the keel's posterior end.
-        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with.
+        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `design_values`
+            for those of an optimised device.
+        offsets: of the prosthesis, as for `Walker.walk`.
         pelvis_load: (n, 3) N m, N, N, a force on the first three coordinates that is known to act (a recording's
             residual, an external aid); None for none, as in walking.
 
@@ -58,6 +53,7 @@ class SagittalTrajectory:
     period_s: float | None = None
     advance: np.ndarray | None = None
     values: Mapping[str, float] = field(default_factory=dict)
+    offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
     pelvis_load: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -82,6 +78,18 @@ class SagittalTrajectory:
                              right="Give both for a periodic trajectory, none for another")
         if self.periodic:
             self._check_period()
+
+    @classmethod
+    def of_period(
+        cls, time_s: np.ndarray, *, period_s: float, advance: np.ndarray, grf: Mapping[str, np.ndarray], **rows: Any
+    ) -> SagittalTrajectory:
+        """A periodic one from n instants of one period without its end, which is added here; arguments as above."""
+        closed = {name: np.concatenate([value, value[:1]]) if name in _ROWS and value is not None else value
+                  for name, value in rows.items()}
+        if np.shape(advance) == np.shape(rows["q"])[1:]:
+            closed["q"][-1] += advance
+        return cls(time_s=np.append(time_s, time_s[0] + period_s), period_s=period_s, advance=advance,
+                   grf={foot: np.concatenate([force, force[:1]]) for foot, force in grf.items()}, **closed)
 
     @property
     def periodic(self) -> bool:
