@@ -1,4 +1,4 @@
-"""Closes a stride: the periodic sagittal motion nearest to what was recorded, and to the accelerations that belong to it.
+"""Closes a stride: the periodic sagittal motion nearest to what was recorded, and to its accelerations.
 
     minimise over the periodic curves' coefficients, the advance per stride and the constant d:
         sum over recorded instants  w(t) [misfit of `recorded_projection` at q(t)]
@@ -20,7 +20,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
-from vsf_drake.analysis.tuning.recorded_curves import PeriodicCurves, fit_periodic, harmonics
+from vsf_drake.analysis.tuning.recorded_curves import Curves, PeriodicCurves, fit_periodic
 from vsf_drake.analysis.tuning.recorded_forces import FootForce
 from vsf_drake.analysis.tuning.recorded_projection import Misfit, with_mass
 from vsf_drake.motion.filters import low_pass
@@ -34,13 +34,13 @@ ACCELERATION = 0.01 * GRAVITY
 """Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to at best)."""
 
 
-def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
-          acceleration: PeriodicCurves, shift: complex) -> tuple[PeriodicCurves, complex, bool]:
+def close(chain: SagittalChain, misfit: Misfit, curves: Curves, times: np.ndarray, weights: np.ndarray,
+          acceleration: Curves, shift: complex) -> tuple[Curves, complex, bool]:
     """The closed curves, the constant d, and whether they moved no more: damped Newton steps.
 
     Args:
-        curves: a first guess. times: (n,) s since phase 0 of the misfit's instants. weights: (n,), see
-            `recorded_curves.closing_weights`.
+        curves: a first guess; a piece of time that does not repeat is smoothed in the same sense.
+        times: (n,) s since phase 0 of the misfit's instants. weights: (n,), see `recorded_curves.closing_weights`.
         acceleration: its values (., 2) are what the centre of mass should do along and up, m/s^2.
         shift: a first guess of d.
     """
@@ -65,38 +65,44 @@ def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: n
 class _Squares:
     """The sum of squares and its derivatives by x: the curves' coefficients row by row, the advance, d in two parts."""
 
-    def __init__(self, chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray,
-                 weights: np.ndarray, acceleration: PeriodicCurves) -> None:
+    def __init__(self, chain: SagittalChain, misfit: Misfit, curves: Curves, times: np.ndarray, weights: np.ndarray,
+                 acceleration: Curves) -> None:
         along, height = misfit.along.copy(), misfit.height.copy()
         along[:, -1] = height[:, -1] = MASS_PLACE_M**-2
         self.chain, self.misfit = chain, dataclasses.replace(misfit, along=along, height=height)
-        self.times, self.weights, self.period_s = times, weights, curves.period_s
-        T, order = curves.period_s, curves.order
-        self.size, self.last = 2 * order + 1, 8 * (2 * order + 1)
-        basis = harmonics(times, T, order)[0]
+        self.times, self.weights, self.guess = times, weights, curves
+        self.periodic = isinstance(curves, PeriodicCurves)
+        self.size, self.last = len(curves.coefficients), curves.coefficients.size
+        basis = curves.basis(times)
         self.weighted, self.pairs = weights[:, None] * basis, _pairs(basis, weights)
-        self.grid = T * np.arange(4 * order) / (4 * order)
-        self.on_grid = harmonics(self.grid, T, order)[0]
+        self.grid = curves.grid()
+        self.on_grid = curves.basis(self.grid)
         self.pairs_on_grid = _pairs(self.on_grid, np.ones(len(self.grid)))
-        self.twice = _second_derivative(len(self.grid), order, T)
-        wish = acceleration.sample(self.grid)[0]
-        self.wish = (wish - wish.mean(axis=0)) @ np.array([1.0, 1j])
+        self.twice = curves.second_derivative()
+        self.wish = (acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])) * self.twice.any(axis=1)
         self.scale = weights.sum() / len(self.grid) / ACCELERATION**2
 
-    def curves(self, x: np.ndarray) -> PeriodicCurves:
+    def curves(self, x: np.ndarray) -> Curves:
         """The curves that x stands for."""
-        return PeriodicCurves(self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8))
+        coefficients = x[: self.last].reshape(self.size, 8)
+        if isinstance(self.guess, PeriodicCurves):
+            return PeriodicCurves(self.guess.period_s, x[self.last] * np.eye(8)[TX], coefficients)
+        return dataclasses.replace(self.guess, coefficients=coefficients)
 
     def shift(self, x: np.ndarray) -> complex:
         """d."""
         return complex(*x[self.last + 1 :])
+
+    def _gone(self, times: np.ndarray) -> np.ndarray:
+        """Share of the advance that belongs to a time."""
+        return times / self.guess.period_s if isinstance(self.guess, PeriodicCurves) else np.zeros(len(times))
 
     def terms(self, x: np.ndarray, *, derivatives: bool = True):
         """Cost, half its gradient and half its second derivatives (None, None if not asked for)."""
         now, d = self.curves(x), self.shift(x)
         q = now.sample(self.times)[0]
         places, J = with_mass(self.chain, *self.chain.points(now.sample(self.grid)[0], jacobian=derivatives))
-        r = self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wish
+        r = self.twice @ (places[:, -1] - x[self.last] * self._gone(self.grid)) - self.wish
         cost = float(self.weights @ self.misfit.cost(self.chain, q, d)) + self.scale * float(np.sum(np.abs(r) ** 2))
         if not derivatives:
             return cost, None, None
@@ -111,12 +117,12 @@ class _Squares:
     def _places(self, A: np.ndarray, b: np.ndarray, C: np.ndarray, D: np.ndarray,
                 e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gradient and second derivatives of the first sum, from the blocks of every instant."""
-        last, gone, weights = self.last, self.times / self.period_s, self.weights
+        last, gone, weights = self.last, self._gone(self.times), self.weights
         N = np.zeros((last + 3, last + 3))
         N[:last, :last] = self._spread(A, self.pairs)
         N[:last, last] = (self.weighted.T @ (gone[:, None] * A[:, :, TX])).ravel()
         N[:last, last + 1 :] = (self.weighted.T @ C.reshape(len(C), 16)).reshape(last, 2)
-        N[last, last] = weights @ (gone**2 * A[:, TX, TX])
+        N[last, last] = weights @ (gone**2 * A[:, TX, TX]) + (not self.periodic)
         N[last, last + 1 :] = (weights * gone) @ C[:, TX]
         N[last + 1 :, last + 1 :] = np.diag(weights @ D)
         N[last:, :last] = N[:last, last:].T
@@ -133,29 +139,34 @@ def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
-def _second_derivative(count: int, order: int, period_s: float) -> np.ndarray:
-    """(count, count) of samples over a period, for harmonics up to `order` (higher ones are dropped)."""
-    rate = 2.0 * np.pi * np.fft.fftfreq(count, period_s / count)
-    kept = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= order
-    return np.fft.ifft((-(rate**2) * kept)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
-
-
 def acceleration_of_forces(forces: Mapping[str, FootForce], mass_kg: float, *, order: int) -> PeriodicCurves | None:
-    """What both feet's forces make the centre of mass do (m/s^2; along, up); None unless all of them are known."""
+    """What both feet's forces make the centre of mass do (m/s^2; along, up), less its mean; None if one is unknown."""
     feet = tuple(forces.values())
     if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
         return None
     grid, period_s = feet[0].time_s[:-1], feet[0].period_s
-    values = sum(force.force[:-1] for force in feet) / mass_kg - np.array([0.0, GRAVITY])
-    return fit_periodic(grid, values, np.ones(len(grid)), period_s=period_s, advance=np.zeros(2), order=order)
+    values = sum(force.force[:-1] for force in feet) / mass_kg
+    return _without_mean(fit_periodic(grid, values, np.ones(len(grid)), period_s=period_s, advance=np.zeros(2),
+                                      order=order))
 
 
 def acceleration_of_path(center: np.ndarray, times: np.ndarray, weights: np.ndarray, *, period_s: float,
                          order: int) -> PeriodicCurves:
     """The same of a recorded path, complex (n,) m at (n,) s: accelerations are blended where ends meet, not places."""
+    values = second_derivative(center, times, cutoff_hz=1.5 * order / period_s)
+    return _without_mean(fit_periodic(times, values, weights, period_s=period_s, advance=np.zeros(2), order=order))
+
+
+def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) -> np.ndarray:
+    """(n, 2) of a complex path (n,) at the times (n,) s, without what is faster than the cut-off."""
     rate = 1.0 / float(np.median(np.diff(times)))
-    path = np.column_stack([center.real, center.imag])
-    if order / period_s < 0.3 * rate:
-        path = low_pass(path, rate_hz=rate, cutoff_hz=1.5 * order / period_s)
-    values = CoordinateTrajectory(times, path, ("along", "up")).sample(times)[2]
-    return fit_periodic(times, values, weights, period_s=period_s, advance=np.zeros(2), order=order)
+    parts = np.column_stack([path.real, path.imag])
+    if cutoff_hz < 0.45 * rate:
+        parts = low_pass(parts, rate_hz=rate, cutoff_hz=cutoff_hz)
+    return CoordinateTrajectory(times, parts, ("along", "up")).sample(times)[2]
+
+
+def _without_mean(curves: PeriodicCurves) -> PeriodicCurves:
+    coefficients = curves.coefficients.copy()
+    coefficients[0] = 0.0
+    return dataclasses.replace(curves, coefficients=coefficients)

@@ -15,18 +15,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+
+DEGREE = 5
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodicCurves:
-    """Attributes: period_s; advance: (m,) per period; coefficients: (2 H + 1, m), mean, cosines, sines."""
+    """m curves that repeat after `period_s`, up to an advance.
+
+    Attributes:
+        advance: (m,) per period. coefficients: (2 H + 1, m), mean, cosines, sines.
+    """
 
     period_s: float
     advance: np.ndarray
     coefficients: np.ndarray
+
+    @property
+    def order(self) -> int:
+        """H."""
+        return (len(self.coefficients) - 1) // 2
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values, rates and second derivatives (n, m) at any times (n,) s."""
@@ -34,18 +45,40 @@ class PeriodicCurves:
         q, v, a = (basis @ self.coefficients for basis in harmonics(times, self.period_s, self.order))
         return q + np.outer(times / self.period_s, self.advance), v + self.advance / self.period_s, a
 
-    @property
-    def order(self) -> int:
-        """H."""
-        return (len(self.coefficients) - 1) // 2
+    def basis(self, times: np.ndarray) -> np.ndarray:
+        """(n, 2 H + 1) what the coefficients multiply."""
+        return harmonics(times, self.period_s, self.order)[0]
+
+    def grid(self) -> np.ndarray:
+        """(4 H,) even times over a period."""
+        return self.period_s * np.arange(4 * self.order) / (4 * self.order)
+
+    def second_derivative(self) -> np.ndarray:
+        """(4 H, 4 H) of a periodic function's values on the grid, up to the order H; what is faster is dropped."""
+        count = 4 * self.order
+        rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
+        kept = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= self.order
+        return np.fft.ifft((-(rate**2) * kept)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
 
 
 @dataclass(frozen=True, eq=False)
 class PieceOfTime:
-    """Curves that are known from 0 to `end_s`."""
+    """m curves from 0 to `end_s`: quintic splines on even knots.
 
-    motion: CoordinateTrajectory
+    Attributes: coefficients: (k, m).
+    """
+
     end_s: float
+    coefficients: np.ndarray
+
+    @property
+    def advance(self) -> np.ndarray:
+        """(m,) zeros: nothing repeats."""
+        return np.zeros(self.coefficients.shape[1])
+
+    def _knots(self) -> np.ndarray:
+        inner = np.linspace(0.0, self.end_s, len(self.coefficients) - DEGREE + 1)
+        return np.concatenate([np.zeros(DEGREE), inner, np.full(DEGREE, self.end_s)])
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values, rates and second derivatives (n, m); InputError outside."""
@@ -53,7 +86,27 @@ class PieceOfTime:
         if times.size and not (times.min() >= -1e-9 and times.max() <= self.end_s + 1e-9):
             raise InputError(f"{times.min():g} to {times.max():g} s lies outside the piece of time of 0 to "
                              f"{self.end_s:g} s", where="times_s")
-        return self.motion.sample(np.clip(times, self.motion.start_s, self.motion.end_s))
+        spline = BSpline(self._knots(), self.coefficients, DEGREE)
+        times = np.clip(times, 0.0, self.end_s)
+        return spline(times), spline(times, 1), spline(times, 2)
+
+    def basis(self, times: np.ndarray) -> np.ndarray:
+        """(n, k) what the coefficients multiply."""
+        return BSpline.design_matrix(np.clip(times, 0.0, self.end_s), self._knots(), DEGREE).toarray()
+
+    def grid(self) -> np.ndarray:
+        """(4 k,) even times from 0 to the end."""
+        return np.linspace(0.0, self.end_s, 4 * len(self.coefficients))
+
+    def second_derivative(self) -> np.ndarray:
+        """(4 k, 4 k) of values on the grid by central differences; zero at both ends."""
+        count = 4 * len(self.coefficients)
+        D = np.diag(np.ones(count - 1), 1) + np.diag(np.ones(count - 1), -1) - 2.0 * np.eye(count)
+        D[[0, -1]] = 0.0
+        return D * ((count - 1) / self.end_s) ** 2
+
+
+Curves = PeriodicCurves | PieceOfTime
 
 
 def harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -95,9 +148,11 @@ def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, 
     return PeriodicCurves(period_s, np.asarray(advance, dtype=float), coefficients)
 
 
-def piece_of_time(times: np.ndarray, values: np.ndarray, end_s: float) -> PieceOfTime:
-    """Natural quintic splines through (n,) times, of which the first is nearest to 0, and (n, m) values."""
-    return PieceOfTime(CoordinateTrajectory(times, values, [str(i) for i in range(values.shape[1])]), end_s)
+def fit_piece(times: np.ndarray, values: np.ndarray, *, end_s: float, knot_s: float) -> PieceOfTime:
+    """The least-squares splines through (n,) times from 0 to `end_s` and (n, m) values, knots `knot_s` apart."""
+    count = max(1, min(round(end_s / knot_s), len(times) - DEGREE - 1)) + DEGREE
+    empty = PieceOfTime(end_s, np.zeros((count, values.shape[1])))
+    return PieceOfTime(end_s, np.linalg.lstsq(empty.basis(times), values, rcond=None)[0])
 
 
 def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import SagittalChain
-from vsf_drake.analysis.tuning.recorded_curves import PeriodicCurves, PieceOfTime
+from vsf_drake.analysis.tuning.recorded_curves import Curves
 from vsf_drake.analysis.tuning.recorded_forces import FootForce
 from vsf_drake.analysis.tuning.recorded_projection import Nearness, near_floor
 from vsf_drake.analysis.tuning.recorded_view import View
@@ -49,7 +49,8 @@ def place_errors(seen: View, projected: np.ndarray, final: np.ndarray, weights: 
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
         on = weights * (near > ON_FLOOR)
         found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, on)
-        found[f"place.{foot}_foot_up_largest_mm"] = float(np.abs(mean.imag[on > 0.0]).max(initial=0.0))
+        surely = (near > 1.0) & (weights > 0.25)
+        found[f"place.{foot}_foot_up_largest_mm"] = float(np.abs(mean.imag[surely]).max(initial=0.0))
         found[f"place.{foot}_foot_along_mm"] = _rms(mean.real, on)
         found[f"place.{foot}_foot_slip_mm_per_s"] = _rms(np.gradient(mean.real, seen.time_s), on)
         for joint in ("knee", "ankle"):
@@ -78,7 +79,7 @@ def closing_errors(seen: View, projected: np.ndarray, advance: np.ndarray, perio
     return found
 
 
-def center_rate(chain: SagittalChain, curves: PeriodicCurves | PieceOfTime, times: np.ndarray) -> np.ndarray:
+def center_rate(chain: SagittalChain, curves: Curves, times: np.ndarray) -> np.ndarray:
     """(n,) complex, m/s^2: the acceleration of the sagittal model's centre of mass at even times, inner differences."""
     h = times[1] - times[0]
     center = chain.mass_center(curves.sample(times)[0])

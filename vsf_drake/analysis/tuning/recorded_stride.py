@@ -12,14 +12,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
-from vsf_drake.analysis.tuning.recorded_closing import acceleration_of_forces, acceleration_of_path, close
+from vsf_drake.analysis.tuning.recorded_closing import (
+    acceleration_of_forces,
+    acceleration_of_path,
+    close,
+    second_derivative,
+)
 from vsf_drake.analysis.tuning.recorded_curves import (
-    PeriodicCurves,
-    PieceOfTime,
+    Curves,
     advance_of,
     closing_weights,
     fit_periodic,
-    piece_of_time,
+    fit_piece,
 )
 from vsf_drake.analysis.tuning.recorded_errors import (
     center_rate,
@@ -48,6 +52,8 @@ from vsf_drake.simulation.walk import Walker
 HARMONICS = 16
 """Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
 MARGIN_S = 0.1
+KNOT_S = 0.03
+"""Distance of the knots of a piece of time (a choice: about as fine as the periodic curves)."""
 Span = tuple[float, float]
 
 
@@ -74,7 +80,7 @@ class RecordedStride:
     period_s: float
     advance_m: float
     start_s: float
-    curves: PeriodicCurves | PieceOfTime
+    curves: Curves
     forces: dict[str, FootForce]
     prosthetic_stance: Span
     intact_stance: Span | None
@@ -190,13 +196,18 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
         raise InputError(f"the prosthetic stance from {stance.start_s:.3f} s is cut at {stance.end_s:.3f} s", file=file,
                          where="forces", right="A stance needs strike and lift-off, in the motion and on the plate")
     start, end = max(time[0], stance.start_s - margin_s), min(time[-1], stance.end_s + margin_s)
-    seen = seen.at((time >= start) & (time <= end))
-    seen = seen.turned(heading(seen.points, file=file))
-    projection = project(seen.chain, seen.misfit(nearness))
-    curves = piece_of_time(seen.time_s - start, projection.q, end - start)
+    rows = (time >= start) & (time <= end)
+    seen = seen.turned(heading(seen.at(rows).points, file=file))
+    path = second_derivative(seen.misfit(nearness).wanted[:, -1], time, cutoff_hz=0.5 / KNOT_S)[rows]
+    seen = seen.at(rows)
+    t, misfit = seen.time_s - start, seen.misfit(nearness)
+    projection = project(seen.chain, misfit)
+    by = {"end_s": end - start, "knot_s": KNOT_S}
+    curves, shift, closed = close(seen.chain, misfit, fit_piece(t, projection.q, **by), t, np.ones(len(t)),
+                                  fit_piece(t, path, **by), projection.shift)
     forces = _forces(trial, seen, start_s=start, period_s=end - start, advance_m=0.0, periodic=False,
                      unknown=unknown_spans(trial, loaded, moved))
-    q = curves.sample(seen.time_s - start)[0]
+    q = curves.sample(t)[0]
     errors = place_errors(seen, projection.q, q, np.ones(len(q)))
     errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, trial.subject.mass_kg,
                            end - start, periodic=False)
@@ -206,7 +217,7 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
         intact_stance=None, forward=seen.forward, chain=seen.chain, errors=errors,
         notes=(f"One prosthetic stance of {stance.duration_s:.3f} s with margins of {stance.start_s - start:.3f} and "
                f"{end - stance.end_s:.3f} s, not periodic.",
-               *sentences(errors, projection.shift, converged=projection.converged)))
+               *sentences(errors, shift, converged=closed and projection.converged)))
 
 
 def _forces(trial: Trial, seen: View, *, unknown: dict[str, tuple[Span, ...]], **by) -> dict[str, FootForce]:
