@@ -1,4 +1,4 @@
-"""`vsf-drake report`: the report of a validation or of a tuning made again."""
+"""`vsf-drake report`: the report of a validation, a tuning or a schedule made again."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ def report(
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     from vsf_drake.report.tuning import output as tuning
+    from vsf_drake.report.tuning import schedule_output as schedule
     from vsf_drake.report.validation import output as validation
 
     folder = folder.expanduser()
-    remake = tuning.remake_tuning if (folder / tuning.TABLE).is_file() else validation.remake_report
+    others = ((tuning.TABLE, tuning.remake_tuning), (schedule.TABLE, schedule.remake_schedule))
+    remake = next((make for table, make in others if (folder / table).is_file()), validation.remake_report)
     for sentence in remake(folder):
         console.print(f"! {sentence}", style="bold yellow", highlight=False, markup=False)
     console.print(f"written to {folder / validation.PAGE}", highlight=False, markup=False)

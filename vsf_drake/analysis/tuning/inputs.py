@@ -18,8 +18,8 @@ from vsf_drake.motion.trial import Trial, load_trial
 Progress = Callable[[str, float], None]
 """Called with what is being done and the finished fraction of it."""
 NO_CONTACT = (
-    "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was fitted, "
-    "to each trial's own plate.")
+    "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was "
+    "fitted, to each trial's own plate.")
 _TYPICAL_EVALUATIONS = 25.0
 
 

@@ -157,16 +157,21 @@ def make_schedule(
     Raises:
         InputError: the resolution is not usable.
     """
-    low, high = reach_mm
-    if resolution_mm is not None and not 0.0 < resolution_mm <= high - low:
-        raise InputError(f"{resolution_mm:g} mm is no resolution", where="resolution",
-                         right=f"It must be above 0 and at most the reach, {high - low:g} mm")
+    check_steps(reach_mm, resolution_mm)
     curves = [cost_curve(table) for _, _, table in tuned]
     known = [curve for curve in curves if curve is not None]
     common = best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
     rows = tuple(_row(label, descriptors, table, curve, common, reach_mm, resolution_mm)
                  for (label, descriptors, table), curve in zip(tuned, curves, strict=True))
     return Schedule(tasks=rows, common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
+
+
+def check_steps(reach_mm: tuple[float, float], resolution_mm: float | None) -> None:
+    """Raises InputError for a resolution in which the carriage could not move."""
+    low, high = reach_mm
+    if resolution_mm is not None and not 0.0 < resolution_mm <= high - low:
+        raise InputError(f"{resolution_mm:g} mm is no resolution", where="resolution_mm",
+                         right=f"It must be above 0 and at most the reach, {high - low:g} mm")
 
 
 def cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:

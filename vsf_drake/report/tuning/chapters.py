@@ -61,6 +61,29 @@ def tuning_chapters(table: Mapping[str, Any], arrays: Arrays, *, lenient: bool) 
     return [made_chapter(name, title, make, lenient) for name, title, make, there in makers if there]
 
 
+def making_pieces(table: Mapping[str, Any]) -> tuple[Piece, ...]:
+    """Notes, time, software, options and files of a tuning or a schedule."""
+    made = table["provenance"] or {}
+    lines = list(table["notes"])
+    if table["wall_s"] is not None:
+        lines.append(f"It took {table['wall_s']:.1f} s.")
+    if made.get("versions"):
+        versions = made["versions"].items()
+        lines.append("Software: " + ", ".join(f"{name} {version}" for name, version in versions) + ".")
+    if made.get("seed") is not None:
+        lines.append(f"Seed {made['seed']}.")
+    pieces: list[Piece] = [Bullets(lines)] if lines else [Missing("The results do not say how they were made.")]
+    options = [{"option": name, "value": _said(value)} for name, value in (made.get("options") or {}).items()]
+    if options:
+        pieces.append(Grid(name="options", rows=options, caption="Options that were given.", columns=(
+            Column(key="option", heading="option"), Column(key="value", heading="value"))))
+    files = [{"file": name, "sha256": digest} for name, digest in (made.get("inputs_sha256") or {}).items()]
+    if files:
+        pieces.append(Grid(name="files", rows=files, caption="Files that were read.", columns=(
+            Column(key="file", heading="file"), Column(key="sha256", heading="SHA-256"))))
+    return tuple(pieces)
+
+
 def _answer(table: Mapping[str, Any], arrays: Arrays) -> Chapter:
     pieces: list[Piece] = [Bullets(answer(table))]
     if len(swept(table)[0]) > 1:
@@ -140,25 +163,7 @@ def _checks(table: Mapping[str, Any]) -> Chapter:
 
 
 def _made(table: Mapping[str, Any]) -> Chapter:
-    made = table["provenance"] or {}
-    lines = list(table["notes"])
-    if table["wall_s"] is not None:
-        lines.append(f"It took {table['wall_s']:.1f} s.")
-    if made.get("versions"):
-        versions = made["versions"].items()
-        lines.append("Software: " + ", ".join(f"{name} {version}" for name, version in versions) + ".")
-    if made.get("seed") is not None:
-        lines.append(f"Seed {made['seed']}.")
-    pieces: list[Piece] = [Bullets(lines)] if lines else [Missing("The results do not say how they were made.")]
-    options = [{"option": name, "value": _said(value)} for name, value in (made.get("options") or {}).items()]
-    if options:
-        pieces.append(Grid(name="options", rows=options, caption="Options of the tuning.", columns=(
-            Column(key="option", heading="option"), Column(key="value", heading="value"))))
-    files = [{"file": name, "sha256": digest} for name, digest in (made.get("inputs_sha256") or {}).items()]
-    if files:
-        pieces.append(Grid(name="files", rows=files, caption="Files that were read.", columns=(
-            Column(key="file", heading="file"), Column(key="sha256", heading="SHA-256"))))
-    return Chapter(name="made", title="How this was made", pieces=tuple(pieces))
+    return Chapter(name="made", title="How this was made", pieces=making_pieces(table))
 
 
 def _said(value: Any) -> str:

@@ -1,0 +1,109 @@
+"""`vsf-drake tune`: the fulcrum position, and what else of the foot, with the least cost for this person."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vsf_drake.cli.app import INTERRUPTED, Contact, app, console, errors, file_of, progress
+from vsf_drake.cli.tune_options import DESIGN, TuneOptions, read_names, read_pareto, read_weights
+from vsf_drake.errors import FitError, InputError
+
+Cost = Annotated[str, typer.Option(
+    metavar="joint_load|metabolic|push_off|tracking|weighted", help="What is to be least.")]
+Weights = Annotated[str | None, typer.Option(
+    metavar="COST=NUMBER,...", help="Of the costs in --cost weighted, each over its size at the recorded setting.")]
+Level = Annotated[int, typer.Option(
+    help="1: the recorded motion is kept. 2: the motion adapts (trajectory optimisation of a stride).")]
+Range = Annotated[tuple[float, float] | None, typer.Option(
+    metavar="LOW HIGH", help="Fulcrum positions (mm) to choose from; default the carriage's reach.")]
+Joints = Annotated[str | None, typer.Option(
+    metavar="JOINT,...", help="Level 1: joints whose moments count, of hip_flexion, hip_adduction, hip_rotation, "
+    "knee_angle, knee_adduction, knee_rotation.")]
+Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start, no solver asked for confirmation.")]
+
+
+@app.command()
+def tune(
+    trials: Annotated[list[Path] | None, typer.Argument(
+        metavar="[TRIAL.yaml...]", help="Trial manifests of one person; without any, the embedded synthetic "
+        "subject.")] = None,
+    cost: Cost = "joint_load",
+    out: Annotated[Path, typer.Option(help="Folder for the results; created if needed.")] = Path("tuning"),
+    weights: Weights = None,
+    level: Level = 1,
+    contact: Contact = None,
+    design: Annotated[str | None, typer.Option(
+        metavar="NAME,...", help=f"What is chosen besides the fulcrum: {', '.join(DESIGN)}.")] = None,
+    fulcrum_range: Range = None,
+    joints: Joints = None,
+    intervals: Annotated[int | None, typer.Option(
+        help="Level 2: intervals of the stride.", show_default="40")] = None,
+    method: Annotated[str | None, typer.Option(
+        metavar="hermite_simpson|trapezoidal", help="Level 2: of the collocation.",
+        show_default="hermite_simpson")] = None,
+    pareto: Annotated[str | None, typer.Option(metavar="A,B", help="Two costs whose trade-off is told.")] = None,
+    warm_start: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Folder, or tuning.json in it, of an earlier tuning to begin from as well.")] = None,
+    seed: Annotated[int, typer.Option(help="Of all that is random.", min=0)] = 0,
+    workers: Annotated[int | None, typer.Option(help="Threads for the walks; default one a core.", min=1)] = None,
+    quick: Quick = False,
+) -> None:
+    """Finds the setting of the foot with the least cost for a person and their motion, and what that is worth.
+
+    The cost over the whole range of the fulcrum comes with it, and how it compares with the uncertainty. A tuning that
+    did not end at an optimum ends with exit code 4: its results are written, and marked as not optimal. So are those of
+    a tuning that Ctrl-C ended.
+    """
+    options = TuneOptions(
+        cost=cost, weights=read_weights(weights), level=level, design=read_names(design, "--design", DESIGN) or (),
+        fulcrum_range_mm=fulcrum_range, intervals=intervals, method=method, pareto=read_pareto(pareto),
+        joints=read_names(joints, "--joints"), seed=seed, workers=workers, quick=quick)
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.analysis.tuning.inputs import load_tuning_trials
+    from vsf_drake.cli.tune_run import tune_trials, was_interrupted
+    from vsf_drake.cli.tune_screen import print_tuning
+    from vsf_drake.report.tuning.output import PAGE, check_tuning_folder, write_tuning
+
+    out, contact, warm_start = out.expanduser(), file_of(contact), file_of(warm_start)
+    check_tuning_folder(out)
+    warm = None if warm_start is None else read_warm_start(warm_start)
+    try:
+        with progress() as show:
+            given = load_tuning_trials([path.expanduser() for path in trials or ()], contact=contact, level=level,
+                                       progress=show)
+            table, arrays = tune_trials(given, options, show=show, warm=warm)
+            show("writing the report", 0.99)
+            written = write_tuning(out, table, arrays)
+    except KeyboardInterrupt:
+        errors.print("interrupted before anything was found; nothing was written", highlight=False)
+        sys.exit(INTERRUPTED)
+    if was_interrupted(written):
+        errors.print(f"interrupted; what was found by then is in {out}, marked as NOT OPTIMAL", highlight=False,
+                     soft_wrap=True, markup=False)
+        sys.exit(INTERRUPTED)
+    if not written["optimal"]:
+        raise FitError(f"NOT OPTIMAL: {written['status'].removesuffix('.')}. What was found is in {out}, marked so; "
+                       f"see {out / PAGE}")
+    print_tuning(written)
+    console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False, soft_wrap=True)
+
+
+def read_warm_start(path: Path) -> Any:
+    """An earlier tuning, by its folder or a file in it.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    from vsf_drake.cli.tune_run import WarmStart
+    from vsf_drake.report.tuning.output import ARRAYS, TABLE, read_tuning
+
+    folder = path if path.is_dir() else path.parent
+    if not path.is_dir() and path.name not in (TABLE, ARRAYS):
+        raise InputError("is no tuning" if path.exists() else "there is no such file", file=path, where="--warm-start",
+                         right=f"Name the folder of an earlier tuning, or {TABLE} in it")
+    table, arrays = read_tuning(folder)
+    return WarmStart(file=path, table=table, arrays=arrays)

@@ -1,0 +1,102 @@
+"""What `vsf-drake tune` does once its options are read: one small function a level, and what both leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.inputs import TuningTrials
+from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions, TuningProgress, TuningSolution, solve
+from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
+from vsf_drake.errors import InputError
+from vsf_drake.report.tuning.table import COST, cost_at, swept
+
+Show = Callable[[str, float], None]
+Tuned = tuple[dict[str, Any], dict[str, np.ndarray]]
+"""Table and arrays, of a tuning that ended well or not."""
+INTERRUPTED = "interrupted"
+_QUICK_SWEEP_MM = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarmStart:
+    """An earlier tuning to begin from: its file as the user named it, table and arrays."""
+
+    file: Path
+    table: Mapping[str, Any]
+    arrays: Mapping[str, np.ndarray]
+
+
+def tune_trials(
+    given: TuningTrials, options: TuneOptions, *, show: Show, warm: WarmStart | None = None,
+    tasks: Sequence[str] | None = None
+) -> Tuned:
+    """Tunes the foot to the trials.
+
+    An interrupt ends it early; what was found by then comes back, marked as not optimal.
+
+    Args:
+        tasks: name of the task that each trial is of; every trial its own if None.
+
+    Raises:
+        InputError: the data do not support the cost; an option cannot be used.
+        SimulationError, FitError: nothing could be walked at all.
+        KeyboardInterrupt: before anything was found.
+    """
+    run = _motion_given if options.level == MOTION_GIVEN else _motion_free
+    try:
+        table, arrays = run(given, options, show, warm, tasks)
+    except InputError as error:
+        raise as_option(error, None if warm is None else warm.file) from None
+    made = {**(table["provenance"] or {}), "options": options.told()}
+    made["inputs_sha256"] = {**given.inputs, **(made.get("inputs_sha256") or {})}
+    return {**table, "recorded_mm": given.recorded_mm, "provenance": made,
+            "notes": [*given.notes, *table["notes"]]}, arrays
+
+
+def was_interrupted(table: Mapping[str, Any]) -> bool:
+    """Whether Ctrl-C ended this tuning."""
+    return not table["optimal"] and INTERRUPTED in table["status"]
+
+
+def _motion_given(
+    given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
+) -> Tuned:
+    """Level 1."""
+    chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
+                              "pareto": options.pareto, "joints": options.joints, "workers": options.workers}
+    if options.quick:
+        chosen |= {"sweep_mm": _QUICK_SWEEP_MM, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
+    tuning = StiffnessTuning(
+        given.trials, cost=options.cost, labels=given.labels, tasks=tasks, options=TuningOptions(
+            design=options.design, seed=options.seed, **{k: v for k, v in chosen.items() if v is not None}))
+
+    def told(p: TuningProgress) -> None:
+        best = "" if p.cost is None or p.fulcrum_mm is None else f", {p.fulcrum_mm:.1f} mm, cost {p.cost:.5g}"
+        show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
+
+    solution = solve(tuning, progress=told, warm_start=None if warm is None else warm.table)
+    table = solution.table()
+    return {**table, "outcomes": [*_cost_row(table, solution), *table["outcomes"]]}, solution.arrays()
+
+
+def _motion_free(
+    given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
+) -> Tuned:
+    """Level 2."""
+    raise InputError("is not available in this version", where="--level", right="Give --level 1")
+
+
+def _cost_row(table: Mapping[str, Any], solution: TuningSolution) -> list[dict[str, Any]]:
+    """The cost as an outcome, with what is known of its uncertainty."""
+    found, (x, y) = solution.uncertainty, swept(table)
+    if found is None or not len(x) or any(row["name"] == COST for row in table["outcomes"]):
+        return []
+    own = [cost_at(table, 1e3 * trial.fulcrum_m) for trial in solution.tuning.trials]
+    return [{"name": COST, "label": table["cost_label"], "unit": table["cost_unit"], "softest": float(y[0]),
+             "optimum": table["cost"], "stiffest": float(y[-1]), "recorded": own[0] if len(set(own)) == 1 else None,
+             "uncertainty": found.spread, "matters": found.matters, "sentence": found.sentence}]

@@ -1,0 +1,112 @@
+"""What a schedule leaves on disk, all of it or nothing, and the page made again of it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.tuning.policy import POLICY_FORMAT, schedule_of
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.files import replaced
+from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.report_folder import check_names, check_report_folder, read_table
+from vsf_drake.report.tuning.schedule_chapters import (
+    schedule_alarm,
+    schedule_chapters,
+    schedule_first_line,
+    schedule_title,
+)
+from vsf_drake.simulation.archive import result_folder
+
+SCHEDULE = "schedule"
+TABLE, CSV, PAGE = "policy.json", "policy.csv", "report.html"
+KEYS = ("cost_name", "cost_label", "cost_unit", "level", "synthetic", "notes", "wall_s", "provenance")
+"""What the table has besides the policy itself (`analysis.tuning.policy.policy_table`)."""
+_BEGINS = POLICY_FORMAT.rpartition(" ")[0]
+_COLUMNS = ("label", *DESCRIPTORS, "fulcrum_mm", "exact_mm", "interval_low_mm", "interval_high_mm", "cost",
+            "cost_common", "matters", "optimal", "status")
+
+
+def check_schedule_folder(out: Path) -> None:
+    """Whether a schedule can go to `out`: a new or empty folder, or that of an earlier schedule.
+
+    Raises:
+        InputError: it cannot be written, or holds anything else.
+    """
+    check_report_folder(out, SCHEDULE, table=TABLE, files=(CSV, PAGE), folders=(FIGURES, TABLES), known=_is_schedule)
+
+
+def write_schedule(folder: str | Path, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Writes policy.json, policy.csv, report.html, and a file for every figure and table.
+
+    Args:
+        table: of `policy_table`, with KEYS, and for every task `trials` (labels) and `sweep` (lists of `fulcrum_mm` and
+            `cost`).
+
+    Returns:
+        What policy.json holds.
+
+    Raises:
+        InputError: the folder cannot be written.
+        ValueError: the table lacks a key.
+    """
+    missing = [key for key in KEYS if key not in table]
+    if missing:
+        raise ValueError(f"the table of a schedule lacks {', '.join(missing)}")
+    out, written = Path(folder), plain(dict(table))
+    with writing(out), result_folder(out) as temporary:
+        files, _ = _write_page(written, temporary, lenient=False)
+        with replaced(temporary / CSV) as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(_COLUMNS)
+            writer.writerows(_csv_row(row) for row in written["tasks"])
+        write_json(temporary / TABLE, written, sort=False)
+    tidy_chapters(out, files)
+    return dict(written)
+
+
+def read_schedule(folder: str | Path) -> dict[str, Any]:
+    """The table that `write_schedule` left in `folder`; see `analysis.tuning.policy.load_schedule` for looking up.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    path = Path(folder) / TABLE
+    table = read_table(path, _is_schedule, kind=SCHEDULE, command=SCHEDULE)
+    schedule_of(table, file=path)
+    return table
+
+
+def remake_schedule(folder: str | Path) -> list[str]:
+    """Makes page, figures and tables again of what is saved in `folder`; what could not be shown, in sentences.
+
+    Raises:
+        InputError: see `read_schedule`; or the folder cannot be written.
+    """
+    out = Path(folder)
+    table = read_schedule(out)
+    check_names(out, files=(PAGE,), folders=(FIGURES, TABLES))
+    with writing(out), result_folder(out) as temporary:
+        files, missing = _write_page(table, temporary, lenient=True)
+    tidy_chapters(out, files)
+    return missing
+
+
+def _is_schedule(table: Mapping[str, Any]) -> bool:
+    return str(table.get("format")).startswith(_BEGINS)
+
+
+def _csv_row(row: Mapping[str, Any]) -> list[Any]:
+    low, high = row["interval_mm"] or (None, None)
+    values = {**row, "interval_low_mm": low, "interval_high_mm": high}
+    return ["" if values[name] is None else values[name] for name in _COLUMNS]
+
+
+def _write_page(table: Mapping[str, Any], folder: Path, *, lenient: bool) -> tuple[set[Path], list[str]]:
+    return write_chapters(
+        schedule_chapters(table, lenient=lenient), folder, PAGE, title=schedule_title(table), links={},
+        first_line=schedule_first_line(table), synthetic=bool(table["synthetic"]), lenient=lenient,
+        alarm=schedule_alarm(table))
