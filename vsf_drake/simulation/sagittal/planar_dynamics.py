@@ -1,6 +1,10 @@
 """Kinematics and inverse dynamics of a planar tree for many instants at once, in arrays of any shape, real or complex.
 
-Recursive Newton-Euler method (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5), in the plane.
+    twist  (omega, vx, vz): turn about +y, velocity of the body's point that passes W's origin
+    wrench (my, fx, fz): moment about +y at W's origin, force
+
+All are taken at W's origin, so that what a branch does is a plain sum over its links: velocities over the links that
+carry one, forces over those that it carries (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 2 and 5).
 """
 
 from __future__ import annotations
@@ -12,100 +16,112 @@ import numpy as np
 from vsf_drake.simulation.sagittal.planar_tree import PlanarTree, turned
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """Frames of all links: lists over the links of arrays (...).
+    """L links at one or many instants.
 
-    phi, omega, alpha: angle about +y (rad), its rates. x, z, vx, vz, ax, az: of the frame's origin in W.
-    ways: unit direction (x, z) of a prismatic joint, None for a revolute one.
+    Attributes:
+        x, z: (L, ...) m, origins of the links' frames in W. c, s: cosine and sine of the frames' angles about +y.
+        S: (3, L, ...) twist of each link's joint at unit rate. V: (3, L, ...) twists. A: their rates, in a world that
+            gravity is a rise of.
+        H: (2, L, ...) kg m, first moments of mass about W's origin. J: (L, ...) moments of inertia about it.
     """
 
-    phi: list[np.ndarray]
-    omega: list[np.ndarray]
-    alpha: list[np.ndarray]
-    x: list[np.ndarray]
-    z: list[np.ndarray]
-    vx: list[np.ndarray]
-    vz: list[np.ndarray]
-    ax: list[np.ndarray]
-    az: list[np.ndarray]
-    ways: list[tuple[np.ndarray, np.ndarray] | None]
-
-    def point(self, link: int, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Position and velocity (x, z, vx, vz) in W of the point (x, z) of a link's frame."""
-        rx, rz = turned(x, z, self.phi[link])
-        w = self.omega[link]
-        return self.x[link] + rx, self.z[link] + rz, self.vx[link] + w * rz, self.vz[link] - w * rx
+    x: np.ndarray
+    z: np.ndarray
+    c: np.ndarray
+    s: np.ndarray
+    S: np.ndarray
+    V: np.ndarray
+    A: np.ndarray
+    H: np.ndarray
+    J: np.ndarray
 
 
-def move(tree: PlanarTree, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> PlanarMotion:
-    """Motion of all links at coordinates, rates and accelerations (C, ...)."""
-    m = PlanarMotion(*([] for _ in range(10)))
-    nil = np.zeros_like(q[0])
-    for link in tree.links:
-        p, c = link.parent, link.coordinate
-        if p < 0:
-            phi = omega = alpha = x0 = z0 = vx0 = vz0 = ax0 = az0 = nil
-        else:
-            phi, omega, alpha = m.phi[p], m.omega[p], m.alpha[p]
-            x0, z0, vx0, vz0, ax0, az0 = m.x[p], m.z[p], m.vx[p], m.vz[p], m.ax[p], m.az[p]
-        rx, rz = turned(link.offset[0], link.offset[1], phi)
-        extra_vx = extra_vz = extra_ax = extra_az = 0.0
-        way = None
-        if not link.turns:
-            dx, dz = way = turned(link.direction[0], link.direction[1], phi + link.angle)
-            rx, rz = rx + dx * q[c], rz + dz * q[c]
-            extra_vx, extra_vz = dx * v[c], dz * v[c]
-            extra_ax = dx * a[c] + 2.0 * omega * extra_vz
-            extra_az = dz * a[c] - 2.0 * omega * extra_vx
-        square = omega * omega
-        m.x.append(x0 + rx)
-        m.z.append(z0 + rz)
-        m.vx.append(vx0 + omega * rz + extra_vx)
-        m.vz.append(vz0 - omega * rx + extra_vz)
-        m.ax.append(ax0 + alpha * rz - square * rx + extra_ax)
-        m.az.append(az0 - alpha * rx - square * rz + extra_az)
-        m.ways.append(way)
-        turn = link.sign if link.turns else 0.0
-        m.phi.append(phi + link.angle + turn * q[c] if turn else phi + link.angle)
-        m.omega.append(omega + turn * v[c] if turn else omega)
-        m.alpha.append(alpha + turn * a[c] if turn else alpha)
-    return m
+class PlanarDynamics:
+    """A tree whose every link has a coordinate of its own.
+
+    Attributes:
+        carries: (L, L), [i, j] is 1 where link i carries link j, or is it. coordinate: (L,) of the links.
+        link: (L,) of the coordinates. mass: (L,) kg.
+    """
+
+    def __init__(self, tree: PlanarTree) -> None:
+        links, count = tree.links, len(tree.links)
+        self.gravity = tree.gravity
+        self.carries = np.eye(count)
+        for j, link in enumerate(links):
+            if link.parent >= 0:
+                self.carries[:, j] += self.carries[:, link.parent]
+        self.parent = np.array([link.parent for link in links])
+        self.coordinate = np.array([link.coordinate for link in links])
+        self.link = np.argsort(self.coordinate)
+        self.mass = np.array([link.mass for link in links])
+        self._turn = np.array([link.sign if link.turns else 0.0 for link in links])
+        self._direction = np.array([np.zeros(2) if link.turns else link.direction for link in links]).T
+        self._offset = np.array([link.offset for link in links]).T
+        self._angle = np.array([link.angle for link in links])
+        self._moment = np.array([link.moment for link in links]).T
+        self._inertia = np.array([link.inertia for link in links])
+
+    def move(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> PlanarMotion:
+        """Motion at coordinates, rates and accelerations (L, ...)."""
+        q, v, a = q[self.coordinate], v[self.coordinate], a[self.coordinate]
+        tail = (-1, *(1,) * (q.ndim - 1))
+        turn, angle = self._turn.reshape(tail), self._angle.reshape(tail)
+        own = angle + turn * q
+        phi = self.of_carriers(own)
+        dx, dz = turned(*self._direction.reshape(2, *tail), phi - own + angle)
+        ox, oz = turned(*self._offset.reshape(2, *tail), phi - own)
+        x, z = self.of_carriers(np.stack([ox + dx * q, oz + dz * q]))
+        S = np.stack([turn + 0.0 * q, dx - turn * z, dz + turn * x])
+        V = self.of_carriers(S * v)
+        A = self.of_carriers(S * a + cross(V, S) * v)
+        A[2] += self.gravity
+        c, s = np.cos(phi), np.sin(phi)
+        mass, (mx, mz) = self.mass.reshape(tail), self._moment.reshape(2, *tail)
+        hx, hz = c * mx + s * mz, c * mz - s * mx
+        H = np.stack([hx + mass * x, hz + mass * z])
+        J = self._inertia.reshape(tail) + x * (hx + H[0]) + z * (hz + H[1])
+        return PlanarMotion(x=x, z=z, c=c, s=s, S=S, V=V, A=A, H=H, J=J)
+
+    def inertial(self, motion: PlanarMotion) -> np.ndarray:
+        """(3, L, ...) wrenches that each link's inertia and weight take."""
+        p, f = self.momentum(motion, motion.V), self.momentum(motion, motion.A)
+        omega, vx, vz = motion.V
+        return f + np.stack([vz * p[1] - vx * p[2], omega * p[2], -omega * p[1]])
+
+    def momentum(self, motion: PlanarMotion, m: np.ndarray) -> np.ndarray:
+        """(3, L, ...) inertia of each link times the twists `m`."""
+        mass = self.mass.reshape(-1, *(1,) * (m.ndim - 2))
+        return inertia_times(motion.J, motion.H, mass, m)
+
+    def of_carriers(self, y: np.ndarray) -> np.ndarray:
+        """(L, ...) or (n, L, ...): for each link, the sum of y over what carries it, and it."""
+        return _product(self.carries.T, y)
+
+    def of_carried(self, y: np.ndarray) -> np.ndarray:
+        """The sum of y over what each link carries, and it."""
+        return _product(self.carries, y)
+
+    def joint_forces(self, motion: PlanarMotion, F: np.ndarray) -> np.ndarray:
+        """(L, ...) by coordinate, what the joints must give where F (3, L, ...) is taken by what each link carries."""
+        return np.einsum("cl...,cl...->l...", motion.S, F)[self.link]
 
 
-class Wrenches:
-    """Sums of forces on the links, about their origins."""
+def cross(m: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Twist m x n: rate of the twist n if it is fixed to a body that moves with m; (3, ...)."""
+    return np.stack([0.0 * (m[0] + n[0]), m[0] * n[2] - n[0] * m[2], n[0] * m[1] - m[0] * n[1]])
 
-    def __init__(self, tree: PlanarTree, motion: PlanarMotion) -> None:
-        """Begins with what inertia and gravity take."""
-        self.tree, self.motion = tree, motion
-        self.fx, self.fz, self.my = [], [], []
-        for i, link in enumerate(tree.links):
-            ax, az = motion.ax[i], motion.az[i] + tree.gravity
-            hx, hz = turned(link.moment[0], link.moment[1], motion.phi[i])
-            alpha, square = motion.alpha[i], motion.omega[i] * motion.omega[i]
-            self.fx.append(link.mass * ax + alpha * hz - square * hx)
-            self.fz.append(link.mass * az - alpha * hx - square * hz)
-            self.my.append(link.inertia * alpha + hz * ax - hx * az)
 
-    def apply(self, link: int, x: np.ndarray, z: np.ndarray, fx: np.ndarray, fz: np.ndarray) -> None:
-        """A force on a link at the point (x, z) of W: the joints have so much less to give."""
-        rx, rz = x - self.motion.x[link], z - self.motion.z[link]
-        self.fx[link] = self.fx[link] - fx
-        self.fz[link] = self.fz[link] - fz
-        self.my[link] = self.my[link] - (rz * fx - rx * fz)
+def inertia_times(J: np.ndarray, H: np.ndarray, mass: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Momentum (3, ...) of what has moment J, first moments H and mass about W's origin, at the twist m."""
+    return np.stack([J * m[0] + H[1] * m[1] - H[0] * m[2], H[1] * m[0] + mass * m[1], mass * m[2] - H[0] * m[0]])
 
-    def gather(self, count: int) -> np.ndarray:
-        """(count, ...) generalized forces that the joints must give."""
-        motion = self.motion
-        out: list[np.ndarray] = [np.zeros_like(motion.x[0])] * count
-        for i in range(len(self.tree.links) - 1, -1, -1):
-            link, way = self.tree.links[i], motion.ways[i]
-            fx, fz, my, p = self.fx[i], self.fz[i], self.my[i], link.parent
-            out[link.coordinate] = link.sign * my if way is None else way[0] * fx + way[1] * fz
-            if p >= 0:
-                rx, rz = motion.x[i] - motion.x[p], motion.z[i] - motion.z[p]
-                self.fx[p] = self.fx[p] + fx
-                self.fz[p] = self.fz[p] + fz
-                self.my[p] = self.my[p] + my + rz * fx - rx * fz
-        return np.array(out)
+
+def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """M (L, L) on the axis of y that has the links: the first, or the second after one of another length."""
+    lead = y.shape[:1] if y.shape[0] != M.shape[1] else ()
+    flat = np.ascontiguousarray(y).reshape(*lead, M.shape[1], -1)
+    # As pairs of reals: complex products with a real matrix would do everything twice.
+    return (M @ flat.view(float)).view(y.dtype).reshape(*lead, M.shape[0], *y.shape[len(lead) + 1:])

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from vsf_drake.errors import SimulationError
-from vsf_drake.simulation.sagittal.model import IMAGINARY_STEP, SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 BALANCED = 1e-8
@@ -33,20 +33,13 @@ def quasi_static_motion(
     design = np.repeat(np.asarray(p, dtype=float)[:, None], N, 1)
     rows = slice(3, 3 + k)
 
-    def wide(x: np.ndarray) -> np.ndarray:
-        return np.repeat(x[:, None, :], 2 * k + 1, 1).astype(complex)
-
     def left(w: np.ndarray) -> np.ndarray:
         return model.evaluate(q, v, a, w, (rates @ w.T).T, design, smoothing)[rows]
 
-    given = [wide(x) for x in (q, v, a)]
+    first = 3 * len(q)
     for _ in range(ITERATIONS):
-        W, U = wide(w), wide((rates @ w.T).T)
-        for i in range(k):
-            W[i, 1 + i] += 1j * IMAGINARY_STEP
-            U[i, 1 + k + i] += 1j * IMAGINARY_STEP
-        y = model.evaluate(*given, W, U, wide(design), smoothing)[rows]
-        r, by = y[:, 0].real, y[:, 1:].imag / IMAGINARY_STEP
+        y, by = model.linearise(q, v, a, w, (rates @ w.T).T, design, smoothing)
+        r, by = y[rows], by[rows, first:first + 2 * k]
         if np.abs(r).max() <= BALANCED * model.weight:
             return w, (rates @ w.T).T
         A = sp.bmat([[sp.diags(by[i, j]) + sp.diags(by[i, k + j]) @ rates for j in range(k)] for i in range(k)],

@@ -1,0 +1,222 @@
+"""Derivatives of the sagittal model's outputs: closed form for the bodies, complex steps in the small laws.
+
+With S_k a joint, i a link that it carries, V and A twists and their rates, parent(k) what carries the joint itself,
+
+    D_k = V_parent(k) x S_k         is how V_i changes with the coordinate of k, seen from link i
+    E_k = A_parent(k) x S_k + V_parent(k) x D_k
+
+and the wrench f_i that inertia takes changes
+
+    with the coordinate     by S_k x f_i + I_i E_k
+    with its rate           by 2 I_i D_k + B_i S_k,  B_i S = 2 (H_i . V_i, p_z, -p_x) S_omega, p the momentum of i
+    with its acceleration   by I_i S_k
+
+(Carpentier & Mansard, Robotics: Science and Systems 2018, doi 10.15607/RSS.2018.XIV.038; in the plane B_i D_k is 0).
+Sums over what a link carries and products with the joints do the rest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsf_drake.simulation.sagittal.contact_spheres import sole, touch
+from vsf_drake.simulation.sagittal.ground_change import GroundChange, ground_changes
+from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, cross, inertia_times
+from vsf_drake.simulation.sagittal.smooth_laws import IMAGINARY_STEP, Smoothing
+from vsf_drake.simulation.sagittal.springs import spring_forces
+
+if TYPE_CHECKING:
+    from vsf_drake.simulation.sagittal.model import SagittalModel
+
+
+class _Columns:
+    """Places of q, v, a (n each), w, u (k each) and p (fulcrum, heel, alignment, thickness) among the derivatives.
+
+    Links come in the order of `link`: q, w, fulcrum, alignment.
+    """
+
+    def __init__(self, n: int, k: int, link: np.ndarray) -> None:
+        self.n, self.k, self.link = n, k, link
+        self.v, self.a, self.w, self.u = n, 2 * n, 3 * n, 3 * n + k
+        self.fulcrum, self.heel, self.alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
+
+    def fill(self, by: np.ndarray, place: np.ndarray, rate: np.ndarray | None = None) -> None:
+        """Into `by` (r, 52, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
+        n, k, place = self.n, self.k, place[:, self.link]
+        by[:, :n], by[:, self.w:self.u] = place[:, :n], place[:, n:n + k]
+        by[:, self.fulcrum], by[:, self.alignment] = place[:, n + k], place[:, n + k + 1]
+        if rate is not None:
+            rate = rate[:, self.link]
+            by[:, self.v:self.a], by[:, self.u:self.fulcrum] = rate[:, :n], rate[:, n:n + k]
+
+
+def linearise(
+    model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
+    smoothing: Smoothing
+) -> tuple[np.ndarray, np.ndarray]:
+    """See `SagittalModel.linearise`."""
+    n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
+    motion = model.motion(q, v, a, w, u, p)
+    joints = _joints(dynamics, motion)
+    spheres = touch(model.spheres, motion, model.ground)
+    feet = ground_changes(model.spheres, model.feet, dynamics.carries, spheres, p[1], smoothing)
+    taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
+    y = np.zeros((len(model.outputs), q.shape[1]))
+    by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
+    # The joints' forces, all in order of the coordinates.
+    load = dynamics.joint_forces(motion, taken)[:n + k]
+    by_load = np.zeros((n + k, *by.shape[1:]))
+    place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1])
+    at.fill(by_load, place[dynamics.link[:n + k]], rate[dynamics.link[:n + k]])
+    by_load[:, at.a:at.w] = acceleration[dynamics.link[:n + k]][:, dynamics.link[:n]]
+    by_load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S, feet[0].by_heel)[dynamics.link[:n + k]]
+    energy, by_energy = _add_support(model, w, u, p, load, by_load, at)
+    spring, by_spring = _add_springs(model, w, u, p, energy, by_energy, at)
+    # In the order of the outputs.
+    torque, balance, ground = slice(3 + k, n + k), slice(3, 3 + k), 2 * n + k - 3
+    y[:3], y[balance], y[torque] = load[:3], load[n:] - spring, load[3:n]
+    by[:3], by[balance], by[torque] = by_load[:3], by_load[n:] - by_spring, by_load[3:n]
+    powers = n + k + np.arange(n - 3)
+    y[powers], by[powers] = y[torque] * v[3:], by[torque] * v[3:, None]
+    by[powers, at.v + np.arange(3, n)] += y[torque]
+    for foot in feet:
+        change = np.zeros((3, *by.shape[1:]))
+        at.fill(change, _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]), _of(foot.by_twist, motion.S))
+        change[:, at.heel] = foot.by_heel[:, 0]
+        y[ground:ground + 3], by[ground:ground + 3] = foot.wrench[[1, 2, 0], 0], change[[1, 2, 0]]
+        ground += 3
+    y[ground:ground + 3], by[ground:ground + 3] = spring[:3], by_spring[:3]
+    power, stored, soles = ground + 3, ground + 4, ground + 5
+    y[power], by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground - 6:ground - 3], at)
+    y[stored], by[stored] = energy, by_energy
+    for i, foot in enumerate(model.feet):
+        y[soles + i], part = sole(spheres.depth[foot])
+        onto = dynamics.carries[:, model.spheres.link[foot]]
+        lift = np.stack([onto @ (-part * spheres.x[foot]), np.zeros_like(motion.x), onto @ part])
+        at.fill(by[soles + i:soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
+    return y, by
+
+
+def _joints(dynamics: PlanarDynamics, motion: PlanarMotion) -> tuple[np.ndarray, np.ndarray]:
+    """D and E (3, L, N) of the joints."""
+    carried = np.where(dynamics.parent[:, None] < 0, 0.0, motion.V[:, dynamics.parent])
+    world = np.array([0.0, 0.0, dynamics.gravity])[:, None, None]
+    D = cross(carried, motion.S)
+    A = np.where(dynamics.parent[:, None] < 0, world, motion.A[:, dynamics.parent])
+    return D, cross(A, motion.S) + cross(carried, D)
+
+
+def _load_change(
+    dynamics: PlanarDynamics, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], taken: np.ndarray,
+    ground: GroundChange
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(L, L, N) derivatives of the force in each link's joint by coordinate, rate and acceleration of each joint."""
+    S, (D, E), L = motion.S, joints, len(motion.x)
+    momentum = dynamics.momentum(motion, motion.V)
+    turning = 2.0 * np.stack([(motion.H * motion.V[1:]).sum(0), momentum[2], -momentum[1]])
+    J, Hx, Hz, b0, b1, b2 = dynamics.of_carried(np.stack([motion.J, *motion.H, *turning]))
+    mass = (dynamics.carries @ dynamics.mass)[:, None]
+
+    def inertia(m: np.ndarray) -> np.ndarray:
+        return inertia_times(J, np.stack([Hx, Hz]), mass, m)
+
+    # Relative to a link that moves, its ground's wrench changes by so much less as it would by being taken along.
+    place = ground.by_place - _taking_along(ground.wrench)
+    B = np.stack([b0, b1, b2])
+    # What a joint that carries all of another one feels of that; what one that is carried feels.
+    below = cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
+    below_rate = 2.0 * inertia(D) + B * S[0] - _of(ground.by_twist, S)
+    own, by_place, by_twist = inertia(S), _on(S, place), _on(S, ground.by_twist)
+    through = dynamics.carries[:, :, None].astype(bool)
+    above = through & ~np.eye(L, dtype=bool)[:, :, None]
+    carried = np.swapaxes(through, 0, 1)
+    turns = (S * B).sum(0)[:, None] * S[0][None]
+
+    def times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        return np.einsum("cjn,ckn->jkn", left, right)
+
+    by_q = np.where(above, times(S, below), np.where(
+        carried, times(np.concatenate([own, -by_place, -by_twist]), np.concatenate([E, S, D])), 0.0))
+    by_v = np.where(above, times(S, below_rate), np.where(
+        carried, times(np.concatenate([2.0 * own, -by_twist]), np.concatenate([D, S])) + turns, 0.0))
+    by_a = np.where(carried, times(own, S), 0.0)
+    return by_q, by_v, np.where(above, np.swapaxes(by_a, 0, 1), by_a)
+
+
+def _add_support(
+    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, load: np.ndarray, by_load: np.ndarray,
+    at: _Columns
+) -> tuple[np.ndarray, np.ndarray]:
+    """Adds what the keel's joints give against the support; energy (N,) in it, and (52, N) its derivatives."""
+    count = len(model.support.starts)
+    first = len(w) - count
+    keel, position = slice(first, None), p[0] + model.shift
+    force, energy, slope = model.support.load(w[keel], u[keel], position)
+    wide = np.repeat(w[keel][:, None], count + 1, 1).astype(complex)
+    wide[np.arange(count), np.arange(count)] += 1j * IMAGINARY_STEP
+    positions = np.repeat(position[None], count + 1, 0).astype(complex)
+    positions[count] += 1j * IMAGINARY_STEP
+    bent, stored, _ = model.support.load(wide, np.repeat(u[keel][:, None], count + 1, 1), positions)
+    bent, stored = bent.imag / IMAGINARY_STEP, stored.imag / IMAGINARY_STEP
+    load[at.n + first:] += force
+    rows = by_load[at.n + first:]
+    rows[:, at.w + first:at.u] += bent[:, :count]
+    rows[:, at.u + first:at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
+    rows[:, at.fulcrum] += bent[:, count]
+    by = np.zeros(by_load.shape[1:])
+    by[at.w + first:at.u], by[at.fulcrum] = stored[:count], stored[count]
+    return energy, by
+
+
+def _add_springs(
+    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, energy: np.ndarray, by_energy: np.ndarray,
+    at: _Columns
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (k, N) and (k, 52, N) their derivatives; adds the springs' energy."""
+    scale, h = model.spring_scale(p[3]), 1j * IMAGINARY_STEP
+    force, stored = spring_forces(model.springs, w, u, scale)
+    by_w, stored_by_w = (x.imag / IMAGINARY_STEP for x in spring_forces(model.springs, w + h, u, scale))
+    by_u = spring_forces(model.springs, w, u + h, scale)[0].imag / IMAGINARY_STEP
+    thicker = model.spring_scale(p[3] + h).imag / IMAGINARY_STEP / scale
+    by, each = np.zeros((len(w), *by_energy.shape)), np.arange(len(w))
+    by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = by_w, by_u, thicker * force
+    by_energy[at.w:at.u] += stored_by_w
+    by_energy[at.thickness] += (thicker * stored).sum(0)
+    energy += stored.sum(0)
+    return force, by
+
+
+def _power_below(
+    model: SagittalModel, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], wrench: np.ndarray,
+    by_wrench: np.ndarray, at: _Columns
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the ground's `wrench` (3, N) at the shank's twist, and its derivatives; `by_wrench`: of fx, fz, my."""
+    V, S = motion.V[:, model.shank], motion.S
+    carries = model.dynamics.carries[:, model.shank, None]
+    by = np.zeros(by_wrench.shape[1:])[None]
+    at.fill(by, *(np.einsum("cn,cln->ln", wrench, m * carries)[None] for m in (
+        cross(S, V[:, None]) + joints[0], S)))
+    return (wrench * V).sum(0), by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench)
+
+
+def cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Change of a wrench f that is taken along by a displacement m; (3, ...)."""
+    return np.stack([m[2] * f[1] - m[1] * f[2], m[0] * f[2], -m[0] * f[1]])
+
+
+def _taking_along(f: np.ndarray) -> np.ndarray:
+    """`cross_force` of f as a matrix (3, 3, ...) on m."""
+    nil = np.zeros_like(f[0])
+    return np.stack([np.stack([nil, -f[2], f[1]]), np.stack([f[2], nil, nil]), np.stack([-f[1], nil, nil])])
+
+
+def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Matrices (3, 3, L, N) times (3, L, N)."""
+    return np.einsum("cdln,dln->cln", matrix, m)
+
+
+def _on(m: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """(3, L, N) times matrices (3, 3, L, N)."""
+    return np.einsum("cln,cdln->dln", m, matrix)
