@@ -150,11 +150,10 @@ def acceleration_of_forces(forces: Mapping[str, FootForce], mass_kg: float, *, o
                                       order=order))
 
 
-def acceleration_of_path(center: np.ndarray, times: np.ndarray, weights: np.ndarray, *, period_s: float,
-                         order: int) -> PeriodicCurves:
-    """The same of a recorded path, complex (n,) m at (n,) s: accelerations are blended where ends meet, not places."""
-    values = second_derivative(center, times, cutoff_hz=1.5 * order / period_s)
-    return _without_mean(fit_periodic(times, values, weights, period_s=period_s, advance=np.zeros(2), order=order))
+def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, *, period_s: float,
+                          order: int) -> PeriodicCurves:
+    """The same of recorded accelerations (n, 2) at (n,) s: it is they that are blended where ends meet, not places."""
+    return _without_mean(fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2), order=order))
 
 
 def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) -> np.ndarray:

@@ -20,6 +20,8 @@ from scipy.interpolate import BSpline
 from vsf_drake.errors import InputError
 
 DEGREE = 5
+CLOSING_SHARE = 0.25
+"""Part of a stride over which one stride's two ends are blended, if as much was recorded (a choice)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +139,13 @@ def closing_weights(times: np.ndarray, start: float, end: float, period_s: float
     reach = int(np.ceil((end - start) / period_s)) + 1
     total = sum(rise(times + k * period_s) for k in range(-reach, reach + 1))
     return rise(times) / np.where(total > 0.0, total, 1.0)
+
+
+def one_stride(record: tuple[float, float], middle: float, period_s: float) -> tuple[float, float]:
+    """The part of a recording, around a time `middle` if there is enough, that is a stride and what closes it."""
+    length = min(period_s * (1.0 + CLOSING_SHARE), record[1] - record[0])
+    start = min(max(middle - 0.5 * length, record[0]), record[1] - length)
+    return start, start + length
 
 
 def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, period_s: float, advance: np.ndarray,

@@ -1,9 +1,9 @@
 """How well a sagittal stride tells what was recorded: numbers by name, the unit at the end of each name.
 
     place.*       where the final curves put a point against where the 3-D model has it, seen from the side; RMS
-                  over the recorded instants; "up" and "along" the way. For a foot: the mean over its spheres near the
-                  floor, each by its nearness, while there are any; hips: from their mid; a constant that the pelvis
-                  was moved by is in it
+                  over the recorded instants; "up" and "along" the way. For a foot, in its stance: the mean over its
+                  spheres near the floor, each by its nearness, while there are any; hips: from their mid; a constant
+                  that the pelvis was moved by is in it; "slip": how fast a foot moves along against the 3-D model's
     angle.*       the final curves less the recorded angles of the 3-D motion, RMS
     smoothing.*   the final curves less the projection of every recorded instant, RMS
     closing.*     the projection at one end of the recording less that at the other, one stride apart, RMS
@@ -33,11 +33,13 @@ _LENGTHS = ("pelvis_tx", "pelvis_ty")
 FEET = (("P", "prosthetic"), ("I", "intact"))
 
 
-def place_errors(seen: View, projected: np.ndarray, final: np.ndarray, weights: np.ndarray) -> dict[str, float]:
+def place_errors(seen: View, projected: np.ndarray, final: np.ndarray, weights: np.ndarray,
+                 standing: Mapping[str, np.ndarray]) -> dict[str, float]:
     """`place.*`, `angle.*` and `smoothing.*`.
 
     Args:
         projected, final: (n, 8) coordinates. weights: (n,) of the instants.
+        standing: by foot, (n,) whether it stands; a foot that is missing always counts.
     """
     chain, wanted = seen.chain, seen.wanted
     off = 1e3 * (chain.points(final)[0] - wanted)
@@ -47,9 +49,9 @@ def place_errors(seen: View, projected: np.ndarray, final: np.ndarray, weights: 
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
-        on = weights * (near > ON_FLOOR)
+        on = weights * (near > ON_FLOOR) * standing.get(foot, True)
         found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, on)
-        surely = (near > 1.0) & (weights > 0.25)
+        surely = (near > 1.0) & (on > 0.25)
         found[f"place.{foot}_foot_up_largest_mm"] = float(np.abs(mean.imag[surely]).max(initial=0.0))
         found[f"place.{foot}_foot_along_mm"] = _rms(mean.real, on)
         found[f"place.{foot}_foot_slip_mm_per_s"] = _rms(np.gradient(mean.real, seen.time_s), on)
@@ -145,8 +147,9 @@ def sentences(errors: Mapping[str, float], shift: complex, *, converged: bool) -
                          f"{100 * errors[f'force.{of}_up_bw']:.1f} % of body weight up and "
                          f"{100 * errors[f'force.{of}_along_bw']:.1f} % along (RMS).")
     if "force.balance_up_bw" in errors:
-        notes.append(f"Over the stride the plates carry {100 * errors['force.balance_up_bw']:+.1f} % more than body "
-                     f"weight, and push {100 * errors['force.balance_along_bw']:+.1f} % of it forward.")
+        notes.append(f"Over the stride the plates carry {100 * (1.0 + errors['force.balance_up_bw']):.1f} % of body "
+                     f"weight on average and {100 * errors['force.balance_along_bw']:+.1f} % of it along the way; of a "
+                     "stride that repeats they carry 100 and 0 %.")
     return tuple(notes)
 
 

@@ -110,6 +110,11 @@ def within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: f
     return None, "not seen"
 
 
+def within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarray:
+    """(n,) whether times since phase 0 lie in a stance; all do where none is known."""
+    return np.mod(times - stance[0], period_s) <= stance[1] - stance[0] if stance else np.ones(len(times), dtype=bool)
+
+
 def first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
     """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen.
 

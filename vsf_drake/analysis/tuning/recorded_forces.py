@@ -17,6 +17,8 @@ from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.plates import PlateRecording
 
 GRID_S = 0.001
+LEAST_WEIGHT = 1e-9
+"""Of what was recorded in another stride: it counts only where there is nothing else."""
 
 Span = tuple[float, float]
 
@@ -66,38 +68,32 @@ def plate_series(plate: PlateRecording, forward: np.ndarray,
     return plate.time_s, force
 
 
-def foot_force(plate: PlateRecording, forward: np.ndarray, *, start_s: float, period_s: float, advance_m: float,
-               unknown: Sequence[Span] = (), periodic: bool = True) -> FootForce:
+def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span: Span, start_s: float,
+               period_s: float, advance_m: float, unknown: Sequence[Span] = (), periodic: bool = True) -> FootForce:
     """What one foot's plate says of a stride.
 
     Args:
         forward: (2,) unit vector along the way of walking in the floor.
+        record: for which time the motion was recorded, s: outside, nobody knows whether the foot stands on the plate.
+        span: the part of it that makes the stride; the rest serves where there is nothing else.
         start_s: time of phase 0 on the plate's clock.
-        unknown: spans (s, on the plate's clock) in which the foot stands on no plate though the record says zero.
+        unknown: spans (s) in which the foot stands on no plate though the record says zero.
     """
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)
-    first, last = plate.time_s[0], plate.time_s[-1]
-    loaded = np.isfinite(plate.cop_W).all(axis=1) & (plate.force_W[:, 2] > THRESHOLD_N)
-    series = np.column_stack([plate.force_W[:, :2] @ forward, plate.force_W[:, 2]])
-    place = plate.cop_W[:, :2] @ forward
-    cycles = range(int(np.floor((first - start_s) / period_s)), int(np.ceil((last - start_s) / period_s)) + 1)
-    weights, forces, cops = [], [], []
-    for k in cycles if periodic else (0,):
-        t = start_s + grid + k * period_s
-        seen = (t >= first - 1e-9) & (t <= last + 1e-9)
-        for a, b in unknown:
-            seen &= (t < a) | (t > b)
-        w = closing_weights(t, first, last, period_s) if periodic and last - first > period_s else np.ones(len(t))
-        weights.append(np.where(seen, np.maximum(w, 1e-9), 0.0))
-        forces.append(np.column_stack([np.interp(t, plate.time_s, column) for column in series.T]))
-        if loaded.any():
-            x = np.interp(t, plate.time_s[loaded], place[loaded])
-            near = np.interp(t, plate.time_s, loaded.astype(float)) > 0.5
-            cops.append(np.where(near, x - advance_m * (grid / period_s + k), np.nan))
-        else:
-            cops.append(np.full(len(t), np.nan))
-    w, f, c = np.array(weights), np.array(forces), np.array(cops)
+    first, last = max(plate.time_s[0], record[0]), min(plate.time_s[-1], record[1])
+    cycles = np.arange(np.floor((first - start_s) / period_s), np.ceil((last - start_s) / period_s) + 1)
+    t = start_s + grid + period_s * (cycles if periodic else np.zeros(1))[:, None]
+    seen = (t >= first - 1e-9) & (t <= last + 1e-9)
+    for a, b in unknown:
+        seen &= (t < a) | (t > b)
+    w = np.ones(t.shape)
+    if periodic:
+        w = np.maximum(closing_weights(t.ravel(), *span, period_s).reshape(t.shape), LEAST_WEIGHT)
+    w = np.where(seen, w, 0.0)
+    _, series = plate_series(plate, forward)
+    f = np.stack([np.interp(t, plate.time_s, column) for column in series.T], axis=2)
+    c = _places(plate, forward, t) - advance_m * (t - start_s) / period_s
     total = w.sum(axis=0)
     known = total > 0.0
     force = np.where(known[:, None], np.einsum("kg,kgc->gc", w, f) / np.where(known, total, 1.0)[:, None], np.nan)
@@ -106,8 +102,17 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, start_s: float, pe
     cop = np.where(on, np.sum(carried * np.nan_to_num(c), axis=0) / np.where(on, carried.sum(axis=0), 1.0), np.nan)
     if periodic:
         force[-1], cop[-1] = force[0], cop[0]
-    differ, overlap = _parts(w > 0.0, f)
+    differ, overlap = _parts(seen, f)
     return FootForce(grid, force, cop, period_s, advance_m, periodic, differ, overlap * period_s / count)
+
+
+def _places(plate: PlateRecording, forward: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """The centre of pressure along the way at times t; NaN where the foot is not loaded."""
+    loaded = np.isfinite(plate.cop_W).all(axis=1) & (plate.force_W[:, 2] > THRESHOLD_N)
+    if not loaded.any():
+        return np.full(t.shape, np.nan)
+    x = np.interp(t, plate.time_s[loaded], plate.cop_W[loaded, :2] @ forward)
+    return np.where(np.interp(t, plate.time_s, loaded.astype(float)) > 0.5, x, np.nan)
 
 
 def _held(cop: np.ndarray) -> np.ndarray:

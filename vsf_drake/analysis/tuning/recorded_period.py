@@ -22,6 +22,7 @@ LEAST_OVERLAP_S = 0.1
 NEAR_EVENTS_S = 0.06
 """Kinematic events are wrong by up to 0.035 s each (see `motion.kinematic_events`)."""
 GRID_S = 0.005
+FEET = {"P": "prosthetic", "I": "intact"}
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     Args:
         time_s: (n,) s. motion: (n, m) angles, rad.
         forces: times (j,) s and forces (j, 2) N of each foot; NaN where a force is not known.
-        loaded: stances on the plates by foot. moved: stances by the motion of the feet.
+        loaded: stances on the plates by "P" (prosthetic foot) and "I" (intact). moved: the same by the feet's motion.
         stated_s: the stride, if it is known already.
 
     Raises:
@@ -71,7 +72,7 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
                                                    "stance alone, or record longer")
     for stances, where in ((loaded, "the plates"), (moved, "the motion of the foot")):
         for foot, what, seconds, count in _intervals(stances, low, high):
-            method = f"{count + 1} {what} of the {foot} foot in {where}"
+            method = f"{count + 1} {what} of the {FEET[foot]} foot in {where}"
             if stances is loaded:
                 return _made(alike, seconds, method, file)
             bracket = (seconds - NEAR_EVENTS_S, min(seconds + NEAR_EVENTS_S, record - LEAST_OVERLAP_S))

@@ -14,8 +14,8 @@ import numpy as np
 from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
 from vsf_drake.analysis.tuning.recorded_closing import (
     acceleration_of_forces,
-    acceleration_of_path,
     close,
+    periodic_acceleration,
     second_derivative,
 )
 from vsf_drake.analysis.tuning.recorded_curves import (
@@ -24,6 +24,7 @@ from vsf_drake.analysis.tuning.recorded_curves import (
     closing_weights,
     fit_periodic,
     fit_piece,
+    one_stride,
 )
 from vsf_drake.analysis.tuning.recorded_errors import (
     center_rate,
@@ -39,6 +40,7 @@ from vsf_drake.analysis.tuning.recorded_events import (
     moved_stances,
     sides,
     unknown_spans,
+    within,
     within_stride,
 )
 from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force, plate_series
@@ -119,7 +121,7 @@ class RecordedStride:
 
 def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: int = HARMONICS,
                     period_s: float | None = None, nearness: Nearness | None = None,
-                    follow_forces: bool = False) -> RecordedStride:
+                    follow_forces: bool | None = None, all_strides: bool = False) -> RecordedStride:
     """The periodic stride of a trial.
 
     Args:
@@ -128,7 +130,10 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
         harmonics: order of the periodic curves.
         period_s: instead of the one that the recording tells.
         nearness: what counts how much where the sagittal model cannot follow.
-        follow_forces: whether the closed motion's accelerations follow the plates rather than the recorded motion.
+        all_strides: whether the mean of all that was recorded is taken, instead of the stride around the first whole
+            prosthetic stance alone; strides differ from each other by millimetres of height.
+        follow_forces: whether the closed motion's accelerations follow the plates rather than the recorded motion;
+            None: where the plates know both feet's forces over the whole stride.
 
     Raises:
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
@@ -140,37 +145,42 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis_t") or "tilt" in name]
     series = [plate_series(trial.plates[side], seen.forward, unknown[s]) for s, side in sides(trial).items()
               if side in trial.plates]
-    period = find_period(time, trial.trajectory.values[:, angles], series, loaded, moved, stated_s=period_s, file=file)
+    period = find_period(time, trial.trajectory.sample(time)[0][:, angles], series, loaded, moved, stated_s=period_s,
+                         file=file)
     T, mass = period.seconds, trial.subject.mass_kg
     first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
     prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
     intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
     seen = seen.turned(stride_heading(seen, T))
-    misfit = seen.misfit(nearness)
+    span = (time[0], time[-1]) if all_strides else one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
+    weights = closing_weights(time, *span, T)
+    rates = second_derivative(seen.misfit(nearness).wanted[:, -1], time, cutoff_hz=1.5 * harmonics / T)
+    path = periodic_acceleration(time - start, rates, weights, period_s=T, order=harmonics)
+    inside = (time >= span[0]) & (time <= span[1])
+    seen, weights = seen.at(inside), weights[inside]
+    misfit, t = seen.misfit(nearness), seen.time_s - start
     projection = project(seen.chain, misfit)
-    t = time - start
-    weights = closing_weights(t, t[0], t[-1], T)
-    advance = advance_of(time, projection.q[:, TX], T)
-    by = {"start_s": start, "period_s": T, "unknown": unknown}
-    path = acceleration_of_path(misfit.wanted[:, -1], t, weights, period_s=T, order=harmonics)
-    wish = path
-    if follow_forces:
-        wish = acceleration_of_forces(_forces(trial, seen, advance_m=advance, **by), mass, order=harmonics)
-        if wish is None:
-            raise InputError("the plates do not know both feet's forces over the whole stride", file=file,
-                             where="forces", right="Without follow_forces the motion's own accelerations serve")
+    advance = advance_of(t, projection.q[:, TX], T)
+    by = {"start_s": start, "period_s": T, "unknown": unknown, "span": span}
+    wish = acceleration_of_forces(_forces(trial, seen, advance_m=advance, **by), mass, order=harmonics)
+    if follow_forces and wish is None:
+        raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
+                         right="Without follow_forces the motion's own accelerations serve")
+    wish = path if wish is None or follow_forces is False else wish
     curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX], order=harmonics)
     curves, shift, closed = close(seen.chain, misfit, curves, t, weights, wish, projection.shift)
     advance = float(curves.advance[TX])
     forces = _forces(trial, seen, advance_m=advance, **by)
     errors = {"period.overlap_s": period.overlap_s}
-    errors |= place_errors(seen, projection.q, curves.sample(t)[0], weights)
+    standing = {"prosthetic": within(t, prosthetic, T), "intact": within(t, intact, T)}
+    errors |= place_errors(seen, projection.q, curves.sample(t)[0], weights, standing)
     errors |= closing_errors(seen, projection.q, curves.advance, T)
     errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, T)
     errors |= force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
     notes = (f"The stride takes {T:.4f} s, by {period.method}; the pelvis travels {advance:.3f} m.",
              f"Prosthetic stance: {how_p}. Intact stance: {how_i}.",
+             f"Its accelerations follow the {'recorded motion' if wish is path else 'plates'}.",
              *sentences(errors, shift, converged=closed and projection.converged))
     return RecordedStride(
         names=seen.names, periodic=True, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
@@ -205,10 +215,11 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
     by = {"end_s": end - start, "knot_s": KNOT_S}
     curves, shift, closed = close(seen.chain, misfit, fit_piece(t, projection.q, **by), t, np.ones(len(t)),
                                   fit_piece(t, path, **by), projection.shift)
-    forces = _forces(trial, seen, start_s=start, period_s=end - start, advance_m=0.0, periodic=False,
+    forces = _forces(trial, seen, span=(start, end), start_s=start, period_s=end - start, advance_m=0.0, periodic=False,
                      unknown=unknown_spans(trial, loaded, moved))
     q = curves.sample(t)[0]
-    errors = place_errors(seen, projection.q, q, np.ones(len(q)))
+    standing = {"prosthetic": (seen.time_s >= stance.start_s) & (seen.time_s <= stance.end_s)}
+    errors = place_errors(seen, projection.q, q, np.ones(len(q)), standing)
     errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, trial.subject.mass_kg,
                            end - start, periodic=False)
     return RecordedStride(
@@ -221,6 +232,7 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
 
 
 def _forces(trial: Trial, seen: View, *, unknown: dict[str, tuple[Span, ...]], **by) -> dict[str, FootForce]:
+    record = (trial.trajectory.start_s, trial.trajectory.end_s)
     feet = zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
-    return {foot: foot_force(trial.plates[side], seen.forward, unknown=unknown[s], **by) for (s, side), foot in feet
-            if side in trial.plates}
+    return {foot: foot_force(trial.plates[side], seen.forward, record=record, unknown=unknown[s], **by)
+            for (s, side), foot in feet if side in trial.plates}

@@ -15,6 +15,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker
 
+MOST_HZ = 200.0
+"""Faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz."""
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -67,12 +70,15 @@ def view(trial: Trial, walker: Walker | None) -> View:
         raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
                          f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
     motion = trial.trajectory
+    rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
+    rows = slice(None, None, max(1, round(rate / MOST_HZ)))
+    time, values = motion.time_s[rows], motion.values[rows]
     place = {"fulcrum_m": trial.fulcrum_m}
-    points = body_points(walker, trial.offsets, motion.names, motion.values, **place)
+    points = body_points(walker, trial.offsets, motion.names, values, **place)
     names = sagittal_names(trial.subject.prosthetic_side)
     forward = heading(points, file=trial.path)
     found = View(
-        time_s=motion.time_s, points=points, names=names, recorded=motion.ordered(names).values, forward=forward,
+        time_s=time, points=points, names=names, recorded=motion.ordered(names).values[rows], forward=forward,
         zero=body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place),
         chain=sagittal_chain(walker, trial.offsets, **place), ground=points.ground)
     return found.turned(forward)
