@@ -23,7 +23,8 @@ from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 
 SOFT = 1e-10
 """e: keeps dependent equations from making the matrix singular; what it changes is refined away."""
-ACCURACY, ROUNDS = 1e-11, 4
+ROUNDS, POOR = 5, 1e-10
+"""Rounds of refinement, and the relative residual above which the chain has failed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,7 @@ class Kkt:
         self.structure, self.at, self.damping = structure, at, damping
         self.shape_z = structure.scaled.shape
         self._whole = None
+        self.largest = max(1.0, np.abs(at.hessian[0]).max(initial=0.0), np.abs(at.by_z).max(initial=0.0))
         self._chain = None if structure.many == 1 else _Chain(structure, self._blocks())
 
     def apply(self, unknowns: np.ndarray) -> np.ndarray:
@@ -135,27 +137,23 @@ class Kkt:
         return out[:, 0] if flat else out
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """(size,) or (size, r) unknowns for right sides of that shape."""
-        flat = right.ndim == 1
-        rights = right[:, None] if flat else right
-        if rights.shape[1] == 0:
-            return rights.copy()
-        found = self._raw(rights)
-        aim = ACCURACY * np.maximum(np.abs(rights).max(axis=0), 1e-300)
+        """(size,) unknowns for a right side, refined until rounding is all that is left."""
+        found = self.roughly(right[:, None])[:, 0]
+        off = right - self.apply(found)
         for _ in range(ROUNDS):
-            off = rights - self.apply(found)
-            bad = ~(np.abs(off).max(axis=0) <= aim)
-            if not bad.any():
+            better = found + self.roughly(off[:, None])[:, 0]
+            left = right - self.apply(better)
+            if not np.abs(left).max() < 0.5 * np.abs(off).max():
                 break
-            found[:, bad] += self._raw(off[:, bad])
-        else:
-            off = rights - self.apply(found)
-            if self._chain is not None and not (np.abs(off).max(axis=0) <= 1e4 * aim).all():
-                self._chain = None
-                return self.solve(right)
-        return found[:, 0] if flat else found
+            found, off = better, left
+        poor = ~(np.abs(off).max() <= POOR * (np.abs(right).max() + self.largest * np.abs(found).max()))
+        if poor and self._chain is not None:
+            self._chain = None
+            return self.solve(right)
+        return found
 
-    def _raw(self, rights: np.ndarray) -> np.ndarray:
+    def roughly(self, rights: np.ndarray) -> np.ndarray:
+        """(size, r) unknowns for right sides of that shape, as the factors give them."""
         if self._chain is not None:
             found = self._chain.solve(rights)
             if np.isfinite(found).all():
@@ -218,9 +216,10 @@ class Kkt:
         conditions, few = scaled.equations, scaled.parameters
         own, mixed, shared = at.hessian
         free = sp.diags(structure.free)
-        by_x = sp.hstack([sp.block_diag(list(at.by_z[:, :conditions])), at.by_p[:, :conditions].reshape(-1, few)])
+        by_p = at.by_p[:, :conditions].reshape(structure.conditions - structure.lines, few)
+        by_x = sp.hstack([sp.block_diag(list(at.by_z[:, :conditions])), by_p])
         by_x = sp.vstack([sp.csr_matrix((structure.lines, structure.variables)), by_x, at.totals])
-        mixed = sp.csr_matrix(mixed.reshape(-1, few))
+        mixed = sp.csr_matrix(mixed.reshape(scaled.count, few))
         curved = sp.bmat([[sp.block_diag(list(own)), mixed], [mixed.T, sp.csr_matrix(shared)]])
         soft = np.concatenate([np.full(structure.conditions, SOFT), 1.0 / at.total_weights])
         here = sp.bmat([[curved + sp.diags(self.damping), by_x.T], [by_x, -sp.diags(soft)]])

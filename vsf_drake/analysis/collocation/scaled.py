@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from vsf_drake.analysis.collocation.cost import of_design, of_instants, of_totals, slopes
 from vsf_drake.analysis.collocation.problem import TrajectoryProblem
 from vsf_drake.errors import InputError
 
@@ -57,6 +58,22 @@ class Linearised(Point):
     by_p: np.ndarray
     totals: np.ndarray
     total_weights: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Instants:
+    """What each instant adds by itself.
+
+    Attributes:
+        y: (N, m) unscaled. by_z: (N, m, Z) and by_p: (N, m, P) by the scaled variables.
+        cost: (N,) scaled, without squared totals and design. slope: (N, m) of that by y.
+    """
+
+    y: np.ndarray
+    by_z: np.ndarray
+    by_p: np.ndarray
+    cost: np.ndarray
+    slope: np.ndarray
 
 
 class Scaled:
@@ -136,24 +153,22 @@ class Scaled:
             y, by_z, by_p = np.asarray(y, dtype=float), np.asarray(by_z), np.asarray(by_p)
             return Linearised(**self._values(x, y), **self._derivatives(x, y, by_z, by_p))
 
+    def instants(self, x: np.ndarray) -> Instants:
+        """What each instant adds by itself at x, for solvers that sum it up on their own."""
+        self.evaluations += 1
+        problem = self.problem
+        with np.errstate(all="ignore"):
+            y, by_z, by_p = (np.asarray(part, dtype=float) for part in problem.function.linearise(*self.unscaled(x)))
+            parts = of_instants(problem, y)
+            return Instants(y=y, by_z=by_z * problem.z_scale[:, None, :], by_p=by_p * problem.p_scale,
+                            cost=sum(parts.values(), np.zeros(len(y))) / problem.cost_scale,
+                            slope=slopes(problem, y)[0] / problem.cost_scale)
+
     def _values(self, x: np.ndarray, y: np.ndarray) -> dict[str, object]:
-        problem, weights = self.problem, self.problem.grid.weights
-        p = x[self.count:] * problem.p_scale
-        terms: dict[str, float] = {}
-
-        def add(name: str, value: float) -> None:
-            terms[name] = terms.get(name, 0.0) + float(value)
-
-        for part in problem.residuals:
-            off = y[:, list(part.outputs)] - part.target
-            add(part.name, 0.5 * np.sum(weights[:, None] * part.weight * off * off))
-        for part in problem.convex:
-            add(part.name, weights @ (part.weight * part.function(y[:, part.output])[0]))
-        for part in problem.totals:
-            total = weights @ y[:, part.output]
-            add(part.name, part.weight * (total if part.target is None else 0.5 * (total - part.target) ** 2))
-        if problem.p_weight.any():
-            add("design", 0.5 * np.sum(problem.p_weight * (p - problem.preferred) ** 2))
+        problem = self.problem
+        terms = {name: float(values.sum()) for name, values in of_instants(problem, y).items()}
+        for more in (of_totals(problem, y)[0], of_design(problem, x[self.count:] * problem.p_scale)):
+            terms |= {name: terms.get(name, 0.0) + value for name, value in more.items()}
         here = y[:, self.which] / problem.y_scale[self.which]
         return {"x": x, "y": y, "terms": terms, "cost": sum(terms.values()) / problem.cost_scale,
                 "linear": self.matrix @ x - self.right, "equations": here[:, :self.equations],
@@ -162,20 +177,10 @@ class Scaled:
     def _derivatives(self, x: np.ndarray, y: np.ndarray, by_z: np.ndarray, by_p: np.ndarray) -> dict[str, object]:
         problem, weights, scale = self.problem, self.problem.grid.weights, self.problem.cost_scale
         p = x[self.count:] * problem.p_scale
-        slope, bend = np.zeros_like(y), np.zeros_like(y)
-        for part in problem.residuals:
-            which = list(part.outputs)
-            weight = np.broadcast_to(weights[:, None] * part.weight, (len(y), len(which)))
-            np.add.at(slope, (slice(None), which), weight * (y[:, which] - part.target))
-            np.add.at(bend, (slice(None), which), weight)
-        for part in problem.convex:
-            _, first, second = part.function(y[:, part.output])
-            slope[:, part.output] += weights * part.weight * first
-            bend[:, part.output] += weights * part.weight * second
+        slope, bend = slopes(problem, y)
         squared = [part for part in problem.totals if part.target is not None]
-        for part in problem.totals:
-            pull = 1.0 if part.target is None else weights @ y[:, part.output] - part.target
-            slope[:, part.output] += weights * part.weight * pull
+        for part, off in zip(squared, of_totals(problem, y)[1], strict=True):
+            slope[:, part.output] += weights * part.weight * off
         slope, bend = slope / scale, bend / scale
         gradient = np.concatenate([
             (np.matmul(slope[:, None, :], by_z)[:, 0] * problem.z_scale).ravel(),
@@ -186,7 +191,7 @@ class Scaled:
         rows_z = root * by_z[:, used] * problem.z_scale[:, None, :]
         rows_p = root * by_p[:, used] * problem.p_scale
         turned = rows_z.transpose(0, 2, 1)
-        flat_p = rows_p.reshape(-1, self.parameters)
+        flat_p = rows_p.reshape(len(y) * len(used), self.parameters)
         hessian = (turned @ rows_z, turned @ rows_p,
                    flat_p.T @ flat_p + np.diag(problem.p_weight * problem.p_scale**2 / scale))
         totals = np.zeros((len(squared), len(x)))

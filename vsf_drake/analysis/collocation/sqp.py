@@ -27,6 +27,8 @@ from vsf_drake.analysis.collocation.step import Step, find_step, room_changes, s
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
 WASTED, LOST = 30, 1e10
+FLAT = 1e-3
+"""Damping of a variable that hardly enters the cost, as a part of what it is for the average variable."""
 
 
 def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions | None = None,
@@ -65,9 +67,8 @@ class _Search:
         self.merit = Merit(self.scaled, self.at)
         self.likely = np.zeros(0, dtype=int)
         weights = self.problem.grid.weights / self.problem.grid.duration_s
-        shape = np.concatenate([np.repeat(weights, self.scaled.shape[1]), np.ones(self.problem.parameters)])
-        curve = np.concatenate([np.einsum("nzz->nz", self.at.hessian[0]).ravel(), np.diag(self.at.hessian[2])])
-        self.shape = shape * max(float(np.mean(curve / shape)), 1e-8)
+        self.share = np.concatenate([np.repeat(weights, self.scaled.shape[1]), np.ones(self.problem.parameters)])
+        self.curve = np.zeros_like(self.share)
         self.damping, self.moved, self.length, self.optimality = self.options.damping, 0.0, 1.0, np.nan
         self.step: Step | None = None
 
@@ -104,7 +105,12 @@ class _Search:
                         wall_s=time.perf_counter() - self.began, history=tuple(self.history))
 
     def _find(self) -> tuple[Kkt, Step]:
-        kkt = Kkt(self.structure, self.at, self.damping * self.shape)
+        own, _, shared = self.at.hessian
+        curve = np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]) / self.share
+        self.curve = np.maximum(self.curve, curve)
+        usual = max(float(np.mean(self.curve)), 1e-8)
+        shape = self.share * np.clip(self.curve, FLAT * usual, usual)
+        kkt = Kkt(self.structure, self.at, self.damping * shape)
         step = find_step(self.scaled, kkt, linear=self.at.linear, equations=self.at.equations,
                          room=slacks(self.scaled, self.at), likely=self.likely, weight=self.options.inequality_weight)
         self.likely, self.step = step.pressed, step

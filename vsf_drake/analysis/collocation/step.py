@@ -90,8 +90,8 @@ def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.nda
     """
     at, n = kkt.at, len(kkt.at.x)
     conditions = np.concatenate([linear, equations.ravel()])
-    base = kkt.solve(np.concatenate([-at.gradient * kkt.structure.free[:n], -conditions,
-                                     np.zeros(kkt.structure.totals)]))
+    aim = np.concatenate([-at.gradient * kkt.structure.free[:n], -conditions, np.zeros(kkt.structure.totals)])
+    base = kkt.solve(aim)
     open_room = np.isfinite(room)
     which, pressure = likely[open_room[likely]], np.zeros(0)
     ways, lines, found = np.zeros((kkt.structure.size, 0)), np.zeros((n, 0)), base
@@ -102,7 +102,7 @@ def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.nda
             added = normals(scaled, at, new)
             right = np.zeros((kkt.structure.size, len(new)))
             right[:n] = added
-            ways, lines = np.hstack([ways, kkt.solve(right)]), np.hstack([lines, added])
+            ways, lines = np.hstack([ways, kkt.roughly(right)]), np.hstack([lines, added])
             matrix = lines.T @ ways[:n]
             start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
             pressure = box_minimum(0.5 * (matrix + matrix.T), room[which] + still[which], weight, start)
@@ -114,8 +114,10 @@ def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.nda
             break
         new = broken[np.argsort(after[broken])[:AT_ONCE]]
         which = np.concatenate([which, new])
-    change = found[:n]
     held = pressure > 0.0
+    if held.any():
+        found, pressure = _sharpened(kkt, aim, lines, ways, pressure, room[which], weight)
+    change = found[:n]
     own, mixed, shared = at.hessian
     z, p = change[:scaled.count].reshape(scaled.shape), change[scaled.count:]
     curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
@@ -124,3 +126,23 @@ def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.nda
                 pressure=pressure[held], pull=-lines[:, held] @ pressure[held],
                 predicted=float(-at.gradient @ change - 0.5 * curved),
                 elastic=bool((pressure >= 0.999 * weight).any()))
+
+
+def _sharpened(kkt: Kkt, aim: np.ndarray, lines: np.ndarray, ways: np.ndarray, pressure: np.ndarray,
+               room: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """The unknowns with the refined solve, and pressures with which what presses is held to rounding."""
+    n, tight = len(lines), (pressure > 0.0) & (pressure < weight)
+    matrix = lines[:, tight].T @ ways[:n, tight]
+    for last in (False, True):
+        right = aim.copy()
+        right[:n] += lines @ pressure
+        found = kkt.solve(right)
+        off = (room + lines.T @ found[:n])[tight]
+        if last or np.abs(off).max(initial=0.0) <= BROKEN:
+            break
+        better = pressure[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
+        if not (better > 0.0).all():
+            break
+        pressure = pressure.copy()
+        pressure[tight] = better
+    return found, pressure
