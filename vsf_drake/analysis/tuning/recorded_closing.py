@@ -139,21 +139,25 @@ def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
-def acceleration_of_forces(forces: Mapping[str, FootForce], mass_kg: float, *, order: int) -> PeriodicCurves | None:
-    """What both feet's forces make the centre of mass do (m/s^2; along, up), less its mean; None if one is unknown."""
+def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times (g,) s since phase 0 and what both feet's forces make the centre of mass do there, (g, 2) m/s^2, along and
+    up; None if a force is not known throughout."""
     feet = tuple(forces.values())
     if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
         return None
-    grid, period_s = feet[0].time_s[:-1], feet[0].period_s
-    values = sum(force.force[:-1] for force in feet) / mass_kg
-    return _without_mean(fit_periodic(grid, values, np.ones(len(grid)), period_s=period_s, advance=np.zeros(2),
-                                      order=order))
+    return feet[0].time_s, sum(force.force for force in feet) / mass_kg - np.array([0.0, GRAVITY])
 
 
 def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, *, period_s: float,
                           order: int) -> PeriodicCurves:
-    """The same of recorded accelerations (n, 2) at (n,) s: it is they that are blended where ends meet, not places."""
-    return _without_mean(fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2), order=order))
+    """Accelerations (n, 2) m/s^2 at (n,) s, with weights (n,), as periodic curves without a mean.
+
+    It is accelerations that are blended where a recording's ends meet, not places.
+    """
+    curves = fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2), order=order)
+    coefficients = curves.coefficients.copy()
+    coefficients[0] = 0.0
+    return dataclasses.replace(curves, coefficients=coefficients)
 
 
 def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) -> np.ndarray:
@@ -163,9 +167,3 @@ def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) 
     if cutoff_hz < 0.45 * rate:
         parts = low_pass(parts, rate_hz=rate, cutoff_hz=cutoff_hz)
     return CoordinateTrajectory(times, parts, ("along", "up")).sample(times)[2]
-
-
-def _without_mean(curves: PeriodicCurves) -> PeriodicCurves:
-    coefficients = curves.coefficients.copy()
-    coefficients[0] = 0.0
-    return dataclasses.replace(curves, coefficients=coefficients)

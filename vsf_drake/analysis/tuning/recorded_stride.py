@@ -13,8 +13,8 @@ import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
 from vsf_drake.analysis.tuning.recorded_closing import (
-    acceleration_of_forces,
     close,
+    forced_acceleration,
     periodic_acceleration,
     second_derivative,
 )
@@ -163,11 +163,14 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     projection = project(seen.chain, misfit)
     advance = advance_of(t, projection.q[:, TX], T)
     by = {"start_s": start, "period_s": T, "unknown": unknown, "span": span}
-    wish = acceleration_of_forces(_forces(trial, seen, advance_m=advance, **by), mass, order=harmonics)
-    if follow_forces and wish is None:
+    forced = forced_acceleration(_forces(trial, seen, advance_m=advance, **by), mass)
+    if follow_forces and forced is None:
         raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
                          right="Without follow_forces the motion's own accelerations serve")
-    wish = path if wish is None or follow_forces is False else wish
+    wish = path
+    if forced is not None and follow_forces is not False:
+        wish = periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), period_s=T,
+                                     order=harmonics)
     curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX], order=harmonics)
     curves, shift, closed = close(seen.chain, misfit, curves, t, weights, wish, projection.shift)
     advance = float(curves.advance[TX])
@@ -189,7 +192,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
 
 
 def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin_s: float = MARGIN_S,
-                           nearness: Nearness | None = None) -> RecordedStride:
+                           nearness: Nearness | None = None, follow_forces: bool | None = None) -> RecordedStride:
     """One prosthetic stance with a margin before and after it, not periodic: for a recording without a whole stride.
 
     Args:
@@ -210,18 +213,23 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
     seen = seen.turned(heading(seen.at(rows).points, file=file))
     path = second_derivative(seen.misfit(nearness).wanted[:, -1], time, cutoff_hz=0.5 / KNOT_S)[rows]
     seen = seen.at(rows)
-    t, misfit = seen.time_s - start, seen.misfit(nearness)
-    projection = project(seen.chain, misfit)
+    t, misfit, mass = seen.time_s - start, seen.misfit(nearness), trial.subject.mass_kg
+    forces = _forces(trial, seen, span=(start, end), start_s=start, period_s=end - start, advance_m=0.0,
+                     periodic=False, unknown=unknown_spans(trial, loaded, moved))
+    forced = forced_acceleration(forces, mass)
+    if follow_forces and forced is None:
+        raise InputError("the plates do not know both feet's forces throughout", file=file, where="forces",
+                         right="Without follow_forces the motion's own accelerations serve")
     by = {"end_s": end - start, "knot_s": KNOT_S}
-    curves, shift, closed = close(seen.chain, misfit, fit_piece(t, projection.q, **by), t, np.ones(len(t)),
-                                  fit_piece(t, path, **by), projection.shift)
-    forces = _forces(trial, seen, span=(start, end), start_s=start, period_s=end - start, advance_m=0.0, periodic=False,
-                     unknown=unknown_spans(trial, loaded, moved))
+    wish = fit_piece(t, path, **by) if forced is None or follow_forces is False else fit_piece(*forced, **by)
+    projection = project(seen.chain, misfit)
+    curves, shift, closed = close(seen.chain, misfit, fit_piece(t, projection.q, **by), t, np.ones(len(t)), wish,
+                                  projection.shift)
     q = curves.sample(t)[0]
     standing = {"prosthetic": (seen.time_s >= stance.start_s) & (seen.time_s <= stance.end_s)}
     errors = place_errors(seen, projection.q, q, np.ones(len(q)), standing)
-    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, trial.subject.mass_kg,
-                           end - start, periodic=False)
+    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, end - start,
+                           periodic=False)
     return RecordedStride(
         names=seen.names, periodic=False, period_s=end - start, advance_m=float(q[-1, TX] - q[0, TX]), start_s=start,
         curves=curves, forces=forces, prosthetic_stance=(stance.start_s - start, stance.end_s - start),
