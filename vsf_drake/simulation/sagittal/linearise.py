@@ -34,22 +34,21 @@ if TYPE_CHECKING:
 class _Columns:
     """Places of q, v, a (n each), w, u (k each) and p (fulcrum, heel, alignment, thickness) among the derivatives.
 
-    Links come in the order of `link`: q, w, fulcrum, alignment.
+    `link`: of q, w, fulcrum and alignment, in this order.
     """
 
     def __init__(self, n: int, k: int, link: np.ndarray) -> None:
-        self.n, self.k, self.link = n, k, link
+        self.n, self.k = n, k
+        self.of_q, self.of_w, self.of_fulcrum, self.of_alignment = link[:n], link[n:n + k], link[n + k], link[n + k + 1]
         self.v, self.a, self.w, self.u = n, 2 * n, 3 * n, 3 * n + k
         self.fulcrum, self.heel, self.alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
 
     def fill(self, by: np.ndarray, place: np.ndarray, rate: np.ndarray | None = None) -> None:
         """Into `by` (r, 52, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
-        n, k, place = self.n, self.k, place[:, self.link]
-        by[:, :n], by[:, self.w:self.u] = place[:, :n], place[:, n:n + k]
-        by[:, self.fulcrum], by[:, self.alignment] = place[:, n + k], place[:, n + k + 1]
+        by[:, :self.n], by[:, self.w:self.u] = place[:, self.of_q], place[:, self.of_w]
+        by[:, self.fulcrum], by[:, self.alignment] = place[:, self.of_fulcrum], place[:, self.of_alignment]
         if rate is not None:
-            rate = rate[:, self.link]
-            by[:, self.v:self.a], by[:, self.u:self.fulcrum] = rate[:, :n], rate[:, n:n + k]
+            by[:, self.v:self.a], by[:, self.u:self.fulcrum] = rate[:, self.of_q], rate[:, self.of_w]
 
 
 def linearise(
@@ -65,19 +64,20 @@ def linearise(
     taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
     y = np.zeros((len(model.outputs), q.shape[1]))
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
-    # The joints' forces, all in order of the coordinates.
-    load = dynamics.joint_forces(motion, taken)[:n + k]
-    by_load = np.zeros((n + k, *by.shape[1:]))
-    place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1])
-    at.fill(by_load, place[dynamics.link[:n + k]], rate[dynamics.link[:n + k]])
-    by_load[:, at.a:at.w] = acceleration[dynamics.link[:n + k]][:, dynamics.link[:n]]
-    by_load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S, feet[0].by_heel)[dynamics.link[:n + k]]
-    energy, by_energy = _add_support(model, w, u, p, load, by_load, at)
+    # Balance of pelvis, socket and keel, then torques.
+    rows = np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])
+    links = dynamics.link[rows]
+    y[:n + k] = dynamics.joint_forces(motion, taken)[rows]
+    load = by[:n + k]
+    place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1], links)
+    at.fill(load, place, rate)
+    load[:, at.a:at.w] = acceleration[:, at.of_q]
+    load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S[:, links], feet[0].by_heel[:, links])
+    balance, torque, ground = slice(3, 3 + k), slice(3 + k, n + k), 2 * n + k - 3
+    energy, by_energy = _add_support(model, w, u, p, y[balance], by[balance], at)
     spring, by_spring = _add_springs(model, w, u, p, energy, by_energy, at)
-    # In the order of the outputs.
-    torque, balance, ground = slice(3 + k, n + k), slice(3, 3 + k), 2 * n + k - 3
-    y[:3], y[balance], y[torque] = load[:3], load[n:] - spring, load[3:n]
-    by[:3], by[balance], by[torque] = by_load[:3], by_load[n:] - by_spring, by_load[3:n]
+    y[balance] -= spring
+    by[balance] -= by_spring
     powers = n + k + np.arange(n - 3)
     y[powers], by[powers] = y[torque] * v[3:], by[torque] * v[3:, None]
     by[powers, at.v + np.arange(3, n)] += y[torque]
@@ -110,9 +110,9 @@ def _joints(dynamics: PlanarDynamics, motion: PlanarMotion) -> tuple[np.ndarray,
 
 def _load_change(
     dynamics: PlanarDynamics, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], taken: np.ndarray,
-    ground: GroundChange
+    ground: GroundChange, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(L, L, N) derivatives of the force in each link's joint by coordinate, rate and acceleration of each joint."""
+    """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations."""
     S, (D, E), L = motion.S, joints, len(motion.x)
     momentum = dynamics.momentum(motion, motion.V)
     turning = 2.0 * np.stack([(motion.H * motion.V[1:]).sum(0), momentum[2], -momentum[1]])
@@ -128,28 +128,27 @@ def _load_change(
     # What a joint that carries all of another one feels of that; what one that is carried feels.
     below = cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
     below_rate = 2.0 * inertia(D) + B * S[0] - _of(ground.by_twist, S)
-    own, by_place, by_twist = inertia(S), _on(S, place), _on(S, ground.by_twist)
-    through = dynamics.carries[:, :, None].astype(bool)
-    above = through & ~np.eye(L, dtype=bool)[:, :, None]
-    carried = np.swapaxes(through, 0, 1)
-    turns = (S * B).sum(0)[:, None] * S[0][None]
+    own, here = inertia(S), S[:, rows]
+    left = np.concatenate([own, -_on(S, place), -_on(S, ground.by_twist)])[:, rows]
+    through = dynamics.carries[rows].astype(bool)
+    above = (through & (rows[:, None] != np.arange(L)))[:, :, None]
+    under = dynamics.carries.T[rows].astype(bool)[:, :, None]
+    turns = (here * B[:, rows]).sum(0)[:, None] * S[0]
 
-    def times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        return np.einsum("cjn,ckn->jkn", left, right)
+    def chosen(mine: np.ndarray, theirs: np.ndarray, more: np.ndarray | float, right: np.ndarray) -> np.ndarray:
+        """Of a joint on a carrier of the other, from what that one feels; else from `mine`; 0 on different branches."""
+        return np.where(above, _times(here, theirs), np.where(under, _times(mine, right) + more, 0.0))
 
-    by_q = np.where(above, times(S, below), np.where(
-        carried, times(np.concatenate([own, -by_place, -by_twist]), np.concatenate([E, S, D])), 0.0))
-    by_v = np.where(above, times(S, below_rate), np.where(
-        carried, times(np.concatenate([2.0 * own, -by_twist]), np.concatenate([D, S])) + turns, 0.0))
-    by_a = np.where(carried, times(own, S), 0.0)
-    return by_q, by_v, np.where(above, np.swapaxes(by_a, 0, 1), by_a)
+    by_q = chosen(left, below, 0.0, np.concatenate([E, S, D]))
+    by_v = chosen(left[[0, 1, 2, 6, 7, 8]], below_rate, turns, np.concatenate([2.0 * D, S]))
+    return by_q, by_v, chosen(left[:3], own, 0.0, S)
 
 
 def _add_support(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, load: np.ndarray, by_load: np.ndarray,
     at: _Columns
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Adds what the keel's joints give against the support; energy (N,) in it, and (52, N) its derivatives."""
+    """Adds what joints give against the support to (k, N) and (k, 52, N); (N,) its energy, (52, N) the derivatives."""
     count = len(model.support.starts)
     first = len(w) - count
     keel, position = slice(first, None), p[0] + model.shift
@@ -160,8 +159,8 @@ def _add_support(
     positions[count] += 1j * IMAGINARY_STEP
     bent, stored, _ = model.support.load(wide, np.repeat(u[keel][:, None], count + 1, 1), positions)
     bent, stored = bent.imag / IMAGINARY_STEP, stored.imag / IMAGINARY_STEP
-    load[at.n + first:] += force
-    rows = by_load[at.n + first:]
+    load[first:] += force
+    rows = by_load[first:]
     rows[:, at.w + first:at.u] += bent[:, :count]
     rows[:, at.u + first:at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
     rows[:, at.fulcrum] += bent[:, count]
@@ -175,17 +174,17 @@ def _add_springs(
     at: _Columns
 ) -> tuple[np.ndarray, np.ndarray]:
     """Forces (k, N) and (k, 52, N) their derivatives; adds the springs' energy."""
-    scale, h = model.spring_scale(p[3]), 1j * IMAGINARY_STEP
-    force, stored = spring_forces(model.springs, w, u, scale)
-    by_w, stored_by_w = (x.imag / IMAGINARY_STEP for x in spring_forces(model.springs, w + h, u, scale))
-    by_u = spring_forces(model.springs, w, u + h, scale)[0].imag / IMAGINARY_STEP
-    thicker = model.spring_scale(p[3] + h).imag / IMAGINARY_STEP / scale
-    by, each = np.zeros((len(w), *by_energy.shape)), np.arange(len(w))
-    by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = by_w, by_u, thicker * force
-    by_energy[at.w:at.u] += stored_by_w
-    by_energy[at.thickness] += (thicker * stored).sum(0)
-    energy += stored.sum(0)
-    return force, by
+    h, each = IMAGINARY_STEP, np.arange(len(w))
+    steps = np.zeros((3, 1, 3, 1), dtype=complex)
+    steps[[0, 1, 2], 0, [0, 1, 2]] = 1j * h
+    scale = model.spring_scale(p[3] + steps[2, 0])
+    force, stored = spring_forces(model.springs, w[:, None] + steps[0], u[:, None] + steps[1], scale)
+    by = np.zeros((len(w), *by_energy.shape))
+    by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = np.moveaxis(force.imag / h, 1, 0)
+    by_energy[at.w:at.u] += stored[:, 0].imag / h
+    by_energy[at.thickness] += stored[:, 2].imag.sum(0) / h
+    energy += stored[:, 0].real.sum(0)
+    return force[:, 0].real, by
 
 
 def _power_below(
@@ -215,6 +214,11 @@ def _taking_along(f: np.ndarray) -> np.ndarray:
 def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, L, N) times (3, L, N)."""
     return np.einsum("cdln,dln->cln", matrix, m)
+
+
+def _times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(j, k, N) products of (c, j, N) and (c, k, N)."""
+    return np.einsum("cjn,ckn->jkn", left, right)
 
 
 def _on(m: np.ndarray, matrix: np.ndarray) -> np.ndarray:

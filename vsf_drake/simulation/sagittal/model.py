@@ -149,5 +149,5 @@ class SagittalModel:
 
     def spring_scale(self, thickness: np.ndarray) -> np.ndarray:
         """(12, ...) of the springs' forces: a keel so much thicker."""
-        keel = thickness**3
+        keel = thickness * thickness * thickness
         return np.stack([np.ones_like(keel)] * len(SOCKET) + [keel] * (len(self.quasi_static) - len(SOCKET)))

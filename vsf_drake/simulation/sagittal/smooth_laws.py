@@ -46,15 +46,16 @@ class Smoothing:
 
 def positive_part(x: np.ndarray, width: float) -> np.ndarray:
     """max(x, 0) with its corner rounded over |x| < width: C2, convex, 3/16 width too large at 0."""
-    s = x / width
-    inside = width * (s + 1.0) ** 3 * (3.0 - s) / 16.0
+    t = x / width + 1.0
+    inside = (width / 16.0) * t * t * t * (4.0 - t)
     return np.where(x.real >= width, x, np.where(x.real <= -width, 0.0, inside))
 
 
 def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
     """Integral of `positive_part` from -width: x^2 / 2 + width^2 / 10 beyond the corner."""
     t = x / width + 1.0
-    inside = width * width * t**4 * (5.0 - t) / 80.0
+    square = t * t
+    inside = (width * width / 80.0) * square * square * (5.0 - t)
     return np.where(x.real >= width, 0.5 * x * x + 0.1 * width * width, np.where(x.real <= -width, 0.0, inside))
 
 
