@@ -1,0 +1,87 @@
+"""Starts kept in files, and carried to another grid."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from vsf_drake.analysis.collocation.grid import Grid
+from vsf_drake.analysis.collocation.problem import TrajectoryProblem
+from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+
+FORMAT = "vsf_drake trajectory 1"
+
+
+def save_start(solution: TrajectorySolution, path: str | Path) -> None:
+    """Writes a search's last iterate, whatever it is worth, as .npz with its grid, names and status."""
+    problem, last = solution.problem, solution.last
+    grid = problem.grid
+    multipliers = np.zeros(0) if last.multipliers is None else last.multipliers
+    with replaced(path, "wb") as stream:
+        np.savez_compressed(
+            stream, format=np.array(FORMAT), z=last.z, p=last.p, multipliers=multipliers,
+            names=np.array(problem.layout.names), design=np.array([str(name) for name in problem.design.names]),
+            method=np.array(grid.method), intervals=grid.intervals, duration_s=grid.duration_s, periodic=grid.periodic,
+            advance=problem.advance, status=np.array(solution.status), cost=solution.last_cost)
+
+
+def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
+    """A saved start for a problem of the same variables; carried to the problem's grid if it is another one.
+
+    Raises:
+        InputError: the file is none of these, or its variables are others.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            found = {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"cannot be read ({error})", file=path) from None
+    if str(found.get("format", "")) != FORMAT:
+        raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
+    for name, own in (("names", problem.layout.names), ("design", tuple(str(each) for each in problem.design.names))):
+        if tuple(found[name].tolist()) != own:
+            raise InputError(f"is of other variables: {', '.join(found[name].tolist())}", file=path, where=name,
+                             right=f"This problem has {', '.join(own)}")
+    grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
+    if grid == problem.grid:
+        multipliers = found["multipliers"]
+        return Start(found["z"], found["p"], multipliers if multipliers.size else None)
+    return Start(carried(problem, found["z"], grid, problem.grid, advance=found["advance"]), found["p"])
+
+
+def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
+    """A search's last iterate on another grid, to begin there."""
+    problem = solution.problem
+    return Start(carried(problem, solution.last.z, problem.grid, grid, advance=problem.advance), solution.last.p)
+
+
+def carried(problem: TrajectoryProblem, z: np.ndarray, old: Grid, new: Grid, *, advance: np.ndarray) -> np.ndarray:
+    """Variables (N, Z) of one grid on another (M, Z): q and v as cubics with the rates they have, the rest by splines.
+
+    Another duration stretches time: values stay, v and u scale with the ratio of durations, a with its square.
+
+    Raises:
+        InputError: one grid is periodic and the other is not.
+    """
+    if old.periodic != new.periodic:
+        raise InputError("one grid is periodic and the other is not", where="grid")
+    layout, ratio = problem.layout, old.duration_s / new.duration_s
+    z, times = np.asarray(z, dtype=float), old.times_s
+    if old.periodic:
+        z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
+        z[-1, layout.q] += advance
+    at = np.clip(new.times_s * ratio, 0.0, old.duration_s)
+    ends = "periodic" if old.periodic else "not-a-knot"
+    found = np.empty((len(at), layout.size))
+    found[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
+    found[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
+    rest = slice(layout.a.start, layout.size)
+    found[:, rest] = CubicSpline(times, z[:, rest], bc_type=ends)(at)
+    found[:, layout.a] *= ratio**2
+    found[:, layout.u] *= ratio
+    return found
