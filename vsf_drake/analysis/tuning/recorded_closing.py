@@ -18,6 +18,7 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
 from vsf_drake.analysis.tuning.recorded_curves import Curves, PeriodicCurves, fit_periodic
@@ -27,7 +28,9 @@ from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 
-ITERATIONS = 60
+ITERATIONS = 80
+SMALLEST_GAIN = 1e-7
+"""Share of the sum of squares: a step that gains less has arrived."""
 MASS_PLACE_M = 5e-3
 """Standard deviation of the centre of mass's place (a choice)."""
 ACCELERATION = 0.01 * GRAVITY
@@ -46,20 +49,29 @@ def close(chain: SagittalChain, misfit: Misfit, curves: Curves, times: np.ndarra
     """
     squares = _Squares(chain, misfit, curves, times, weights, acceleration)
     x = np.concatenate([curves.coefficients.ravel(), [curves.advance[TX], shift.real, shift.imag]])
-    cost, g, N = squares.terms(x)
+    cost, g, N, B = squares.terms(x)
     damping, converged = 1e-6, False
     for _ in range(ITERATIONS):
-        step = -np.linalg.solve(N + damping * np.diag(np.abs(np.diag(N))), g)
+        step = _step(g, N, B, damping)
         tried = squares.terms(x + step, derivatives=False)[0]
         if not tried <= cost * (1.0 + 1e-12):
             damping *= 10.0
             continue
-        converged = cost - tried <= 1e-9 * cost
+        converged = cost - tried <= SMALLEST_GAIN * cost
         x, damping = x + step, max(0.1 * damping, 1e-9)
         if converged:
             break
-        cost, g, N = squares.terms(x)
+        cost, g, N, B = squares.terms(x)
     return squares.curves(x), squares.shift(x), converged
+
+
+def _step(g: np.ndarray, N: np.ndarray, B: np.ndarray, damping: float) -> np.ndarray:
+    """Newton's step where the second derivatives N + B are positive, Gauss-Newton's with N elsewhere."""
+    damped = N + damping * np.diag(np.diag(N))
+    try:
+        return -cho_solve(cho_factor(damped + B), g)
+    except np.linalg.LinAlgError:
+        return -np.linalg.solve(damped, g)
 
 
 class _Squares:
@@ -98,21 +110,25 @@ class _Squares:
         return times / self.guess.period_s if isinstance(self.guess, PeriodicCurves) else np.zeros(len(times))
 
     def terms(self, x: np.ndarray, *, derivatives: bool = True):
-        """Cost, half its gradient and half its second derivatives (None, None if not asked for)."""
+        """Cost, half its gradient, half its second derivatives in two parts, by slopes and by curvature; None thrice if
+        not asked for."""
         now, d = self.curves(x), self.shift(x)
         q = now.sample(self.times)[0]
         places, J = with_mass(self.chain, *self.chain.points(now.sample(self.grid)[0], jacobian=derivatives))
         r = self.twice @ (places[:, -1] - x[self.last] * self._gone(self.grid)) - self.wish
         cost = float(self.weights @ self.misfit.cost(self.chain, q, d)) + self.scale * float(np.sum(np.abs(r) ** 2))
         if not derivatives:
-            return cost, None, None
-        g, N = self._places(*self.misfit.normal(self.chain, q, d))
+            return cost, None, None, None
+        *blocks, bent_places = self.misfit.normal(self.chain, q, d)
+        g, N = self._places(*blocks)
         last, J_mass = self.last, J[:, -1]
         bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
         J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(len(self.grid), last)
-        N[:last, :last] += self.scale * (J_r.conj().T @ J_r).real + self._spread(bent, self.pairs_on_grid)
+        B = np.zeros(N.shape)
+        B[:last, :last] = self._spread(bent_places, self.pairs) + self._spread(bent, self.pairs_on_grid)
+        N[:last, :last] += self.scale * (J_r.conj().T @ J_r).real
         g[:last] += self.scale * (J_r.conj().T @ r).real
-        return cost, g, N
+        return cost, g, N, B
 
     def _places(self, A: np.ndarray, b: np.ndarray, C: np.ndarray, D: np.ndarray,
                 e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

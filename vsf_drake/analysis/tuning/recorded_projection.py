@@ -75,16 +75,17 @@ class Misfit:
                 + (q - self.recorded) ** 2 @ self.turned)
 
     def normal(self, chain: SagittalChain, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
-        """Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2).
+        """Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2), B (n, 8, 8).
 
-        The step (dq, dd) solves [A C; C' D] (dq, dd) = -(b, e), summed over the instants where d is concerned. A has
-        the curvature of the points' paths in it: without, steps overshoot twofold where a knee is nearly straight.
+        The step (dq, dd) solves [A + B, C; C', D] (dq, dd) = -(b, e), summed over the instants where d is concerned.
+        B is what the curvature of the points' paths adds, which may be negative: without it, steps overshoot twofold
+        where a knee is nearly straight.
         """
         places, J = with_mass(chain, *chain.points(q, jacobian=True))
         r = places - self.wanted - d * self.shifted
         A = np.einsum("nkc,nkd->ncd", self.along[:, :, None] * J.real, J.real)
         A += np.einsum("nkc,nkd->ncd", self.height[:, :, None] * J.imag, J.imag)
-        A += chain.curvature(J, self.along * r.real + 1j * self.height * r.imag)
+        B = chain.curvature(J, self.along * r.real + 1j * self.height * r.imag)
         A[:, range(8), range(8)] += self.turned
         b = np.einsum("nk,nkc->nc", self.along * r.real, J.real)
         b += np.einsum("nk,nkc->nc", self.height * r.imag, J.imag) + self.turned * (q - self.recorded)
@@ -94,7 +95,7 @@ class Misfit:
         D = np.stack([weight.sum(axis=1) for weight in part], axis=1)
         e = -np.stack([(part[0] * r.real[:, self.shifted]).sum(axis=1),
                        (part[1] * r.imag[:, self.shifted]).sum(axis=1)], axis=1)
-        return A, b, C, D, e
+        return A, b, C, D, e, B
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,8 @@ def project(chain: SagittalChain, misfit: Misfit) -> Projection:
     q, d, damping = np.array(misfit.recorded), 0j, 1e-3
     cost = misfit.cost(chain, q, d).sum()
     for _ in range(ITERATIONS):
-        A, b, C, D, e = misfit.normal(chain, q, d)
+        A, b, C, D, e, B = misfit.normal(chain, q, d)
+        A += B
         A[:, range(8), range(8)] += damping * np.abs(A[:, range(8), range(8)])
         solved = np.linalg.solve(A, np.concatenate([b[:, :, None], C], axis=2))
         S = np.diag(D.sum(axis=0)) - np.einsum("ncx,ncy->xy", C, solved[:, :, 1:])
