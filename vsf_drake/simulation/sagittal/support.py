@@ -4,7 +4,7 @@
     o====o====o===o==^=o==o   joints o turn the toe up, one after the other; P at the fulcrum's position
 
 The force goes from one rigid piece to the next over SUPPORT_WIDTH on both sides of the joint between them, so that
-everything has a derivative by the fulcrum's position. There the deflection is off from the stepper's by at most 0.086
+everything has a derivative by the fulcrum's position. There the deflection is off from the stepper's by at most 0.087
 of that width times the joint's turn.
 """
 
