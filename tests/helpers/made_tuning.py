@@ -75,12 +75,12 @@ def made_arrays() -> dict[str, np.ndarray]:
     """Arrays of a tuning of level 1 of three trials."""
     time = np.linspace(0.0, 0.7, 90)
     force = np.column_stack([-100.0 * np.cos(np.pi * time / 0.7), 10.0 * time, 800.0 * np.sin(np.pi * time / 0.7)])
-    found = {"sweep_fulcrum_mm": POSITIONS,
-             "sweep_cost": np.array([cost_of(POSITIONS + shift) + 0.1 * k for k, shift in enumerate((-8.0, 0.0, 8.0))])}
+    own = np.stack([cost_of(POSITIONS + shift) + 0.1 * k for k, shift in enumerate((-8.0, 0.0, 8.0))], axis=1)
+    found = {"sweep_mm": POSITIONS, "sweep_cost_trials": own}
     for i in range(3):
+        found[f"trial_{i}_time"] = time
         for name, factor in (("softest", 0.95), ("optimum", 1.0), ("stiffest", 1.08), ("recorded", 1.01)):
-            found |= {f"{i}_{name}_time_s": time, f"{i}_{name}_grf_W": factor * (1.0 - 0.1 * i) * force}
-        found[f"{i}_plate_grf_W"] = (1.02 - 0.1 * i) * force
+            found[f"trial_{i}_{name}"] = factor * (1.0 - 0.1 * i) * force
     return found
 
 

@@ -74,7 +74,7 @@ def tune(
     try:
         with progress() as show:
             given = load_tuning_trials([path.expanduser() for path in trials or ()], contact=contact, level=level,
-                                       progress=show)
+                                       quick=quick, progress=show)
             table, arrays = tune_trials(given, options, show=show, warm=warm)
             show("writing the report", 0.99)
             written = write_tuning(out, table, arrays)

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning.inputs import TuningTrials
-from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions, TuningProgress, TuningSolution, solve
+from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions, TuningProgress, solve
 from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.table import COST, cost_at, swept
 
 Show = Callable[[str, float], None]
 Tuned = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -52,7 +51,8 @@ def tune_trials(
         table, arrays = run(given, options, show, warm, tasks)
     except InputError as error:
         raise as_option(error, None if warm is None else warm.file) from None
-    made = {**(table["provenance"] or {}), "options": options.told()}
+    made = dict(table["provenance"] or {})
+    made["options"] = {**options.told(), **(made.get("options") or {})}
     made["inputs_sha256"] = {**given.inputs, **(made.get("inputs_sha256") or {})}
     return {**table, "recorded_mm": given.recorded_mm, "provenance": made,
             "notes": [*given.notes, *table["notes"]]}, arrays
@@ -80,8 +80,7 @@ def _motion_given(
         show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
 
     solution = solve(tuning, progress=told, warm_start=None if warm is None else warm.table)
-    table = solution.table()
-    return {**table, "outcomes": [*_cost_row(table, solution), *table["outcomes"]]}, solution.arrays()
+    return solution.table(), solution.arrays()
 
 
 def _motion_free(
@@ -89,14 +88,3 @@ def _motion_free(
 ) -> Tuned:
     """Level 2."""
     raise InputError("is not available in this version", where="--level", right="Give --level 1")
-
-
-def _cost_row(table: Mapping[str, Any], solution: TuningSolution) -> list[dict[str, Any]]:
-    """The cost as an outcome, with what is known of its uncertainty."""
-    found, (x, y) = solution.uncertainty, swept(table)
-    if found is None or not len(x) or any(row["name"] == COST for row in table["outcomes"]):
-        return []
-    own = [cost_at(table, 1e3 * trial.fulcrum_m) for trial in solution.tuning.trials]
-    return [{"name": COST, "label": table["cost_label"], "unit": table["cost_unit"], "softest": float(y[0]),
-             "optimum": table["cost"], "stiffest": float(y[-1]), "recorded": own[0] if len(set(own)) == 1 else None,
-             "uncertainty": found.spread, "matters": found.matters, "sentence": found.sentence}]

@@ -122,8 +122,8 @@ def test_every_tag_closes_in_turn(folders, kind):
 def test_a_result_that_is_none_is_marked_above_everything_else(folders):
     body = page_of(folders / "failed").partition("<body>")[2].lstrip()
     assert body.startswith('<p class="alarm" role="alert">NOT OPTIMAL: the iteration limit was reached.')
-    assert "<h1>NOT OPTIMAL: stiffness tuned for load of the intact knee</h1>" in body
-    assert "gives the least" not in body
+    assert "<h1>NOT OPTIMAL: stiffness tuned: load of the intact knee</h1>" in body
+    assert "has the least" not in body
     assert "alarm" not in page_of(folders / "level_1").partition("<body>")[2]
 
 
@@ -186,7 +186,7 @@ def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path):
     missing = remake_tuning(out)
     assert any(sentence.startswith("One setting for each task") for sentence in missing)
     assert "This version cannot show what the results hold of it (KeyError" in page_of(out)
-    assert "gives the least" in page_of(out)
+    assert "has the least" in page_of(out)
 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path):

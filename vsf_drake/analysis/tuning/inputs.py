@@ -59,29 +59,31 @@ class TuningTrials:
         return 1e3 * max(foot.rearmost_m for foot in feet), 1e3 * min(foot.foremost_m for foot in feet)
 
 
-def embedded_tuning_trials(*, level: int) -> tuple[Path, ...]:
-    """Manifests of the synthetic trials that ship with the package: one a setting, or one stride for level 2."""
-    one_each = embedded_trials(quick=True)
-    return one_each if level == 1 else one_each[1:2]
+def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
+    """Manifests of the synthetic trials that ship with the package, of their laboratory tier.
+
+    For level 1 three a setting, or one if `quick`; for level 2 one, at the middle setting.
+    """
+    return embedded_trials(quick=quick) if level == 1 else embedded_trials(quick=True)[1:2]
 
 
 def load_tuning_trials(
     manifests: Sequence[str | Path], *, contact: str | Path | None = None, level: int = 1,
-    progress: Progress | None = None
+    quick: bool = False, progress: Progress | None = None
 ) -> TuningTrials:
     """Reads trials of one person; without any, the embedded ones with the contact that was fitted to them.
 
     Args:
         contact: a contact file (`vsf-drake fit`). Without one, height, fore-aft position and alignment of the
             prosthesis are fitted to each trial's plate.
-        level: of the tuning, which decides which trials are taken where none is named.
+        level, quick: see `embedded_tuning_trials`, whose trials are taken where none is named.
 
     Raises:
         InputError: a file cannot be read or used; a trial is named twice; the trials are of several persons.
         SimulationError: a trial whose offsets are to be fitted cannot be walked.
     """
     if not manifests:
-        manifests, contact = embedded_tuning_trials(level=level), contact or embedded_contact()
+        manifests, contact = embedded_tuning_trials(level=level, quick=quick), contact or embedded_contact()
     files = [Path(manifest).resolve() for manifest in manifests]
     for i, file in enumerate(files):
         if file in files[:i]:

@@ -64,9 +64,9 @@ def every(x: np.ndarray) -> int:
 
 def _cost(axes: Axes, table: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
     x, y = swept(table)
-    x_of, trials = arrays.get("sweep_fulcrum_mm"), arrays.get("sweep_cost")
-    if x_of is not None and trials is not None and len(trials) > 1:
-        own = np.asarray(trials, dtype=float)
+    x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
+    if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
+        own = np.asarray(trials, dtype=float).T
         at = int(np.argmin(np.abs(np.asarray(x_of) - (table["fulcrum_mm"] or np.median(x_of)))))
         mean = own.mean(axis=0)
         for i, values in enumerate(own):

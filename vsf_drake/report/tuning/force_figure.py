@@ -22,8 +22,6 @@ _LINES: dict[str, tuple[str, dict[str, Any]]] = {
 _DIRECTIONS = ("fore-aft", "vertical")
 SETTINGS = ("softest", "optimum", "stiffest")
 _DASHES = {"softest": (0, (1, 1)), "optimum": "-", "stiffest": (0, (5, 2))}
-_ROWS = 3
-"""Most trials that are drawn."""
 
 
 def stride_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
@@ -47,47 +45,49 @@ def stride_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
 
 
 def stance_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """Level 1: the prosthetic foot's force in up to three trials, at three settings and on the plate."""
-    shown = drawn_trials(arrays)[:_ROWS]
+    """Level 1: the prosthetic foot's force in up to three trials, at three settings and as recorded."""
+    shown = drawn_trials(table, arrays)
     at = dict(zip(SETTINGS, (_end(table, min), table["fulcrum_mm"], _end(table, max)), strict=True))
     with style():
         figure = new_figure(10.6, 0.9 + 2.7 * len(shown))
-        for row, i in zip(figure.subplots(len(shown), 2, squeeze=False), shown, strict=True):
-            trial = table["trials"][i] if i < len(table["trials"]) else f"trial {i + 1}"
+        panels = figure.subplots(len(shown), 2, squeeze=False)
+        for row, (trial, prefix) in zip(panels, shown.items(), strict=True):
             for axes, column, direction in zip(row, (0, 2), _DIRECTIONS, strict=True):
-                measured = plate_of(arrays, i)
-                if measured is not None:
-                    axes.plot(measured[0], measured[1][:, column], color="0.45", label="plate", **MEASURED)
-                for name in SETTINGS:
-                    if f"{i}_{name}_grf_W" not in arrays:
-                        continue
-                    where = "" if at[name] is None else f", {at[name]:.0f} mm"
-                    called = name if table["optimal"] or name != "optimum" else "last iterate"
-                    axes.plot(arrays[f"{i}_{name}_time_s"], np.asarray(arrays[f"{i}_{name}_grf_W"])[:, column],
-                              linewidth=1.4, linestyle=_DASHES[name], label=f"{called}{where}",
-                              color=condition_colour(None if at[name] is None else 1e-3 * at[name]))
-                label(axes, x="time (s)", y="force (N)", title=f"{trial}: prosthetic foot, {direction}")
+                for name in ("recorded", *SETTINGS):
+                    if f"{prefix}{name}" in arrays:
+                        axes.plot(arrays[f"{prefix}time"], np.asarray(arrays[f"{prefix}{name}"])[:, column],
+                                  **_look(name, at.get(name), optimal=table["optimal"]))
+                label(axes, x="time (s)", y="force (N)", title=f"{trial + ': ' if trial else ''}{direction}")
                 axes.title.set_parse_math(False)
-        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
         mark_origin(figure, table)
         figure.draw_without_rendering()
     return figure
 
 
-def drawn_trials(arrays: Mapping[str, Any]) -> list[int]:
-    """Numbers of the trials of a level 1 tuning whose forces there are."""
-    numbers = {int(name.partition("_")[0]) for name in arrays if name.endswith("_grf_W") and name[0].isdigit()}
-    return sorted(i for i in numbers if any(f"{i}_{name}_grf_W" in arrays for name in SETTINGS))
+def drawn_trials(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> dict[str, str]:
+    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label.
+
+    One without a label where the arrays do not tell trials apart.
+    """
+    found = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"])}
+    found = {name: prefix for name, prefix in found.items() if _known(arrays, prefix)}
+    if not found:
+        return {"": "grf_"} if _known(arrays, "grf_") else {}
+    names = list(found)
+    return {name: found[name] for name in dict.fromkeys((names[0], names[len(names) // 2], names[-1]))}
 
 
-def plate_of(arrays: Mapping[str, Any], i: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Time (n,) and force (n, 3) of the plate of trial i, where there is one on the time of a walk."""
-    force = arrays.get(f"{i}_plate_grf_W")
-    for name in ("recorded", *SETTINGS):
-        time = arrays.get(f"{i}_{name}_time_s")
-        if force is not None and time is not None and len(time) == len(force):
-            return np.asarray(time), np.asarray(force)
-    return None
+def _known(arrays: Mapping[str, Any], prefix: str) -> bool:
+    return f"{prefix}time" in arrays and any(f"{prefix}{name}" in arrays for name in SETTINGS)
+
+
+def _look(name: str, mm: float | None, *, optimal: bool) -> dict[str, Any]:
+    if name == "recorded":
+        return {"color": "0.45", "label": "recorded", **MEASURED}
+    called = name if optimal or name != "optimum" else "last iterate"
+    return {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": _DASHES[name], "linewidth": 1.4,
+            "label": called if mm is None else f"{called}, {mm:.0f} mm"}
 
 
 def _end(table: Mapping[str, Any], which: Any) -> float | None:

@@ -22,11 +22,11 @@ def motion_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
     pieces: list[Piece] = []
     if table["level"] == 1:
         pieces.append(Text("The motion is the recorded one at every setting, so that only forces are shown."))
-    if drawn_trials(arrays):
+    if drawn_trials(table, arrays):
         pieces.append(Picture(
             name="force", figure=stance_force_figure(table, arrays), alt=_stance_alt(table, arrays),
-            caption="Ground reaction force of the prosthetic foot by setting, in three trials at most, and what the "
-                    "plate measured (grey) at the setting of the recording."))
+            caption="Ground reaction force of the prosthetic foot by setting, in three trials at most; in grey, as "
+                    "recorded, at the setting of the recording (the plate's; the model's where there is no plate)."))
     if "phase" in arrays and any(f"grf_{foot}" in arrays for foot in FEET):
         pieces.append(Picture(
             name="stride_force", figure=stride_force_figure(table, arrays), alt=_stride_alt(arrays),
@@ -50,10 +50,10 @@ def motion_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
 
 def _stance_alt(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
     said = []
-    for i in drawn_trials(arrays):
-        peaks = [f"{name} {np.nanmax(np.asarray(arrays[f'{i}_{name}_grf_W'])[:, 2]):.0f} N" for name in SETTINGS
-                 if f"{i}_{name}_grf_W" in arrays]
-        said.append(f"{table['trials'][i] if i < len(table['trials']) else i}: {', '.join(peaks)}")
+    for trial, prefix in drawn_trials(table, arrays).items():
+        peaks = [f"{name} {np.nanmax(np.asarray(arrays[prefix + name])[:, 2]):.0f} N"
+                 for name in ("recorded", *SETTINGS) if prefix + name in arrays]
+        said.append(f"{trial}: {', '.join(peaks)}" if trial else ", ".join(peaks))
     return f"Force of the prosthetic foot by setting. Largest vertical force, {'; '.join(said)}."
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +14,8 @@ from vsf_drake.report.style import condition_colour, label, new_figure, style
 from vsf_drake.report.tuning.cost_curve_figure import FULCRUM, every, mark_origin, mark_positions
 from vsf_drake.report.tuning.table import swept_part
 
-_ACROSS = 3
+_ACROSS, _WIDE = 3, 38
+"""Panels side by side; letters of a title's line."""
 
 
 def shown_outcomes(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -54,5 +56,6 @@ def _panel(axes: Axes, table: Mapping[str, Any], row: Mapping[str, Any]) -> None
     if np.ptp(y) == 0.0:
         axes.margins(y=0.5)
     hardly = ": hardly changes" if row["matters"] is False else ""
-    label(axes, x="", y=row["unit"] if row["unit"] not in ("", "1") else "no unit", title=f"{row['label']}{hardly}")
+    label(axes, x="", y=row["unit"] if row["unit"] not in ("", "1") else "no unit",
+          title=textwrap.fill(f"{row['label']}{hardly}", _WIDE))
     axes.title.set_parse_math(False)

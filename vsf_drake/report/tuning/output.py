@@ -39,9 +39,9 @@ def write_tuning(
 
     Args:
         table: see `table.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
-        arrays: any of level 1: `sweep_fulcrum_mm` (s,), `sweep_cost` (trials, s), and by trial I from 0 and setting
-            (softest, optimum, stiffest, recorded) `I_SETTING_time_s` (n,), `I_SETTING_grf_W` (n, 3) N in W, and
-            `I_plate_grf_W` (n, 3) on the time of the recorded setting; of level 2: `phase` (n,) 0 to 1, `names` (8,),
+        arrays: any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), and for trial K from 0 `trial_K_time`
+            (n,) s, `trial_K_softest`, `trial_K_optimum`, `trial_K_stiffest`, `trial_K_recorded` (n, 3) N in W, or of
+            one trial `grf_time`, `grf_softest` and so on; of level 2: `phase` (n,) 0 to 1, `names` (8,),
             `q`, `q_recorded` (n, 8) rad and m, `torque`, `torque_recorded` (n, 5) N m, `grf_prosthetic`, `grf_intact`
             (n, 2) N (forward, up), and these two with `_recorded`, `_resimulated_prescribed`, `_resimulated_feedback`.
             Others are kept, and not shown.

@@ -18,7 +18,7 @@ _SAID = {True: "yes", False: "NO", None: None}
 
 def schedule_title(table: Mapping[str, Any]) -> str:
     """Of the page."""
-    words = f"Settings by task, for {table['cost_label']}"
+    words = f"Settings by task: {table['cost_label']}"
     return words if table["optimal"] else f"{NOT_OPTIMAL}: {words[0].lower()}{words[1:]}"
 
 

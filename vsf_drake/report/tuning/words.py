@@ -19,7 +19,7 @@ _MODELS = {
 
 def title_of(table: Mapping[str, Any]) -> str:
     """Of page and figures; that there is no optimum comes first."""
-    words = f"Stiffness tuned for {table['cost_label']}"
+    words = f"Stiffness tuned: {table['cost_label']}"
     return words if table["optimal"] else f"{NOT_OPTIMAL}: {words[0].lower()}{words[1:]}"
 
 
@@ -58,8 +58,8 @@ def setting_words(table: Mapping[str, Any]) -> str:
     """The setting, its cost and its interval."""
     x, _ = swept(table)
     span = f" between {x[0]:g} and {x[-1]:g} mm" if len(x) else ""
-    words = (f"The fulcrum at {millimetres(table['fulcrum_mm'])} gives the least {table['cost_label']} of all "
-             f"settings{span}: {quantity(table['cost'], table['cost_unit'])}.")
+    words = (f"Of all settings{span}, the fulcrum at {millimetres(table['fulcrum_mm'])} has the least cost: "
+             f"{quantity(table['cost'], table['cost_unit'])} ({table['cost_label']}).")
     interval = table["fulcrum_interval_mm"]
     if interval is not None:
         words += f" Its interval is {interval[0]:.0f} to {interval[1]:.0f} mm" + (
