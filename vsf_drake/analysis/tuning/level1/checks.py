@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.search import Search, search
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest
@@ -35,17 +36,23 @@ class Check:
 
 
 def sweep_checks(best: Evaluation, found: Sweep, size: float) -> list[Check]:
-    """Position and cost against the lowest of the sweep."""
-    where, cost = lowest(found.fulcrum_mm, found.cost)
-    away, worse = abs(best.x[0] - where), abs(best.cost - cost) / size
+    """Position and cost against the lowest of the sweep, by a parabola between its positions.
+
+    A sweep that is coarser than a millimetre can only tell whether one of its positions is better.
+    """
+    where, least = lowest(found.fulcrum_mm, found.cost)
     step = found.fulcrum_mm[1] - found.fulcrum_mm[0]
+    fine = step <= NEAR_MM + 1e-9
+    away = abs(best.x[0] - where)
+    worse = (best.cost - (least if fine else float(np.nanmin(found.cost)))) / size
     return [
         Check("brute_force_position", "distance from the sweep's minimum", float(away), "mm", NEAR_MM,
               bool(away <= NEAR_MM),
               f"The sweep in steps of {step:.2g} mm is lowest at {where:.1f} mm, the search ends at "
               f"{best.x[0]:.1f} mm."),
         Check("brute_force_cost", "difference from the sweep's minimum", float(worse), "size of the cost", NEAR_COST,
-              bool(worse <= NEAR_COST), f"The costs there differ by {worse:.2%} of the cost's size.")]
+              bool((-NEAR_COST if fine else -np.inf) <= worse <= NEAR_COST),
+              f"The cost of the search's end is the sweep's least {worse:+.2%} of the cost's size.")]
 
 
 def solver_checks(best: Evaluation, confirmed: Sequence[Search], size: float) -> list[Check]:
@@ -111,6 +118,16 @@ def step_check(best: Evaluation, searched: Search) -> Check:
                  bool(away <= NEAR_MM),
                  f"In steps of {1e3 * searched.step_s:g} ms the optimum is at {searched.x[0]:.1f} mm, of "
                  f"{1e3 * best.step_s:g} ms at {best.x[0]:.1f} mm.")
+
+
+def force_check(best: Evaluation, allowed_bw: float) -> Check:
+    """How much of the given motion the optimum contradicts: the change of force from the recorded settings."""
+    change = float(np.mean([np.sqrt(walk.terms[CONSISTENCY][0].value) for walk in best.walks]))
+    return Check("force_change", "change of the ground reaction force from the recorded setting", change, "BW",
+                 allowed_bw, bool(change <= allowed_bw),
+                 f"At the optimum the force differs by {change:.1%} body weight (root mean square over stance) from "
+                 "that at the recorded setting, though the motion is the same: "
+                 + ("little enough to be read." if change <= allowed_bw else "nobody would walk so."))
 
 
 def convergence_check(best: Evaluation) -> Check:

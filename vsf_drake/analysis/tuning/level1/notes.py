@@ -31,6 +31,8 @@ def notes(
                     "a derivative there.")
     if CONSISTENCY in tuning.combination.factors:
         told.append(_share(tuning, best))
+    if found is not None:
+        told.append(_believable(found, options.consistency_bw))
     if "keel_thickness" in options.design:
         told.append("A thicker keel is stiffer by the cube of its thickness; that it is heavier too is left out.")
     own = [part.own[0] for part in tuning.parts]
@@ -50,10 +52,23 @@ def notes(
     return tuple(told)
 
 
+def _believable(found: Sweep, allowed_bw: float) -> str:
+    near = found.believable(allowed_bw)
+    most = f"over the whole range it changes by up to {np.nanmax(found.force_change):.0%}"
+    if not near.any():
+        return (f"Nowhere does the ground reaction force stay within {allowed_bw:.0%} body weight of that at the "
+                f"recorded settings ({most}): these motions do not go together.")
+    low, high = found.fulcrum_mm[near][[0, -1]]
+    return (f"From {low:.0f} to {high:.0f} mm the ground reaction force stays within {allowed_bw:.0%} body weight of "
+            f"that at the recorded setting; {most}. Farther away the given motion is none that anybody would walk, and "
+            "the numbers there say no more than that.")
+
+
 def _share(tuning: StiffnessTuning, best: Evaluation) -> str:
     options = tuning.options
     part = next(term.value for term in best.terms if term.name == CONSISTENCY)
     return (f"A change of the ground reaction force by {options.consistency_bw:.0%} body weight (root mean square over "
             f"stance, against the recorded setting) adds {options.consistency_weight:.0%} of the cost's size: nothing "
             f"in the given motion pays for it. At the optimum that part is {part / tuning.combination.size:.1%} of the "
-            "size. See the robustness for what other weights would choose.")
+            "size. The weight is a choice, and with the motion given it decides how far the optimum may go from the "
+            "recorded setting: see what other weights would choose.")

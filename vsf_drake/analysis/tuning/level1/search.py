@@ -114,9 +114,6 @@ class Tried:
         except SimulationError as error:
             self.failed, self.failure = self.failed + 1, str(error)
             return None
-        except KeyboardInterrupt:
-            self.interrupted = True
-            raise
         if self.here is None or found.cost < self.here.cost:
             self.here = found
         if self.best is None or self.best.step_s != found.step_s or found.cost < self.best.cost:
@@ -127,9 +124,13 @@ class Tried:
 
     def cost(self, u: np.ndarray, gradient: bool) -> tuple[float, np.ndarray]:
         """Of the program: over its size, with the gradient by u; a failed walk costs LOST."""
-        if self.at(self.tuning.from_u(u), derivatives=gradient) is None:
-            return LOST, np.zeros(len(u))
-        return self.tuning.scaled(u, gradient, step_s=self.step_s)
+        try:
+            if self.at(self.tuning.from_u(u), derivatives=gradient) is None:
+                return LOST, np.zeros(len(u))
+            return self.tuning.scaled(u, gradient, step_s=self.step_s)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise
 
 
 def _run(tuning: StiffnessTuning, tried: Tried, solver: str, start: np.ndarray) -> tuple[bool, str]:

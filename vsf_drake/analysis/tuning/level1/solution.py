@@ -35,6 +35,7 @@ class TuningSolution:
         searched: the search that `best` is from. searches: of the fulcrum's range. confirmed: by other solvers.
         coarse, sweep: the sweep that searches began from, and the fine one through the best setting.
         settings: what walks are like at the softest, best, stiffest and recorded setting.
+        same_load: outcomes of `same_load` by name, (T, 4) at those settings.
         uncertainty: of the fulcrum position. draws: of the contact, and draw_failures: why some could not be walked.
         tasks, pareto, robustness: see `tasks`; robustness rows are (what, mm, cost).
         checks: what the solution was held against.
@@ -51,6 +52,7 @@ class TuningSolution:
     coarse: Sweep | None
     sweep: Sweep | None
     settings: tuple[Setting, ...]
+    same_load: dict[str, np.ndarray]
     uncertainty: FulcrumUncertainty | None
     draws: tuple[Draw, ...]
     draw_failures: tuple[str, ...]

@@ -14,6 +14,7 @@ from vsf_drake.analysis.tuning.level1.checks import (
     NEAR_COST,
     Check,
     convergence_check,
+    force_check,
     gradient_check,
     smoothing_check,
     solver_checks,
@@ -23,10 +24,11 @@ from vsf_drake.analysis.tuning.level1.checks import (
 from vsf_drake.analysis.tuning.level1.draws import drawn_optima
 from vsf_drake.analysis.tuning.level1.notes import notes
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
+from vsf_drake.analysis.tuning.level1.same_load import same_load_outcomes
 from vsf_drake.analysis.tuning.level1.search import WORSE, Search, Tried, search
 from vsf_drake.analysis.tuning.level1.settings import compared_settings
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution
-from vsf_drake.analysis.tuning.level1.sweep import Sweep, local_minima, lowest, positions, sweep
+from vsf_drake.analysis.tuning.level1.sweep import Sweep, local_minima, positions, sweep
 from vsf_drake.analysis.tuning.level1.tasks import consistency_effect, pareto, tasks
 from vsf_drake.analysis.tuning.level1.uncertainty import fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError
@@ -141,6 +143,11 @@ def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) ->
     fine, best = found.fine, tuning.evaluate(found.polished.x)
     assert fine is not None
     found.later["settings"] = compared_settings(tuning, best.x)
+    if options.same_load:
+        found.stage = "settings under one load"
+        ends = np.tile([tuning.low[0], best.x[0], tuning.high[0], np.nan], (len(tuning.parts), 1))
+        ends[:, 3] = [part.own[0] for part in tuning.parts]
+        found.later["same_load"] = same_load_outcomes(tuning, ends, told)
     first = min(found.searches, key=lambda s: (not s.success, s.cost))
     for name in options.confirm:
         found.stage = f"confirming with {name.upper()}"
@@ -150,7 +157,8 @@ def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) ->
     draws, failures = drawn_optima(tuning, best.x, told) if options.draws else ((), ())
     found.later |= {"draws": draws, "draw_failures": failures}
     found.later["uncertainty"] = fulcrum_uncertainty(fine, float(best.x[0]), draws, tuning.groups,
-                                                     size=size, unit=tuning.combination.unit)
+                                                     size=size, unit=tuning.combination.unit,
+                                                     allowed_bw=options.consistency_bw)
     found.later |= {"tasks": tasks(fine, tuning.tasks, float(best.x[0])), "pareto": pareto(tuning, fine)}
     found.later["robustness"] = (
         *consistency_effect(tuning, fine),
@@ -158,7 +166,8 @@ def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) ->
     found.stage = "checks"
     found.checks = [*sweep_checks(best, fine, size), *solver_checks(best, found.confirmed, size),
                     gradient_check(tuning), step_check(best, first), *smoothing_check(tuning, best),
-                    convergence_check(best)]
+                    convergence_check(best),
+                    force_check(best, options.consistency_bw)]
 
 
 def _scattered(tuning: StiffnessTuning) -> list[np.ndarray]:
@@ -190,8 +199,9 @@ def _solution(tuning: StiffnessTuning, found: _Found, message: str, began: float
         raise FitError("the walks fail wherever a search starts")
     message = message or _fault(tuning, found, best)
     success = not message
-    later: dict[str, Any] = {"settings": (), "draws": (), "draw_failures": (), "uncertainty": None, "tasks": (),
-                             "pareto": (), "robustness": ()} | found.later
+    later: dict[str, Any] = {
+        "settings": (), "same_load": {}, "draws": (), "draw_failures": (), "uncertainty": None, "tasks": (),
+        "pareto": (), "robustness": ()} | found.later
     return TuningSolution(
         tuning=tuning, success=success, message=message or (found.polished.message if found.polished else ""),
         best=best, searched=found.polished, searches=tuple(found.searches), confirmed=tuple(found.confirmed),
@@ -207,7 +217,7 @@ def _fault(tuning: StiffnessTuning, found: _Found, best: Evaluation) -> str:
         return f"the search did not converge: {found.polished.message}"
     if best.unconverged:
         return f"{best.unconverged} steps of the walks at the best setting did not converge"
-    where, cost = lowest(found.fine.fulcrum_mm, found.fine.cost)
-    if best.cost - cost > NEAR_COST * tuning.combination.size:
-        return f"the sweep is lower at {where:.1f} mm than the search's end at {best.x[0]:.1f} mm"
+    i = int(np.nanargmin(found.fine.cost))
+    if best.cost - found.fine.cost[i] > NEAR_COST * tuning.combination.size:
+        return (f"the sweep is lower at {found.fine.fulcrum_mm[i]:.1f} mm than the search's end at {best.x[0]:.1f} mm")
     return ""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.combination import Combination
+from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, Combination
 from vsf_drake.analysis.tuning.level1.outcomes import NAMES, outcomes
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.errors import SimulationError
@@ -45,6 +45,17 @@ class Sweep:
     def cost(self) -> np.ndarray:
         """(m,) the tuned cost, the mean over trials."""
         found: np.ndarray = self.per_trial.mean(axis=0)
+        return found
+
+    @property
+    def force_change(self) -> np.ndarray:
+        """(m,) body weights, change of the ground reaction force from the recorded settings, mean over trials."""
+        found: np.ndarray = np.sqrt(self.costs[CONSISTENCY]).mean(axis=0)
+        return found
+
+    def believable(self, allowed_bw: float) -> np.ndarray:
+        """(m,) whether the force changes by no more than that: farther off nobody would walk the given motion."""
+        found: np.ndarray = self.force_change <= allowed_bw
         return found
 
     def combined(self, combination: Combination) -> np.ndarray:
@@ -92,7 +103,8 @@ def sweep(
                 [(term.name, term.label, term.value) for term in tuning.combination.terms(walk.terms)],
                 outcomes(part, walk) if with_outcomes else {})
 
-    with ThreadPoolExecutor(tuning.workers) as pool:
+    pool = ThreadPoolExecutor(tuning.workers)
+    try:
         for k, (job, result) in enumerate(zip(jobs, pool.map(one, jobs), strict=True)):
             if isinstance(result, str):
                 failures.append(result)
@@ -106,6 +118,8 @@ def sweep(
                     found[name][job] = value
             if progress:
                 progress((k + 1) / len(jobs))
+    finally:
+        pool.shutdown(cancel_futures=True)
     return Sweep(fulcrum_mm=np.array(fulcrum_mm), x=settings, step_s=step_s, costs=costs, terms=terms, labels=labels,
                  outcomes=found, failures=tuple(failures))
 

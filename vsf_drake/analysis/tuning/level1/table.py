@@ -8,6 +8,7 @@ import numpy as np
 
 from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.tuning.level1.outcomes import KINDS, OutcomeKind
+from vsf_drake.analysis.tuning.level1.same_load import KINDS as SAME_LOAD
 from vsf_drake.analysis.tuning.level1.search import Search
 from vsf_drake.analysis.tuning.level1.settings import OPTIMUM, RECORDED, SOFTEST, STIFFEST
 from vsf_drake.analysis.tuning.level1.uncertainty import Difference, FulcrumUncertainty, difference
@@ -116,6 +117,19 @@ def _outcomes(solution: TuningSolution) -> list[dict[str, Any]]:
         matters = change.matters(max(abs(value) for value in at.values()))
         rows.append({"name": kind.name, "label": kind.label, "unit": kind.unit, **at, "uncertainty": change.spread,
                      "matters": matters, "sentence": _told(kind, at, change, matters)})
+    return rows + _same_load(solution)
+
+
+def _same_load(solution: TuningSolution) -> list[dict[str, Any]]:
+    rows = []
+    for kind in SAME_LOAD:
+        if kind.name in solution.same_load:
+            each = solution.same_load[kind.name]
+            at = dict(zip((SOFTEST, OPTIMUM, STIFFEST, RECORDED), map(float, each.mean(axis=0)), strict=True))
+            change = difference(each, solution.tuning.groups)
+            matters = change.matters(float(np.abs(list(at.values())).max())) if np.isfinite(each).all() else None
+            rows.append({"name": kind.name, "label": kind.label, "unit": kind.unit, **at, "uncertainty": change.spread,
+                         "matters": matters, "sentence": _told(kind, at, change, matters)})
     return rows
 
 
@@ -134,6 +148,8 @@ def _told(kind: OutcomeKind, at: dict[str, float], change: Difference, matters: 
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     text = (f"{kind.label[0].upper()}{kind.label[1:]}: {at[SOFTEST]:.3g} at the softest, {at[OPTIMUM]:.3g} at the "
             f"best, {at[STIFFEST]:.3g}{unit} at the stiffest setting")
+    if not np.isfinite(list(at.values())).all():
+        return f"{kind.label[0].upper()}{kind.label[1:]}: not known at every setting."
     if change.spread is None:
         return f"{text}; {'the setting hardly matters to it' if matters is False else 'repeated trials are missing'}."
     told = f"it differs by up to {change.range:.2g}{unit}, from trial to trial that varies by {change.spread:.2g}{unit}"

@@ -86,9 +86,14 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
 
 
 def fulcrum_uncertainty(
-    found: Sweep, fulcrum_mm: float, draws: tuple[Draw, ...], groups: Sequence, *, size: float, unit: str
+    found: Sweep, fulcrum_mm: float, draws: tuple[Draw, ...], groups: Sequence, *, size: float, unit: str,
+    allowed_bw: float
 ) -> FulcrumUncertainty:
-    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size."""
+    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
+
+    Args:
+        allowed_bw: change of force (body weights) beyond which nobody would walk the given motion.
+    """
     each = found.per_trial
     optima = np.array([lowest(found.fulcrum_mm, row)[0] for row in each])
     drawn = tuple(draw.fulcrum_mm for draw in draws if np.isfinite(draw.fulcrum_mm))
@@ -111,7 +116,7 @@ def fulcrum_uncertainty(
     return FulcrumUncertainty(
         low_mm=float(min(ends)), high_mm=float(max(ends)), per_trial_mm=tuple(map(float, optima)), draws_mm=drawn,
         flat_mm=flat, range=width.range, spread=width.spread, matters=matters, meaning="; ".join(parts),
-        sentence=_sentence(width, size, unit, matters, of or "trial"))
+        sentence=_sentence(width, size, unit, matters, of or "trial") + _near(found, groups, size, allowed_bw))
 
 
 def flat_range(
@@ -143,6 +148,17 @@ def _members(groups: Sequence) -> list[list[int]]:
 
 def _freedoms(groups: Sequence) -> int:
     return len(groups) - len(set(groups))
+
+
+def _near(found: Sweep, groups: Sequence, size: float, allowed_bw: float) -> str:
+    """A sentence on the cost where the given motion can be believed; nothing if that is at most one position."""
+    near = found.believable(allowed_bw)
+    if near.sum() < 2:
+        return ""
+    low, high = found.fulcrum_mm[near][[0, -1]]
+    width = difference(found.per_trial[:, near], groups).range
+    return (f" Where the force stays within {allowed_bw:.0%} body weight of that at the recorded setting, from "
+            f"{low:.0f} to {high:.0f} mm, the cost changes by {width / size:.1%} of its size.")
 
 
 def _sentence(width: Difference, size: float, unit: str, matters: bool | None, of: str) -> str:

@@ -17,7 +17,7 @@ from vsf_drake.analysis.tuning.level1.loads import WalkLoads
 
 POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
 SMOOTH_W_PER_KG = 0.01
-"""Powers are positive or negative by a smooth function of this width (a choice)."""
+"""Nearer to zero than this powers are part positive and part negative, so that work has a derivative (a choice)."""
 
 
 def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:

@@ -40,11 +40,9 @@ def mean_square(value: np.ndarray, by: np.ndarray, weight_s: np.ndarray, duratio
 
 
 def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.ndarray]:
-    """A smooth max(power, 0), and its derivative by the power.
+    """A max(power, 0) with a continuous derivative, and that derivative by the power.
 
-        p+ = (p + sqrt(p^2 + e^2) - e) / 2
-
-    It is p+ within e / 2 and exact at 0.
+        p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
     """
-    root = np.sqrt(power**2 + smooth_w**2)
-    return 0.5 * (power + root - smooth_w), 0.5 * (1.0 + power / root)
+    inside = np.clip(power + smooth_w, 0.0, 2.0 * smooth_w)
+    return inside**2 / (4.0 * smooth_w) + np.maximum(power - smooth_w, 0.0), inside / (2.0 * smooth_w)

@@ -1,0 +1,43 @@
+"""Fixtures for tests of the tuning with the motion given: the embedded (synthetic) subject, without errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions
+from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.contact_file import load_contact
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.walk import Walker
+
+
+@pytest.fixture(scope="session")
+def tuned_trials() -> dict[str, Trial]:
+    """By label, with the stored contact: all nine of the exact tier share one model."""
+    contact = load_contact(embedded_contact("exact"))
+    return {path.stem: trial_with(load_trial(path), contact) for path in embedded_trials("exact")}
+
+
+@pytest.fixture(scope="session")
+def shared_walker(tuned_trials: dict[str, Trial]) -> Walker:
+    """Of those trials, built once."""
+    trial = tuned_trials["medium_2"]
+    return Walker(trial.subject, trial.model)
+
+
+@pytest.fixture(scope="session")
+def made_tuning(tuned_trials: dict[str, Trial], shared_walker: Walker) -> Callable[..., StiffnessTuning]:
+    """Makes a tuning to trials, labels or the trials themselves, in steps of 2 ms; other words are options."""
+    def make(
+        *trials: str | Trial, cost: str = "joint_load", tasks: list[str] | None = None, **options
+    ) -> StiffnessTuning:
+        given = [tuned_trials[trial] if isinstance(trial, str) else trial for trial in trials or ("medium_2",)]
+        chosen = {"step_s": 2e-3, "draws": 0, "same_load": False, "confirm": ()} | options
+        return StiffnessTuning(given, cost=cost, options=TuningOptions(**chosen), tasks=tasks,
+                               walkers=[shared_walker] * len(given))
+
+    return make
