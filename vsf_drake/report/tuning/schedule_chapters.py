@@ -10,7 +10,7 @@ from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Missing, Pic
 from vsf_drake.report.tuning.chapters import making_pieces
 from vsf_drake.report.tuning.choices_figure import excess, tasks_figure
 from vsf_drake.report.tuning.schedule_figure import curved, policy_figure, schedule_curves_figure, telling
-from vsf_drake.report.tuning.words import HARDLY, NOT_OPTIMAL, millimetres
+from vsf_drake.report.tuning.words import HARDLY, MODELS, NOT_OPTIMAL, millimetres
 from vsf_drake.report.tuning.words_of_figures import tasks_alt, tasks_words
 
 _SAID = {True: "yes", False: "NO", None: None}
@@ -31,9 +31,10 @@ def schedule_alarm(table: Mapping[str, Any]) -> str:
 
 
 def schedule_first_line(table: Mapping[str, Any]) -> str:
-    """Whose data these are."""
+    """Whose data these are, and what the model is."""
     trials = ", ".join(trial for row in table["tasks"] for trial in row["trials"])
-    return f"Data are SYNTHETIC, not recorded: {trials}." if table["synthetic"] else f"Recorded trials: {trials}."
+    data = f"Data are SYNTHETIC, not recorded: {trials}." if table["synthetic"] else f"Recorded trials: {trials}."
+    return f"{data} {MODELS[table['level']]}"
 
 
 def schedule_words(table: Mapping[str, Any]) -> list[str]:
@@ -41,7 +42,7 @@ def schedule_words(table: Mapping[str, Any]) -> list[str]:
     if not table["optimal"]:
         return [f"{NOT_OPTIMAL}. Tasks with a result: " + (", ".join(
             row["label"] for row in table["tasks"] if row["optimal"]) or "none") + "."]
-    stored = ", ".join(f"{row['label']} {millimetres(row['fulcrum_mm'])}" for row in table["tasks"])
+    stored = ", ".join(f"{millimetres(row['fulcrum_mm'])} for {row['label']}" for row in table["tasks"])
     told = [row["label"] for row in table["tasks"] if row["matters"]]
     same = [row["label"] for row in table["tasks"] if row["matters"] is False]
     said = [f"To store: {stored}.", tasks_words(table)]

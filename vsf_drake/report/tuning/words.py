@@ -10,7 +10,7 @@ from vsf_drake.report.tuning.table import cost_at, cost_outcome, recorded_positi
 NOT_OPTIMAL, HARDLY = "NOT OPTIMAL", "THE SETTING HARDLY MATTERS"
 _NEAR_MM = 0.05
 """Positions that are nearer than this are one."""
-_MODELS = {
+MODELS = {
     1: "The motion is the recorded one at every setting: only the foot's force follows the fulcrum. How the person "
        "would adapt the gait is not in these figures (level 1).",
     2: "The motion adapts: a sagittal model of the person, driven by joint torques, whose gait is optimised together "
@@ -35,7 +35,7 @@ def first_line(table: Mapping[str, Any]) -> str:
     """Whose data these are, and what the model is."""
     data = f"Data are SYNTHETIC, not recorded: {_listed(table['trials'])}." if table["synthetic"] else \
         f"Recorded trials: {_listed(table['trials'])}."
-    return f"{data} {_MODELS[table['level']]}"
+    return f"{data} {MODELS[table['level']]}"
 
 
 def answer(table: Mapping[str, Any]) -> list[str]:
