@@ -22,6 +22,7 @@ LEAST_OVERLAP_S = 0.1
 NEAR_EVENTS_S = 0.06
 """Kinematic events are wrong by up to 0.035 s each (see `motion.kinematic_events`)."""
 GRID_S = 0.005
+SAMPLES = 200
 FEET = {"P": "prosthetic", "I": "intact"}
 
 
@@ -47,7 +48,7 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     own spread.
 
     Args:
-        time_s: (n,) s. motion: (n, m) angles, rad.
+        time_s: (n,) s. motion: (n, m) joint angles, rad.
         forces: times (j,) s and forces (j, 2) N of each foot; NaN where a force is not known.
         loaded: stances on the plates by "P" (prosthetic foot) and "I" (intact). moved: the same by the feet's motion.
         stated_s: the stride, if it is known already.
@@ -132,7 +133,8 @@ class _Alike:
                 self.parts.append((_Linear(force_time_s, force), spread))
 
     def _times(self, seconds: float) -> np.ndarray:
-        return np.arange(self.start, max(self.end - seconds, self.start + GRID_S), GRID_S)
+        # As many for every shift: a number that changes with it would put steps into the cost.
+        return np.linspace(self.start, self.end - seconds, SAMPLES)
 
     def cost(self, seconds: float) -> float:
         """Mean square of the differences, each over its own spread."""
@@ -160,7 +162,6 @@ class _Alike:
         if overlap <= 0.0:
             return float("nan"), 0.0
         times = self._times(seconds)
-        times = times[times + seconds <= self.end]
         return float(np.sqrt(np.mean((self.angles(times + seconds) - self.angles(times)) ** 2))), overlap
 
 

@@ -53,7 +53,11 @@ from vsf_drake.simulation.walk import Walker
 
 HARMONICS = 16
 """Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
+LEAST_HARMONICS, MOST_HARMONICS = 4, 40
+SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85
+"""What a stance can take of a stride."""
 MARGIN_S = 0.1
+MOST_MARGIN_S = 0.5
 KNOT_S = 0.03
 """Distance of the knots of a piece of time (a choice: about as fine as the periodic curves)."""
 Span = tuple[float, float]
@@ -138,11 +142,14 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     Raises:
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
     """
+    if not LEAST_HARMONICS <= harmonics <= MOST_HARMONICS:
+        raise InputError(f"{harmonics} harmonics are no order of a stride's curves", where="harmonics",
+                         right=f"They must be from {LEAST_HARMONICS} to {MOST_HARMONICS}")
     seen, file = view(trial, walker), trial.path
     time = seen.time_s
     loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
     unknown = unknown_spans(trial, loaded, moved)
-    angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis_t") or "tilt" in name]
+    angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis")]
     series = [plate_series(trial.plates[side], seen.forward, unknown[s]) for s, side in sides(trial).items()
               if side in trial.plates]
     period = find_period(time, trial.trajectory.sample(time)[0][:, angles], series, loaded, moved, stated_s=period_s,
@@ -151,6 +158,9 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
     prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
+    if prosthetic is None or not SHORTEST_SHARE * T <= prosthetic[1] - prosthetic[0] <= LONGEST_SHARE * T:
+        raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
+                         where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
     intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
     seen = seen.turned(stride_heading(seen, T))
     span = (time[0], time[-1]) if all_strides else one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
@@ -208,6 +218,9 @@ def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin
     if not stance.complete:
         raise InputError(f"the prosthetic stance from {stance.start_s:.3f} s is cut at {stance.end_s:.3f} s", file=file,
                          where="forces", right="A stance needs strike and lift-off, in the motion and on the plate")
+    if not 0.0 <= margin_s <= MOST_MARGIN_S:
+        raise InputError(f"{margin_s:g} s is no margin of a stance", where="margin_s",
+                         right=f"It must be from 0 to {MOST_MARGIN_S:g} s")
     start, end = max(time[0], stance.start_s - margin_s), min(time[-1], stance.end_s + margin_s)
     rows = (time >= start) & (time <= end)
     seen = seen.turned(heading(seen.at(rows).points, file=file))

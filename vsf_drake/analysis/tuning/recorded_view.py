@@ -6,12 +6,21 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.recorded_chain import SagittalChain, sagittal_chain, sagittal_names, targets
+from vsf_drake.analysis.tuning.recorded_chain import (
+    TILT,
+    TX,
+    SagittalChain,
+    sagittal_chain,
+    sagittal_names,
+    targets,
+)
 from vsf_drake.analysis.tuning.recorded_events import heading
 from vsf_drake.analysis.tuning.recorded_points import BodyPoints, body_points
 from vsf_drake.analysis.tuning.recorded_projection import Misfit, Nearness, make_misfit
 from vsf_drake.errors import InputError
+from vsf_drake.motion.kinematics import PELVIS_ROTATIONS
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker
 
@@ -25,7 +34,9 @@ class View:
 
     Attributes:
         points: in 3-D. zero: the same with every coordinate at zero. chain: the sagittal model.
-        names: its coordinates. recorded: (n, 8) their values in the 3-D motion, pelvis_tx along the way.
+        names: its coordinates. recorded: (n, 8) their values in the 3-D motion; pelvis_tx and pelvis_tilt as they
+            would be called in a laboratory whose x axis is the way of walking.
+        pelvis: (n, 3) tilt, list and rotation of the pelvis in the laboratory, rad.
         forward: (2,) the way of walking. ground: z of the floor, m.
     """
 
@@ -35,6 +46,7 @@ class View:
     chain: SagittalChain
     names: tuple[str, ...]
     recorded: np.ndarray
+    pelvis: np.ndarray
     forward: np.ndarray
     ground: float
 
@@ -46,13 +58,17 @@ class View:
     def turned(self, forward: np.ndarray) -> View:
         """The same along another way of walking."""
         recorded = self.recorded.copy()
-        recorded[:, 1] = self.points.pelvis[:, :2] @ forward
+        # tilt about -y, then list about x, then rotation about z, each in the axes that the former have turned
+        turned = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0]))
+        turned = turned * Rotation.from_euler("YXZ", self.pelvis * [-1.0, 1.0, 1.0])
+        recorded[:, TILT] = -turned.as_euler("YXZ")[:, 0]
+        recorded[:, TX] = self.points.pelvis[:, :2] @ forward
         return dataclasses.replace(self, forward=forward, recorded=recorded)
 
     def at(self, rows: np.ndarray) -> View:
         """The same at some of the instants only; rows: (n,) bool."""
         return dataclasses.replace(self, time_s=self.time_s[rows], points=self.points.at(rows),
-                                   recorded=self.recorded[rows])
+                                   recorded=self.recorded[rows], pelvis=self.pelvis[rows])
 
     def misfit(self, nearness: Nearness | None) -> Misfit:
         """What is to be small for a sagittal motion to be near."""
@@ -79,6 +95,7 @@ def view(trial: Trial, walker: Walker | None) -> View:
     forward = heading(points, file=trial.path)
     found = View(
         time_s=time, points=points, names=names, recorded=motion.ordered(names).values[rows], forward=forward,
+        pelvis=motion.ordered(PELVIS_ROTATIONS).values[rows],
         zero=body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place),
         chain=sagittal_chain(walker, trial.offsets, **place), ground=points.ground)
     return found.turned(forward)

@@ -1,0 +1,292 @@
+"""A periodic sagittal stride out of a recorded 3-D walk: exact where the walk is one, near where it is not."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vsf_drake.analysis.tuning.recorded_chain import sagittal_names
+from vsf_drake.analysis.tuning.recorded_points import body_points
+from vsf_drake.analysis.tuning.recorded_stride import prosthetic_stance_only, recorded_stride
+from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import InputError
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.plates import GRAVITY, PlateRecording
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.resources import resource
+from vsf_drake.simulation.walk import Walker
+
+TRIALS = ("low_1", "medium_1", "high_1")
+
+
+def embedded(tier, name):
+    path = next(path for path in embedded_trials(tier) if path.stem == name)
+    return trial_with(load_trial(path), load_contact(embedded_contact(tier)))
+
+
+@pytest.fixture(scope="module", params=[("laboratory", name) for name in TRIALS] + [("exact", "medium_1")],
+                ids=lambda p: f"{p[0]}-{p[1]}")
+def embedded_stride(request):
+    """(name, trial, walker, stride) of an embedded trial with its fitted contact."""
+    trial = embedded(*request.param)
+    walker = Walker(trial.subject, trial.model)
+    return request.param[1], trial, walker, recorded_stride(trial, walker)
+
+
+@pytest.fixture(scope="module")
+def planar():
+    """(trial, stride): a walk that is sagittal and periodic, made of an embedded one, cut as that was cut."""
+    trial = embedded("laboratory", "medium_1")
+    source = recorded_stride(trial)
+    names = trial.trajectory.names
+    time = trial.trajectory.time_s
+    values = np.zeros((len(time), len(names)))
+    values[:, [names.index(name) for name in source.names]] = source.sample(time - source.start_s)[0]
+    motion = CoordinateTrajectory(time, values, names)
+    side = {"prosthetic": trial.subject.prosthetic_side, "intact": "left"}
+    plates = {side[foot]: plate(trial.plates[side[foot]].time_s, source, foot) for foot in side}
+    return dataclasses.replace(trial, trajectory=motion, plates=plates, start_s=time[0], end_s=time[-1]), source
+
+
+def plate(time, stride, foot):
+    """What a plate would record of the stride, all of it in the sagittal plane."""
+    force, cop = stride.forces[foot].sample(time - stride.start_s)
+    zero = np.zeros(len(time))
+    return PlateRecording(time, np.column_stack([force[:, 0], zero, force[:, 1]]),
+                          np.column_stack([cop, zero, zero]), zero, True)
+
+
+def turned(trial, angle):
+    """The same walk in a laboratory whose axes are turned by `angle` about the vertical."""
+    names, values = trial.trajectory.names, np.array(trial.trajectory.values)
+    place = [names.index(name) for name in ("pelvis_tx", "pelvis_tz")]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    ground = values[:, place] * [1.0, -1.0]
+    values[:, place] = (ground @ turn.T) * [1.0, -1.0]
+    columns = [names.index(name) for name in ("pelvis_tilt", "pelvis_list", "pelvis_rotation")]
+    # tilt about -y, then list about x, then rotation about z, each in the axes that the former have turned
+    pelvis = Rotation.from_euler("YXZ", values[:, columns] * [-1.0, 1.0, 1.0])
+    values[:, columns] = (Rotation.from_euler("z", angle) * pelvis).as_euler("YXZ") * [-1.0, 1.0, 1.0]
+
+    def on_floor(vectors):
+        return np.column_stack([vectors[:, :2] @ turn.T, vectors[:, 2]])
+
+    plates = {side: dataclasses.replace(p, force_W=on_floor(p.force_W), cop_W=on_floor(p.cop_W))
+              for side, p in trial.plates.items()}
+    return dataclasses.replace(trial, trajectory=CoordinateTrajectory(trial.trajectory.time_s, values, names),
+                               plates=plates)
+
+
+def mirrored(trial):
+    """The same walk in a mirror: left is right, and what points left points right."""
+    swap = {"r": "l", "l": "r"}
+    names = tuple(name[:-1] + swap[name[-1]] if name[-2:] in ("_r", "_l") else name for name in trial.trajectory.names)
+    values = trial.trajectory.values * [-1.0 if name in ("pelvis_tz", "pelvis_list", "pelvis_rotation") else 1.0
+                                        for name in names]
+    plates = {side: dataclasses.replace(p, force_W=p.force_W * [1.0, -1.0, 1.0], cop_W=p.cop_W * [1.0, -1.0, 1.0])
+              for side, p in zip(("left", "right"), (trial.plates["right"], trial.plates["left"]), strict=True)}
+    return dataclasses.replace(trial, trajectory=CoordinateTrajectory(trial.trajectory.time_s, values, names),
+                               plates=plates, subject=dataclasses.replace(trial.subject, prosthetic_side="left"))
+
+
+def test_a_walk_that_is_sagittal_and_periodic_comes_back(planar):
+    trial, source = planar
+    stride = recorded_stride(trial, period_s=source.period_s, follow_forces=False)
+    t = np.linspace(0.0, source.period_s, 200)
+    difference = np.abs(stride.sample(t)[0] - source.sample(t)[0]).max(axis=0)
+    assert stride.start_s == pytest.approx(source.start_s, abs=1e-3)
+    assert np.degrees(difference[[0, 3, 4, 5, 6, 7]]).max() < 0.1
+    assert difference[1:3].max() < 3e-4
+    assert stride.advance_m == pytest.approx(source.advance_m, abs=3e-4)
+    assert stride.errors["place.prosthetic_foot_up_mm"] < 0.02
+    for foot in ("prosthetic", "intact"):
+        np.testing.assert_allclose(stride.grf(t)[foot][:, :2], source.grf(t)[foot][:, :2], atol=15.0)
+
+
+def test_the_period_of_a_periodic_walk_is_found_from_its_two_ends(planar):
+    trial, source = planar
+    stride = recorded_stride(trial)
+    assert "self-similarity" in stride.notes[0]
+    assert stride.period_s == pytest.approx(source.period_s, abs=1e-3)
+
+
+def test_both_parts_of_a_stance_that_repeats_agree(planar):
+    trial, source = planar
+    errors = recorded_stride(trial, period_s=source.period_s).errors
+    assert errors["parts.intact_overlap_s"] > 0.3
+    assert errors["parts.intact_up_n"] < 1.0
+
+
+def test_the_way_of_walking_in_the_laboratory_does_not_matter(embedded_stride):
+    _, trial, walker, stride = embedded_stride
+    other = recorded_stride(turned(trial, 0.6), walker)
+    # The period is sought to 10 microseconds; all else follows from it.
+    np.testing.assert_allclose(other.forward, Rotation.from_euler("z", 0.6).as_matrix()[:2, :2] @ stride.forward,
+                               atol=1e-6)
+    t = np.linspace(0.0, 1.0, 50)
+    np.testing.assert_allclose(other.period_s, stride.period_s, atol=2e-5)
+    np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
+    np.testing.assert_allclose(other.grf(t)["prosthetic"], stride.grf(t)["prosthetic"], atol=0.2)
+
+
+def test_left_mirrors_right(embedded_stride):
+    _, trial, _, stride = embedded_stride
+    other = recorded_stride(mirrored(trial))
+    assert other.names == sagittal_names("left")
+    t = np.linspace(0.0, 1.0, 50)
+    np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
+    np.testing.assert_allclose(other.grf(t)["intact"], stride.grf(t)["intact"], atol=0.2)
+
+
+def test_motion_repeats_and_its_derivatives_belong_to_it(embedded_stride):
+    stride = embedded_stride[3]
+    t = np.linspace(-0.3, 0.9, 41)
+    q, v, a = stride.sample(t)
+    later = stride.sample(t + stride.period_s)
+    np.testing.assert_allclose(later[0] - q, np.tile(stride.advance_m * np.eye(8)[1], (len(t), 1)), atol=1e-12)
+    np.testing.assert_allclose(later[2], a, atol=1e-9)
+    h = 1e-4
+    before, after = stride.sample(t - h), stride.sample(t + h)
+    np.testing.assert_allclose((after[0] - before[0]) / (2 * h), v, atol=1e-4)
+    np.testing.assert_allclose((after[1] - before[1]) / (2 * h), a, atol=2e-2)
+
+
+def test_period_is_that_of_the_walk_as_it_was_drawn(embedded_stride):
+    name, *_, stride = embedded_stride
+    lines = resource("data/reference_subject/draws.csv").read_text(encoding="utf-8").splitlines()
+    drawn = {row["trial"]: row for row in csv.DictReader(line for line in lines if not line.startswith("#"))}[name]
+    assert stride.period_s == pytest.approx(float(drawn["stance_s"]) / float(drawn["duty"]), rel=0.01)
+
+
+def test_soles_follow_the_3d_model_while_they_stand(embedded_stride):
+    _, trial, walker, stride = embedded_stride
+    time = trial.trajectory.time_s
+    names = trial.trajectory.names
+    flat = np.zeros((len(time), len(names)))
+    flat[:, [names.index(name) for name in stride.names]] = stride.sample(time - stride.start_s)[0]
+    place = {"fulcrum_m": trial.fulcrum_m}
+    solid = body_points(walker, trial.offsets, names, trial.trajectory.values, **place)
+    seen = body_points(walker, trial.offsets, names, flat, **place)
+    zero = body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place)
+    start, end = stride.prosthetic_stance
+    rows = (time > stride.start_s + start + 0.05) & (time < stride.start_s + end - 0.05)
+    heel, toe = (np.abs(seen.spheres["P"][rows][:, columns, 2].mean(axis=1)
+                        - solid.spheres["P"][rows][:, columns, 2].mean(axis=1)) for columns in ends(zero))
+    # A millimetre is about 3 % of body weight; the end that carries is the heel early and the toe late.
+    half = rows.sum() // 2
+    assert np.sqrt(np.mean(heel[:half] ** 2)) < 5e-4
+    assert np.sqrt(np.mean(toe[half:] ** 2)) < 5e-4
+
+
+def ends(points):
+    """Columns of the four hindmost and of the four foremost prosthetic spheres."""
+    order = np.argsort(points.spheres["P"][0, :, 0])
+    return order[:4], order[-4:]
+
+
+def test_legs_are_as_long_as_the_persons(embedded_stride):
+    _, _, walker, stride = embedded_stride
+    body = walker.gait.person.body
+    assert abs(stride.chain.joints["shank_P"]) == pytest.approx(body.prosthetic_thigh_length, rel=1e-12)
+    assert abs(stride.chain.joints["shank_I"]) == pytest.approx(body.thigh_length, rel=1e-12)
+    assert abs(stride.chain.joints["foot_I"]) == pytest.approx(body.shank_length, rel=1e-12)
+    assert stride.chain.mass.sum() == pytest.approx(walker.subject.mass_kg, rel=1e-9)
+
+
+def test_both_feet_carry_body_weight_and_do_not_push_on_average(embedded_stride):
+    _, trial, _, stride = embedded_stride
+    t = np.linspace(0.0, stride.period_s, 2001)
+    total = sum(force[:, :2] for force in stride.grf(t).values()) / (trial.subject.mass_kg * GRAVITY)
+    along, up = np.trapezoid(total, t, axis=0) / stride.period_s
+    assert up == pytest.approx(1.0, abs=0.02)
+    assert along == pytest.approx(0.0, abs=0.01)
+
+
+def test_moment_about_the_origin_is_that_of_the_force_at_the_centre_of_pressure(embedded_stride):
+    stride = embedded_stride[3]
+    for foot, (start, end) in (("prosthetic", stride.prosthetic_stance), ("intact", stride.intact_stance)):
+        t = np.linspace(start + 0.05, end - 0.05, 50)
+        force, cop = stride.grf(t)[foot], stride.cop(t)[foot]
+        # p x f of p = (x, 0, 0) has -x f_z about y
+        np.testing.assert_allclose(force[:, 2], -cop * force[:, 1], atol=1.0)
+        assert np.isfinite(stride.cop(t + stride.period_s)[foot]).all()
+        assert np.ptp(cop) < 0.3
+    t = np.array([0.3])
+    np.testing.assert_allclose(stride.cop(t + stride.period_s)["prosthetic"] - stride.cop(t)["prosthetic"],
+                               stride.advance_m, atol=1e-9)
+
+
+def test_one_stance_alone_is_the_same_motion(embedded_stride):
+    _, trial, walker, stride = embedded_stride
+    alone = prosthetic_stance_only(trial, walker)
+    assert not alone.periodic
+    t = np.linspace(alone.prosthetic_stance[0], alone.prosthetic_stance[1], 50)
+    q = stride.sample(t + alone.start_s - stride.start_s)[0]
+    assert np.degrees(np.sqrt(np.mean((alone.sample(t)[0] - q)[:, [0, 3, 4, 5, 6, 7]] ** 2, axis=0))).max() < 3.0
+    assert alone.errors["place.prosthetic_foot_up_mm"] < 0.5
+    with pytest.raises(InputError, match="outside the piece of time"):
+        alone.sample(alone.period_s + 0.1)
+
+
+def test_a_recording_shorter_than_a_stride_is_refused_and_its_stance_is_not(embedded_stride):
+    _, trial, walker, stride = embedded_stride
+    motion = trial.trajectory
+    since = motion.time_s - stride.start_s
+    rows = (since > -0.05) & (since < stride.prosthetic_stance[1] + 0.05)
+    short = dataclasses.replace(
+        trial, trajectory=CoordinateTrajectory(motion.time_s[rows], motion.values[rows], motion.names))
+    with pytest.raises(InputError, match="stance alone"):
+        recorded_stride(short, walker)
+    assert prosthetic_stance_only(short, walker).prosthetic_stance[0] < 0.051
+
+
+def test_a_person_who_stays_on_the_spot_is_refused(planar):
+    trial, _ = planar
+    values = np.array(trial.trajectory.values)
+    values[:, trial.trajectory.names.index("pelvis_tx")] = 0.0
+    still = dataclasses.replace(trial, trajectory=CoordinateTrajectory(trial.trajectory.time_s, values,
+                                                                       trial.trajectory.names))
+    with pytest.raises(InputError, match="belt_speed_m_per_s"):
+        recorded_stride(still)
+
+
+def test_without_a_strike_of_the_prosthetic_foot_there_is_no_stride(planar):
+    trial, source = planar
+    side = trial.subject.prosthetic_side
+    unloaded = dataclasses.replace(trial.plates[side], force_W=0.0 * trial.plates[side].force_W)
+    with pytest.raises(InputError, match="no strike of the prosthetic foot"):
+        recorded_stride(dataclasses.replace(trial, plates=trial.plates | {side: unloaded}), period_s=source.period_s)
+
+
+def test_forces_of_one_foot_alone_are_not_followed(planar):
+    trial, source = planar
+    one = dataclasses.replace(trial, plates={trial.subject.prosthetic_side: trial.prosthetic_plate})
+    with pytest.raises(InputError, match="both feet"):
+        recorded_stride(one, period_s=source.period_s, follow_forces=True)
+    stride = recorded_stride(one, period_s=source.period_s)
+    assert set(stride.grf(0.1)) == {"prosthetic"}
+    assert not stride.known(0.1)["intact"].any()
+
+
+@pytest.mark.parametrize("wrong", [{"harmonics": 3}, {"harmonics": 100}, {"period_s": 0.2}, {"period_s": 5.0}])
+def test_numbers_out_of_range_are_refused(planar, wrong):
+    with pytest.raises(InputError, match="must be from"):
+        recorded_stride(planar[0], **wrong)
+
+
+def test_a_margin_out_of_range_is_refused(planar):
+    with pytest.raises(InputError, match="margin_s"):
+        prosthetic_stance_only(planar[0], margin_s=-0.1)
+
+
+def test_another_persons_walker_is_refused(planar):
+    trial, _ = planar
+    subject = dataclasses.replace(trial.subject, prosthetic_side="left")
+    with pytest.raises(InputError, match="prosthesis is on the left"):
+        recorded_stride(trial, Walker(subject, trial.model))
