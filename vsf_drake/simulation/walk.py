@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.laws.bushing import axis_force
 from vsf_drake.model_file import check_fulcrum, check_model
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -21,6 +20,7 @@ from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.applied import AppliedTorques, torques_on_grid
 from vsf_drake.simulation.courses import Course, course_motion, course_variables
 from vsf_drake.simulation.energy import energy_ledger
+from vsf_drake.simulation.load_sensitivity import check_differentiable_loads, load_sensitivity
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables, supported_over
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.reactions import foot_reaction, reaction_sensitivity
@@ -81,6 +81,7 @@ class Walker:
         courses: Sequence[Course] = (),
         values: Mapping[str, float] | None = None,
         with_respect_to: Sequence[str] = (),
+        with_loads: bool = False,
         support_width_m: float = 0.0,
         initial: dict[str, float] | None = None,
         applied: AppliedTorques | None = None,
@@ -100,6 +101,8 @@ class Walker:
             values: of `variables` and courses, for this walk only; what is not named stays as the Context has it.
             with_respect_to: names of `variables` and courses by which the prosthetic foot's reaction is differentiated,
                 exactly if the start is at rest. One costs as much as a walk, each further one a few percent of that.
+            with_loads: whether the loads of joints and socket and the state are differentiated too, as the walk's
+                `load_sensitivity`; not by `coordinate` and `course` variables.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says, with its velocity.
             applied: torques on free coordinates. What settles before the start does so without them.
@@ -119,6 +122,8 @@ class Walker:
         variables = self.variables | coursed
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
+        if with_loads:
+            check_differentiable_loads(with_respect_to, variables)
         edits = tuple(variables[name].edit for name in with_respect_to)
         geometry, slide, shift = added(variables, values, self.gait.prescribed)
         course, course_rate = course_motion(variables, values, self.gait.prescribed, len(moments))
@@ -145,7 +150,7 @@ class Walker:
             rate=course_rate, edits=edits)
         count = len(self.gait.person.foot.sites.radius)
         measured = np.arange(len(mechanism.sites)) < count
-        carried = Carried(edits=edits, measured=measured, q0=by) if edits else None
+        carried = Carried(edits=edits, measured=measured, q0=by, loads=with_loads) if edits else None
         record = stepper.run(inputs, q0, v0, carried=carried, progress=progress)
         ground = stepper.mechanism.ground_height
         prosthetic = foot_reaction(record, slice(0, count), ground)
@@ -153,6 +158,8 @@ class Walker:
         return Walk(
             mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
             sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
+            load_sensitivity=load_sensitivity(stepper.mechanism, record, with_respect_to, edits)
+            if edits and with_loads else None,
             intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
             values=values, courses={name: variables[name].edit.coordinate for name in coursed}, step_s=step_s,
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
@@ -167,7 +174,6 @@ class Walker:
         record, tree = walk.record, walk.mechanism.tree
         sites = self.gait.person.foot.sites
         count = len(sites.radius)
-        socket = [tree.index(name) for name in self.gait.person.socket.coordinate_names]
         driven = np.zeros_like(record.load)
         columns = [tree.index(name) for name in (*self.gait.prescribed, *walk.applied_names)]
         driven[:, columns] = record.load[:, columns]
@@ -180,7 +186,7 @@ class Walker:
             free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
             intact_cop_W=walk.intact.cop_W, sphere_normal_n=record.site("normal_force")[:, :count],
             sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
-            socket_wrench=_socket_wrench(walk, socket), fulcrum_m=walk.fulcrum_m[1:],
+            socket_wrench=walk.socket_wrench, fulcrum_m=walk.fulcrum_m[1:],
             prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
             energy_names=tuple(ledger),
             energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
@@ -199,12 +205,6 @@ class Walker:
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
         keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
         return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
-
-
-def _socket_wrench(walk: Walk, socket: list[int]) -> np.ndarray:
-    """(n, 6) force of the bushing on the socket, from its law at the ends of the steps."""
-    constants = dict(zip(SPRING_COLUMNS, walk.mechanism.springs[-6:].T, strict=True))
-    return axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
 
 
 def used_numbers(mechanism: Mechanism) -> dict[str, list | float]:

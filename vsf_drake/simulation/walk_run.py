@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.simulation.load_sensitivity import LoadSensitivity, socket_wrench
 from vsf_drake.simulation.reactions import FootReaction, ReactionSensitivity
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 
@@ -21,6 +22,7 @@ class Walk:
         fulcrum_m: (n + 1,) from A, start included.
         values: of the variables that were asked for. courses: the coordinate that each course changed, by variable.
         sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
+        load_sensitivity: of `record.load`, the socket's wrench and the state to those variables; None unless asked for.
         applied_names: the c driven coordinates of which `applied` holds the torques.
         rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
     """
@@ -38,9 +40,15 @@ class Walk:
     wall_s: float
     compile_s: float
     rest_speed: float
+    load_sensitivity: LoadSensitivity | None = None
     applied_names: tuple[str, ...] = ()
 
     @property
     def applied(self) -> np.ndarray:
         """(n, c) torques (N m, or N) that were applied to free coordinates over each step."""
         return self.record.applied
+
+    @property
+    def socket_wrench(self) -> np.ndarray:
+        """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
+        return socket_wrench(self.mechanism, self.record)

@@ -11,7 +11,7 @@ import numpy as np
 from vsf_drake.simulation.stepping.compiled import compiled
 from vsf_drake.simulation.stepping.linear import copy
 from vsf_drake.simulation.stepping.newton import step
-from vsf_drake.simulation.stepping.sensitivity import carry
+from vsf_drake.simulation.stepping.sensitivity import carry, write_state
 from vsf_drake.simulation.stepping.torques import Torques, differentiate_torques, sample_torques
 
 LEVELS = 5
@@ -88,7 +88,7 @@ def diverged(q, v, max_speed):
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def advance(
-    first, last, tree, forces, split, room, drive, max_speed, q, v, rows, ways=None, tangent=None, wrenches=None
+    first, last, tree, forces, split, room, drive, max_speed, q, v, rows, ways=None, tangent=None, changes=None
 ):
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
 
@@ -120,11 +120,13 @@ def advance(
                 for i in range(q.shape[0]):
                     rows.load[k, i] += share * load[i]
                 if ways is not None:
-                    carry(h, k, end, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k],
-                          rows.support[k], wrenches[k])
+                    carry(h, k, end, share, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k],
+                          rows.support[k], changes)
             else:
                 copy(q0, q)
                 copy(v0, v)
+        if ways is not None and changes.load.shape[0] > 0:
+            write_state(k, drive.torques, split, ways, tangent, changes)
         copy(q, rows.q[k])
         copy(v, rows.v[k])
         c = diverged(q, v, max_speed)

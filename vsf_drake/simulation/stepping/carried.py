@@ -24,20 +24,24 @@ class Carried:
     Attributes:
         edits: what a unit of each adds.
         measured: (S,) bool, the sites whose resultant wrench is differentiated.
+        loads: whether derivatives of loads and state are left too; not for edits of a coordinate.
         q0: (n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates.
     """
 
     edits: tuple[Edit, ...]
     measured: np.ndarray
     q0: np.ndarray
+    loads: bool = False
 
     def prepare(self, tree: Tree, forces: Forces, split: Split, steps: int) -> tuple[Ways, Tangent]:
         """Arrays for compiled code, at the start of a run of so many steps.
 
         Raises:
-            ValueError: a course is not on the grid of the run.
+            ValueError: a course is not on the grid of the run, or loads are asked for and a coordinate moves.
         """
         for edit in self.edits:
+            if self.loads and edit.coordinate is not None:
+                raise ValueError(f"loads are not differentiated by shifts of {edit.coordinate}")
             if edit.course is not None and len(edit.course) != steps + 1:
                 raise ValueError(f"a course has {len(edit.course)} instants, the run {steps + 1}")
         ways = make_ways(tree, forces, split, self.edits, measured=self.measured)

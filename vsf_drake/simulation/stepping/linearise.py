@@ -102,6 +102,40 @@ def _coriolis(tree, split, motion, tangent):
 
 
 @internal
+def way_wrenches(b, S, rate, second, end, composite, f, coriolis, shift, K, loaded):
+    """What a unit of a way of body b changes in the wrench that a joint must give which carries it.
+
+    Takes the arrays that it needs one by one: a call passes each field of a tuple of arrays.
+
+    Returns:
+        By displacement; by the velocity at the start, acceleration apart; by acceleration; by the end velocity, contact
+        alone.
+    """
+    by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, second), 1.0)
+    by_q = plus(by_q, cross_force(S, six(f, b)), 1.0)
+    by_end = NONE
+    if loaded[b]:
+        by_q = plus(by_q, times(shift, b, S), -1.0)
+        by_q = plus(by_q, times(K, b, end), 1.0)
+        by_end = times(K, b, S)
+    by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
+    return by_q, by_v, inertia_times(composite, b, S), by_end
+
+
+@internal
+def row_wrenches(b, S, composite, F, coriolis, shift, K, loaded):
+    """What rates, accelerations, displacements and end velocities of ways that carry the joint S of body b meet there.
+
+    The power of these wrenches on a way's `rate`, `second`, S and `end` is what it changes in the joint's load.
+    """
+    by_shift, by_end = NONE, NONE
+    if loaded[b]:
+        by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(F, b)), 1.0)
+        by_end = transposed_times(K, b, S)
+    return transposed_times(coriolis, b, S), inertia_times(composite, b, S), by_shift, by_end
+
+
+@internal
 def _rows(h, tree, split, ways, room, tangent):
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E."""
     motion, contact, free, bodies = room.motion, room.contact, split.free, tree.bodies
@@ -113,18 +147,11 @@ def _rows(h, tree, split, ways, room, tangent):
             carried |= ways.relation[i, j] == CARRIED
         if not carried:
             continue
-        b, S, rate = ways.body[j], six(tangent.S, j), six(tangent.rate, j)
-        by_q = plus(times(tangent.coriolis, b, rate), inertia_times(motion.composite, b, six(tangent.second, j)), 1.0)
-        by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
-        if contact.loaded[b]:
-            by_q = plus(by_q, times(tangent.shift, b, S), -1.0)
-            by_q = plus(by_q, times(contact.K, b, six(tangent.end, j)), 1.0)
-        by_v = plus(times(tangent.coriolis, b, S), inertia_times(motion.composite, b, rate), 2.0)
-        by_end_v = NONE
+        by_q, by_v, momentum, by_end_v = way_wrenches(
+            ways.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.second, j), six(tangent.end, j),
+            motion.composite, motion.f, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
         if ways.moves[j]:
-            momentum = inertia_times(motion.composite, b, S)
-            by_v = plus(by_v, momentum, -1.0 / h)
-            by_end_v = plus(momentum, times(contact.K, b, S), h) if contact.loaded[b] else momentum
+            by_v, by_end_v = plus(by_v, momentum, -1.0 / h), plus(momentum, by_end_v, h)
         for i in range(nf):
             if ways.relation[i, j] == CARRIED:
                 S_i = six(motion.S, free[i])
@@ -135,12 +162,9 @@ def _rows(h, tree, split, ways, room, tangent):
                     tangent.Gv[i, j], tangent.B[i, j] = dot(S_i, by_v), dot(S_i, by_end_v)
     for i in range(nf):
         b, S = bodies[free[i]], six(motion.S, free[i])
-        by_rate = transposed_times(tangent.coriolis, b, S)
-        by_second = inertia_times(motion.composite, b, S)
-        by_shift, by_end, loaded = NONE, NONE, contact.loaded[b]
-        if loaded:
-            by_shift = plus(transposed_times(tangent.shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
-            by_end = transposed_times(contact.K, b, S)
+        by_rate, by_second, by_shift, by_end = row_wrenches(
+            b, S, motion.composite, contact.F, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
+        loaded = contact.loaded[b]
         for j in range(ways.body.shape[0]):
             if ways.relation[i, j] == CARRIES:
                 S_j, rate = six(tangent.S, j), six(tangent.rate, j)

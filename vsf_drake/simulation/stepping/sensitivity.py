@@ -17,20 +17,21 @@ from __future__ import annotations
 from vsf_drake.simulation.stepping.compiled import internal
 from vsf_drake.simulation.stepping.linear import solve_columns
 from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.simulation.stepping.load_tangent import add_load_changes
 from vsf_drake.simulation.stepping.newton import EXACT, tangent_matrix
 from vsf_drake.simulation.stepping.spatial import plus, six, times
 
 
 @internal
-def carry(h, k, share, tree, forces, split, ways, room, tangent, q0, v, sites, support, wrench):
+def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, sites, support, changes):
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made.
 
     Args:
-        k, share: its end on the grid of the run, `share` of the way from instant k to the next.
+        k, share: its end on the grid of the run, `share` of the way from instant k to the next. part: its own share.
         q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end. sites, support: what it left.
-        wrench: (6, P) out, of the measured sites: moment about W's origin, force; the points are those of the end.
+        changes: where the derivatives of step k are written, see `ways.Changes`.
     """
-    nf, (C, P) = split.free.shape[0], ways.unit.shape
+    nf, (C, P), wrench = split.free.shape[0], ways.unit.shape, changes.wrench[k]
     tangent_matrix(h, tree, forces, split, room, EXACT, sites)
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support)
     _course_velocities(h, k, share, ways, tangent)
@@ -77,6 +78,8 @@ def carry(h, k, share, tree, forces, split, ways, room, tangent, q0, v, sites, s
                     for e in range(ways.start[j], ways.start[j + 1]):
                         p = ways.parameter[e]
                         wrench[i, p] += by_q[i] * tangent.q[j, p] - by_v[i] * tangent.v_end[j, p]
+    if changes.load.shape[0] > 0:
+        add_load_changes(h, part, tree, split, ways, room, tangent, changes.load[k])
     for j in range(nf):
         for p in range(P):
             tangent.v[j, p] = rhs[j, p]
@@ -105,3 +108,18 @@ def _along(ways, k, share, course):
     if share == 1.0:
         return ways.path[k + 1, course]
     return ways.path[k, course] + share * (ways.path[k + 1, course] - ways.path[k, course])
+
+
+@internal
+def write_state(k, torques, split, ways, tangent, changes):
+    """Writes the derivatives of the state at the end of step k, and of the torques that were applied over it."""
+    for j in range(ways.body.shape[0]):
+        c = ways.coordinate[j]
+        if c >= 0:
+            for p in range(ways.unit.shape[1]):
+                changes.q[k, c, p] = tangent.q[j, p]
+                changes.v[k, c, p] = tangent.v[j, p]
+    for i in range(torques.coordinates.shape[0]):
+        c = torques.coordinates[i]
+        for p in range(ways.unit.shape[1]):
+            changes.load[k, c, p] = tangent.torque[split.place[c], p]

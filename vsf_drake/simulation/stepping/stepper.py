@@ -20,14 +20,16 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.stepping.advance import Drive, Rows, advance
-from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS, Forces
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS, Forces
 from vsf_drake.simulation.stepping.carried import Carried
 from vsf_drake.simulation.stepping.drake_dynamics import advance_with_drake
 from vsf_drake.simulation.stepping.dynamics import tree_arrays
 from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.record import Record, cut_record, empty_record
 from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
 from vsf_drake.simulation.stepping.torques import Torques, no_torques
 from vsf_drake.simulation.stepping.tree import Tree, tree_of
+from vsf_drake.simulation.stepping.ways import Changes
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""
@@ -100,41 +102,6 @@ class Inputs:
     torques: Torques | None = None
 
 
-@dataclass(frozen=True)
-class Record:
-    """What a run leaves: one row for the end of each step.
-
-    Attributes:
-        q0, v0: state at the start. q, v, load: (n, coordinates); load drives the coordinates, on average over the
-            step: it holds the prescribed ones, and is what was applied to the others.
-        sites: (n, S, 9) columns SITE_RECORD.
-        fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
-        iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
-        converged (n,): whether all of its pieces did.
-        wrench_by: (n, 6, P) derivatives by the `carried` parameters of the measured sites' wrench, moment about W's
-            origin at the ground's height, then force; P = 0 without.
-        applied: (n, c) torques on free coordinates.
-    """
-
-    time_s: np.ndarray
-    q0: np.ndarray
-    v0: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    load: np.ndarray
-    sites: np.ndarray
-    fulcrum: np.ndarray
-    iterations: np.ndarray
-    parts: np.ndarray
-    converged: np.ndarray
-    wrench_by: np.ndarray
-    applied: np.ndarray
-
-    def site(self, column: str) -> np.ndarray:
-        """(n, S) column of the sites' record by its name."""
-        return self.sites[:, :, SITE_RECORD.index(column)]
-
-
 class Stepper:
     """Runs a `Mechanism`; holds no state between runs.
 
@@ -183,7 +150,7 @@ class Stepper:
         forces, drive = m.forces, drive_of(inputs)
         if carried is not None and self.dynamics != "compiled":
             raise ValueError("sensitivities need the compiled dynamics")
-        record = self._empty_record(drive, q0, v0, 0 if carried is None else len(carried.edits))
+        record = empty_record(drive, q0, v0, sites=len(m.sites), carried=carried)
         rows = Rows(q=record.q, v=record.v, load=record.load, sites=record.sites, support=record.fulcrum,
                     iterations=record.iterations, parts=record.parts, converged=record.converged,
                     applied=record.applied)
@@ -191,6 +158,7 @@ class Stepper:
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         room = step_room(m.tree, forces, split, self.tolerance)
         ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split, steps)
+        changes = Changes(wrench=record.wrench_by, load=record.load_by, q=record.q_by, v=record.v_by)
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
@@ -199,7 +167,7 @@ class Stepper:
                     m.plant, m.context, done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows)
             else:
                 failed, coordinate = advance(done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows,
-                                             ways, tangent, record.wrench_by)
+                                             ways, tangent, None if carried is None else changes)
             if failed >= 0:
                 raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
                                       f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
@@ -208,7 +176,7 @@ class Stepper:
                 progress(done / steps)
             if stop and stop(done, record):
                 break
-        record = record if done == steps else _cut(record, done)
+        record = record if done == steps else cut_record(record, done)
         self._check_limits(record)
         return record
 
@@ -251,16 +219,6 @@ class Stepper:
                              stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < at_rest))
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
-    def _empty_record(self, drive: Drive, q0: np.ndarray, v0: np.ndarray, parameters: int) -> Record:
-        steps, n, m = len(drive.time_s) - 1, len(q0), self.mechanism
-        return Record(
-            time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
-            v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, len(m.sites), len(SITE_RECORD))),
-            fulcrum=np.zeros((steps, 3)), iterations=np.zeros(steps, dtype=np.int64),
-            parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
-            wrench_by=np.zeros((steps, 6, parameters)),
-            applied=np.zeros((steps, len(drive.torques.coordinates))))
-
     def _check_limits(self, record: Record) -> None:
         beyond = np.abs(record.q) > self.mechanism.limits
         if np.any(beyond):
@@ -278,8 +236,3 @@ def drive_of(inputs: Inputs) -> Drive:
     return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
                  ground_rate=np.gradient(ground, time_s),
                  torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
-
-
-def _cut(record: Record, steps: int) -> Record:
-    rows = {name: value[:steps] for name, value in vars(record).items() if name not in ("q0", "v0")}
-    return Record(q0=record.q0, v0=record.v0, **rows)

@@ -85,18 +85,30 @@ def add_support(h, v, forces, deflection0, row, tau, record):
 @internal
 def add_support_tangent(h, forces, split, ways, room, tangent, support):
     """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them."""
-    keel, row, front = forces.keel_coordinates, room.contact.row, room.keel[0]
-    slides = False
-    for p in range(ways.slide.shape[0]):
-        slides |= ways.slide[p] != 0.0
-    for column in range(front + 2 if slides else front + 1):
-        d_force = _force_change(h, forces, room, column, front)
+    motion, V, keel, row, front = room.motion, room.contact.V, forces.keel_coordinates, room.contact.row, room.keel[0]
+    weight, slope, d_row = room.fulcrum[1], room.fulcrum[2], tangent.d_row
+    for column in range(front + 2 if _slides(ways.slide) else front + 1):
+        sliding = column > front
+        d_deflection, d_rate = 0.0, 0.0
+        d_row[:] = 0.0
+        for piece in range(front - 1 if weight < 1.0 else front, front + 1):
+            share, turn = (weight, slope) if piece == front else (1.0 - weight, -slope)
+            rise, by_rate, y, y_rate = _piece_change(
+                forces, motion, V, piece, room.fulcrum[0], column, front, share, turn if sliding else 0.0, d_row)
+            d_deflection += share * rise
+            d_rate += share * by_rate
+            if sliding:
+                d_deflection += turn * y
+                d_rate += turn * y_rate
+        if not sliding:
+            d_deflection = row[keel[column]]
+        d_force = -forces.fulcrum[0] * (d_deflection + h * d_rate) - forces.fulcrum[1] * d_rate
         for k in range(front + 1):
             i = split.place[keel[k]]
             if i < 0:
                 continue
-            change = _row_change(forces, room, k, column, front) * support[0] + row[keel[k]] * d_force
-            if column > front:
+            change = d_row[k] * support[0] + row[keel[k]] * d_force
+            if sliding:
                 for p in range(ways.slide.shape[0]):
                     tangent.E[i, p] -= change * ways.slide[p]
             elif split.place[keel[column]] >= 0:
@@ -109,67 +121,47 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
 
 
 @internal
-def _force_change(h, forces, room, column, front):
-    """Derivative of the force on the keel by a keel coordinate or, for a column beyond `front`, by the place."""
-    weight, slope = room.fulcrum[1], room.fulcrum[2]
-    d_deflection, d_rate = 0.0, 0.0
-    for piece in range(front - 1 if weight < 1.0 else front, front + 1):
-        share = weight if piece == front else 1.0 - weight
-        _, _, rise, by_rate, y, y_rate = _piece_change(forces, room, piece, column, front)
-        d_deflection += share * rise
-        d_rate += share * by_rate
-        if column > front and weight < 1.0:
-            turn = slope if piece == front else -slope
-            d_deflection += turn * y
-            d_rate += turn * y_rate
-    if column <= front:
-        d_deflection = room.contact.row[forces.keel_coordinates[column]]
-    return -forces.fulcrum[0] * (d_deflection + h * d_rate) - forces.fulcrum[1] * d_rate
+def _slides(slide):
+    for p in range(slide.shape[0]):
+        if slide[p] != 0.0:
+            return True
+    return False
 
 
 @internal
-def _row_change(forces, room, k, column, front):
-    """The same derivative of the support's power on the keel coordinate k."""
-    S, keel, weight, slope = room.motion.S, forces.keel_coordinates, room.fulcrum[1], room.fulcrum[2]
-    S_k, d_row = six(S, keel[k]), 0.0
-    for piece in range(max(front - 1 if weight < 1.0 else front, k), front + 1):
-        W, dW, _, _, _, _ = _piece_change(forces, room, piece, column, front)
-        change = dot(S_k, dW)
-        if column < k:
-            change += dot(cross_motion(six(S, keel[column]), S_k), W)
-        d_row += (weight if piece == front else 1.0 - weight) * change
-        if column > front and weight < 1.0:
-            d_row += (slope if piece == front else -slope) * dot(S_k, W)
-    return d_row
-
-
-@internal
-def _piece_change(forces, room, piece, column, front):
+def _piece_change(forces, motion, V, piece, position, column, front, share, turn, d_row):
     """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
 
+    Adds `share` of the derivatives of its power on the keel coordinates, and `turn` times that power, to d_row (K,).
+
     Returns:
-        Unit wrench W and its derivative, derivatives of deflection (by the place only) and of its rate; deflection but
-        for a constant, and its rate.
+        Derivatives of its deflection (by the place only) and of its rate; the deflection but for what all pieces share,
+        and its rate.
     """
-    motion, V, F, keel = room.motion, room.contact.V, forces.frame_body, forces.keel_coordinates
-    b, R = forces.keel_bodies[piece], motion.R
+    F, keel, S, R = forces.frame_body, forces.keel_coordinates, motion.S, motion.R
+    b = forces.keel_bodies[piece]
     ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
-    x, y, z = _point(forces, motion, piece, room.fulcrum[0])
+    x, y, z = _point(forces, motion, piece, position)
     W = _unit_wrench(forces, motion, x, y, z)
     V_keel = six(V, b)
     relative = plus(V_keel, six(V, F), -1.0)
-    by_motion, rise = NONE, 0.0
+    S_j, by_motion, rise = NONE, NONE, 0.0
+    dx, dy, dz = 0.0, 0.0, 0.0
     if column > front:
         dx, dy, dz = R[b, 0, 0], R[b, 1, 0], R[b, 2, 0]
         rise = ux * dx + uy * dy + uz * dz
-    elif column > piece:
-        dx, dy, dz = 0.0, 0.0, 0.0
-    else:
-        S_j = six(motion.S, keel[column])
+    elif column <= piece:
+        S_j = six(S, keel[column])
         dx = S_j[3] + S_j[1] * z - S_j[2] * y
         dy = S_j[4] + S_j[2] * x - S_j[0] * z
         dz = S_j[5] + S_j[0] * y - S_j[1] * x
         parent = forces.keel_bodies[column - 1] if column > 0 else F
         by_motion = cross_motion(S_j, plus(V_keel, six(V, parent), -1.0))
     dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
-    return (W, dW, rise, dot(dW, relative) + dot(W, by_motion), ux * x + uy * y + uz * z, dot(W, relative))
+    for k in range(piece + 1):
+        S_k = six(S, keel[k])
+        change = dot(S_k, dW)
+        if column < k:
+            change += dot(cross_motion(S_j, S_k), W)
+        d_row[k] += share * change + turn * dot(S_k, W)
+    return rise, dot(dW, relative) + dot(W, by_motion), ux * x + uy * y + uz * z, dot(W, relative)

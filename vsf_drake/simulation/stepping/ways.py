@@ -27,6 +27,7 @@ class Ways(NamedTuple):
         coordinate: (C,) or -1 for the mount. body, parent (C,): what moves, and relative to which body.
         mount: (C, 6) motion about the body's origin in its frame, where there is no coordinate.
         relation: (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither.
+        carries: (C, B) whether the way moves the body.
         unit: (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates.
         start (C + 1,), parameter, course (N,): which parameters displace each way, and their column in `path` or -1.
         moves: (C,) whether a course moves the way.
@@ -43,6 +44,7 @@ class Ways(NamedTuple):
     parent: np.ndarray
     mount: np.ndarray
     relation: np.ndarray
+    carries: np.ndarray
     unit: np.ndarray
     start: np.ndarray
     parameter: np.ndarray
@@ -77,6 +79,8 @@ class Tangent(NamedTuple):
         B: (f, C) derivative of the residual by the end velocity of prescribed ways that move, else 0.
         q, v (C, P): sensitivities of the state. v_end (C, P): those of the end velocity of prescribed ways.
         torque: (f, P) of the applied torques. rhs (f, P).
+        d_row: (n,) room for the support's power on the keel's coordinates. own, below (B, P, 6): what the ways of a
+            body, and those beyond it, change in the wrench under it.
     """
 
     S: np.ndarray
@@ -99,6 +103,19 @@ class Tangent(NamedTuple):
     v_end: np.ndarray
     torque: np.ndarray
     rhs: np.ndarray
+    d_row: np.ndarray
+    own: np.ndarray
+    below: np.ndarray
+
+
+class Changes(NamedTuple):
+    """Derivatives of n steps by P parameters, of N coordinates: of the measured wrench (n, 6, P), moment about W's
+    origin and force; of load, q and v (n, N, P) as in a `stepper.Record`, (0, N, P) where they are not asked for."""
+
+    wrench: np.ndarray
+    load: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
 
 
 def make_ways(
@@ -151,6 +168,8 @@ def make_ways(
         coordinate=np.array([c for c, _, _ in columns], dtype=np.int64), body=body, parent=parent_of[body],
         mount=np.array([motion for _, _, motion in columns]).reshape(-1, 6),
         relation=_relations(parent_of, bodies[split.free], body), unit=unit,
+        carries=np.array([[int(b) in _chain(parent_of, other) for other in range(len(parent_of))] for b in body],
+                         dtype=np.bool_).reshape(-1, len(parent_of)),
         start=np.searchsorted(ways, np.arange(len(columns) + 1)).astype(np.int64),
         parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course, moves=moves,
         path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
@@ -181,7 +200,8 @@ def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
         **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
         touched=np.zeros(B, dtype=np.bool_), dF=np.zeros((B, P, 6)), dT=np.zeros((P, 6)), Gq=np.zeros((f, C)),
         Gv=np.zeros((f, C)), E=np.zeros((f, P)), B=np.zeros((f, C)), q=ways.unit.copy(), v=v, v_end=np.zeros((C, P)),
-        torque=np.zeros((f, P)), rhs=np.zeros((f, P)))
+        torque=np.zeros((f, P)), rhs=np.zeros((f, P)), d_row=np.zeros(len(split.place)),
+        own=np.zeros((B, P, 6)), below=np.zeros((B, P, 6)))
 
 
 def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -197,19 +217,21 @@ def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray,
             np.concatenate([toes_up, -np.cross(toes_up, p_KM)]))
 
 
-def _relations(parent_of: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    def carried(b: int) -> set[int]:
-        chain = {b}
-        while b != 0:
-            b = int(parent_of[b])
-            chain.add(b)
-        return chain
+def _chain(parent_of: np.ndarray, b: int) -> set[int]:
+    """The body and all that carry it."""
+    chain = {b}
+    while b != 0:
+        b = int(parent_of[b])
+        chain.add(b)
+    return chain
 
+
+def _relations(parent_of: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     relation = np.zeros((len(rows), len(columns)), dtype=np.int64)
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
-            if int(column) in carried(int(row)):
+            if int(column) in _chain(parent_of, int(row)):
                 relation[i, j] = CARRIES
-            elif int(row) in carried(int(column)):
+            elif int(row) in _chain(parent_of, int(column)):
                 relation[i, j] = CARRIED
     return relation
