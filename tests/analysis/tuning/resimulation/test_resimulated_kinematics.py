@@ -136,3 +136,11 @@ def test_offsets_reach_the_walk(solution, resimulation):
     first, second = (resimulate_prescribed(embedded_walker(), t) for t in (lower, by_value))
     np.testing.assert_allclose(first.walk_grf["prosthetic"], second.walk_grf["prosthetic"], atol=1e-6)
     assert np.abs(first.walk_grf["prosthetic"] - resimulation.walk_grf["prosthetic"]).max() > 0.05 * weight()
+
+
+def test_solution_whose_torques_alternate_is_told_of(solution):
+    ringing = dataclasses.replace(solution, torque=solution.torque + 80.0 * (-1.0) ** np.arange(41)[:, None])
+    found = resimulate_prescribed(embedded_walker(), ringing)
+    assert any("from instant to instant" in sentence for sentence in found.sentences())
+    assert not any("from instant to instant" in s
+                   for s in resimulate_prescribed(embedded_walker(), loaded_motion(80)).sentences())

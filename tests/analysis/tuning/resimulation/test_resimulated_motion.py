@@ -111,3 +111,16 @@ def test_period_without_its_end_gets_it():
         grf={foot: force[:-1] for foot, force in whole.grf.items()}, **rows)
     for name in ("time_s", "q", "v", "a"):
         np.testing.assert_allclose(getattr(found, name), getattr(whole, name), atol=1e-9)
+
+
+def test_torques_that_alternate_are_told_from_smooth_ones():
+    """Of a pure alternation all counts; of a sine with n instants a period, (1 - cos(2 pi / n)) / 2."""
+    t = np.linspace(0.0, 1.0, 41)
+    states = [np.zeros((41, 8))] * 3
+
+    def of(series):
+        return trajectory(t, states, torque=np.outer(series, np.ones(5))).alternation
+
+    assert of((-1.0) ** np.arange(41)) == pytest.approx(1.0)
+    assert of(np.sin(2 * np.pi * 4 * t)) == pytest.approx(0.5 * (1.0 - np.cos(2 * np.pi / 10)), rel=0.05)
+    assert of(0.0 * t) == 0.0

@@ -19,6 +19,8 @@ from vsf_drake.simulation.walk import Walk, Walker
 
 CUTOFF_HZ = 40.0
 """As the project filters ground reactions (McGeehan 2021, doi 10.1115/1.4050456)."""
+ALTERNATES = 0.3
+"""Share of the torques above which they are not resolved by the instants (a choice; 0.1 on a stride of 80)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +83,15 @@ def assess(
 
 
 def _notes(trajectory: SagittalTrajectory) -> list[str]:
-    if trajectory.periodic:
-        return []
-    return [f"The {foot} foot stood on the ground when the run began: how friction loads it fore-aft depends on what "
-            "went before, which the run cannot know, and takes long to be forgotten."
-            for foot in FEET if trajectory.grf[foot][0, 1] > THRESHOLD_N]
+    notes = []
+    if trajectory.alternation > ALTERNATES:
+        notes.append(f"The solution's torques go up and down from instant to instant by "
+                     f"{100.0 * trajectory.alternation:.0f} % of their size: its instants do not resolve them, and "
+                     "what happens between them is not known.")
+    standing = () if trajectory.periodic else (foot for foot in FEET if trajectory.grf[foot][0, 1] > THRESHOLD_N)
+    notes += [f"The {foot} foot stood on the ground when the run began: how friction loads it fore-aft depends on "
+              "what went before, which the run cannot know, and takes long to be forgotten." for foot in standing]
+    return notes
 
 
 def _at(instants: np.ndarray, time_s: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.ndarray:

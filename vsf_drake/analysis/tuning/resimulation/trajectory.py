@@ -96,6 +96,15 @@ class SagittalTrajectory:
         return self.period_s is not None
 
     @property
+    def alternation(self) -> float:
+        """How much the torques go up and down from one instant to the next: root mean square of (-1, 2, -1)/4 over
+        three instants, which is the whole of what alternates and little of what is smooth, over that of the torques."""
+        torque = np.asarray(self.torque, dtype=float)
+        change = 0.25 * (2.0 * torque[1:-1] - torque[:-2] - torque[2:])
+        size = float(np.sqrt(np.mean(torque**2)))
+        return float(np.sqrt(np.mean(change**2))) / size if size else 0.0
+
+    @property
     def start_s(self) -> float:
         return float(self.time_s[0])
 
