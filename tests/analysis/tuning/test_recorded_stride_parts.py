@@ -16,7 +16,8 @@ from vsf_drake.analysis.tuning.recorded_curves import (
     fit_piece,
     one_stride,
 )
-from vsf_drake.analysis.tuning.recorded_forces import foot_force
+from vsf_drake.analysis.tuning.recorded_errors import moment_balance
+from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force
 from vsf_drake.analysis.tuning.recorded_period import find_period
 from vsf_drake.analysis.tuning.recorded_points import body_points
 from vsf_drake.analysis.tuning.recorded_projection import make_misfit, project
@@ -229,3 +230,19 @@ def test_a_force_that_is_measured_beyond_the_motion_does_not_count():
     force = foot_force(silent, np.array([1.0, 0.0]), record=(0.0, 1.3), span=(0.0, 1.3), start_s=0.0, period_s=1.2,
                        advance_m=1.4)
     np.testing.assert_allclose(force.sample(0.35)[0][0, 1], 800.0, rtol=1e-3)
+
+
+def test_moment_of_a_force_through_the_centre_of_mass_is_balanced(chain):
+    """And one that acts a centimetre ahead of it tips the body back: negative about the axis to the left."""
+    q = np.array([0.1, 0.3, 0.93, 0.3, 0.3, -0.2, 0.2, 0.1])
+    still = PeriodicCurves(1.2, np.zeros(8), q[None])
+    ahead = float(chain.mass_center(q[None])[0].real)
+    grid = np.linspace(0.0, 1.2, 1201)
+
+    def foot(cop):
+        return FootForce(grid, np.tile([0.0, 350.0], (1201, 1)), np.full(1201, cop), 1.2, 0.0, True, (0.0, 0.0), 0.0)
+
+    for off in (0.0, 0.01):
+        forces = {"prosthetic": foot(ahead - 0.1 + off), "intact": foot(ahead + 0.1 + off)}
+        found = moment_balance(chain, still, forces, 1.2)["force.balance_moment_nm"]
+        assert found == pytest.approx(-off * 700.0, abs=1e-9)

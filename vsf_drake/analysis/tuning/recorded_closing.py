@@ -33,8 +33,8 @@ SMALLEST_GAIN = 1e-7
 """Share of the sum of squares: a step that gains less has arrived."""
 MASS_PLACE_M = 5e-3
 """Standard deviation of the centre of mass's place (a choice)."""
-ACCELERATION = 0.01 * GRAVITY
-"""Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to at best)."""
+ACCELERATION = 0.02 * GRAVITY
+"""Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to)."""
 
 
 def close(chain: SagittalChain, misfit: Misfit, curves: Curves, times: np.ndarray, weights: np.ndarray,

@@ -9,7 +9,8 @@
     closing.*     the projection at one end of the recording less that at the other, one stride apart, RMS
     force.*       m (g + a) of the centre of mass, the sagittal model's or the recorded 3-D motion's own, less the
                   forces of both feet, where both are known, RMS in body weights; balance: the mean of the plates'
-                  forces over the stride in body weights (less 1 upward), which is zero for a stride that repeats
+                  forces over the stride in body weights (less 1 upward), and of their moment about the sagittal
+                  model's centre of mass, about y; all are zero for a stride that repeats
     parts.*       between two recordings of the same instant of a foot's force, RMS
 """
 
@@ -89,6 +90,20 @@ def center_rate(chain: SagittalChain, curves: Curves, times: np.ndarray) -> np.n
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
+def moment_balance(chain: SagittalChain, curves: Curves, forces: Mapping[str, FootForce],
+                   period_s: float) -> dict[str, float]:
+    """`force.balance_moment_nm`, if both feet's forces and centres of pressure are known throughout a stride."""
+    times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
+    if len(forces) < len(FEET):
+        return {}
+    along, up, about_origin = sum(force.sample(times)[0] for force in forces.values()).T
+    center = chain.mass_center(curves.sample(times)[0])
+    about_center = about_origin - (center.imag * along - center.real * up)
+    if not np.isfinite(about_center).all():
+        return {}
+    return {"force.balance_moment_nm": float(np.trapezoid(about_center, times) / period_s)}
+
+
 def force_errors(acceleration: Callable[[np.ndarray], np.ndarray], forces: Mapping[str, FootForce], mass_kg: float,
                  period_s: float, *, of: str = "sagittal", periodic: bool = True) -> dict[str, float]:
     """`force.*` and `parts.*`; a balance only where both feet's forces are known throughout a periodic stride.
@@ -150,6 +165,10 @@ def sentences(errors: Mapping[str, float], shift: complex, *, converged: bool) -
         notes.append(f"Over the stride the plates carry {100 * (1.0 + errors['force.balance_up_bw']):.1f} % of body "
                      f"weight on average and {100 * errors['force.balance_along_bw']:+.1f} % of it along the way; of a "
                      "stride that repeats they carry 100 and 0 %.")
+    if "force.balance_moment_nm" in errors:
+        notes.append("Their moment about the centre of mass, about the axis to the left, is "
+                     f"{errors['force.balance_moment_nm']:+.0f} N m on average; over a stride that repeats it is zero. "
+                     "So far apart are the centres of pressure and the body above them.")
     return tuple(notes)
 
 

@@ -47,7 +47,7 @@ class Nearness:
     hip: float = 2e-2
     mass: float = 2e-4
     angle: float = 0.03
-    tilt: float = 0.04
+    tilt: float = 0.01
     floor_m: float = 0.01
     fade_m: float = 0.002
 

@@ -30,6 +30,7 @@ from vsf_drake.analysis.tuning.recorded_errors import (
     center_rate,
     closing_errors,
     force_errors,
+    moment_balance,
     place_errors,
     sentences,
 )
@@ -191,6 +192,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
     errors |= closing_errors(seen, projection.q, curves.advance, T)
     errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, T)
     errors |= force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
+    errors |= moment_balance(seen.chain, curves, forces, T)
     notes = (f"The stride takes {T:.4f} s, by {period.method}; the pelvis travels {advance:.3f} m.",
              f"Prosthetic stance: {how_p}. Intact stance: {how_i}.",
              f"Its accelerations follow the {'recorded motion' if wish is path else 'plates'}.",
