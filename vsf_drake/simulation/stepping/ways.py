@@ -151,7 +151,9 @@ def make_ways(
                 columns.append((c, int(bodies[c]), np.zeros(6)))
             units.append((shared[c], p, amount))
     units.sort(key=lambda entry: entry[0])
-    body = np.array([b for _, b, _ in columns], dtype=np.int64)
+    body, rows = np.array([b for _, b, _ in columns], dtype=np.int64), bodies[split.free]
+    carriers = _carriers(parent_of)
+    carries, carried = np.ascontiguousarray(carriers[:, body].T), carriers[body]
     unit = np.zeros((len(columns), len(edits)))
     for way, p, amount in units:
         unit[way, p] = amount
@@ -167,9 +169,8 @@ def make_ways(
     return Ways(
         coordinate=np.array([c for c, _, _ in columns], dtype=np.int64), body=body, parent=parent_of[body],
         mount=np.array([motion for _, _, motion in columns]).reshape(-1, 6),
-        relation=_relations(parent_of, bodies[split.free], body), unit=unit,
-        carries=np.array([[int(b) in _chain(parent_of, other) for other in range(len(parent_of))] for b in body],
-                         dtype=np.bool_).reshape(-1, len(parent_of)),
+        relation=np.where(carries[:, rows].T, CARRIES, np.where(carried[:, rows].T, CARRIED, UNRELATED)), unit=unit,
+        carries=carries,
         start=np.searchsorted(ways, np.arange(len(columns) + 1)).astype(np.int64),
         parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course, moves=moves,
         path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
@@ -217,21 +218,12 @@ def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray,
             np.concatenate([toes_up, -np.cross(toes_up, p_KM)]))
 
 
-def _chain(parent_of: np.ndarray, b: int) -> set[int]:
-    """The body and all that carry it."""
-    chain = {b}
-    while b != 0:
-        b = int(parent_of[b])
-        chain.add(b)
-    return chain
-
-
-def _relations(parent_of: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    relation = np.zeros((len(rows), len(columns)), dtype=np.int64)
-    for i, row in enumerate(rows):
-        for j, column in enumerate(columns):
-            if int(column) in _chain(parent_of, int(row)):
-                relation[i, j] = CARRIES
-            elif int(row) in _chain(parent_of, int(column)):
-                relation[i, j] = CARRIED
-    return relation
+def _carriers(parent_of: np.ndarray) -> np.ndarray:
+    """(B, B) whether the second body carries the first, or is it."""
+    found = np.eye(len(parent_of), dtype=np.bool_)
+    for b in range(len(parent_of)):
+        above = b
+        while above != 0:
+            above = int(parent_of[above])
+            found[b, above] = True
+    return found
