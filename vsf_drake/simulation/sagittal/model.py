@@ -17,6 +17,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
+from vsf_drake.schema import check
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.contact_spheres import (
     joined,
@@ -65,7 +66,8 @@ class SagittalModel:
     def __init__(
         self, walker: Walker, *, offsets: GeometricOffsets | None = None, values: dict[str, float] | None = None
     ) -> None:
-        offsets = offsets or GeometricOffsets()
+        offsets = GeometricOffsets() if offsets is None else offsets
+        check(offsets)
         gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
         context.SetTimeStateAndParametersFrom(walker.context)
         values, foot = check_values(values, walker.variables), gait.person.foot
