@@ -20,11 +20,15 @@ from vsf_drake.analysis.collocation.program import CollocationProgram, collocati
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution
 from vsf_drake.analysis.collocation.step import find_step, slacks
+from vsf_drake.analysis.collocation.threads import one_thread
 from vsf_drake.errors import InputError
 
 SOLVERS = ("snopt", "ipopt")
 STORAGE, TIME = 83, 34
 """SNOPT's INFO for too little real storage and for the time limit."""
+SPARSER = ((), *((("LU factor tolerance", factor), ("LU update tolerance", update))
+                 for factor, update in ((20.0, 10.0), (100.0, 20.0), (1000.0, 50.0))))
+"""Drake sizes SNOPT's storage once; after INFO 83 it begins again where it was, with factors that need less of it."""
 IPOPT_ENDS = {2: "infeasible", 3: "time"}
 PRESSED = 1e-6
 """So near, in its scale, an inequality may press when a point is judged."""
@@ -38,8 +42,7 @@ class ConfirmOptions:
         time_limit_s: wall time for IPOPT and processor time for SNOPT, s, of all restarts together.
         feasibility: largest violation. optimality: the solver's own first-order tolerance.
         warm: whether the start is near a solution (IPOPT then begins with a small barrier).
-        superbasics: SNOPT's limit, which also sizes its storage; doubled at every restart for lack of storage.
-        restarts: most of those.
+        superbasics: SNOPT's limit, at least the number of degrees of freedom of the optimum.
         iterations: most minor iterations of SNOPT and iterations of IPOPT.
 
     Raises:
@@ -50,12 +53,11 @@ class ConfirmOptions:
     feasibility: float = 1e-7
     optimality: float = 1e-6
     warm: bool = True
-    superbasics: int = 1000
-    restarts: int = 3
+    superbasics: int = 2000
     iterations: int = 1_000_000
 
     def __post_init__(self) -> None:
-        for name in ("time_limit_s", "feasibility", "optimality", "superbasics", "restarts", "iterations"):
+        for name in ("time_limit_s", "feasibility", "optimality", "superbasics", "iterations"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
                 raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0")
@@ -87,7 +89,8 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt",
     found = np.where(np.isfinite(found), found, x[:len(found)])
     scaled = made.scaled
     at = scaled.linearised(np.clip(found, scaled.low, scaled.high))
-    residual, multipliers = _judged(scaled, at)
+    with one_thread():
+        residual, multipliers = _judged(scaled, at)
     z, p = scaled.unscaled(at.x)
     solution = finished(scaled, at, Start(z, p, multipliers), status=status, message=message, optimality=residual,
                         solver=solver, iterations=0, wall_s=time.perf_counter() - began)
@@ -109,23 +112,22 @@ def _first(made: CollocationProgram, start: Start) -> np.ndarray:
 
 def _snopt(made: CollocationProgram, x: np.ndarray,
            options: ConfirmOptions) -> tuple[MathematicalProgramResult, int, int]:
-    began, superbasics, restarts = time.perf_counter(), options.superbasics, 0
+    began, restarts = time.perf_counter(), 0
     while True:
         left = max(options.time_limit_s - (time.perf_counter() - began), 1.0)
         settings = SolverOptions()
         for name, value in (("Major feasibility tolerance", options.feasibility),
-                            ("Minor feasibility tolerance", options.feasibility),
                             ("Major optimality tolerance", options.optimality), ("Time limit", left),
-                            ("Superbasics limit", int(superbasics)), ("Iterations limit", int(options.iterations)),
-                            ("Major iterations limit", 10_000)):
+                            ("Superbasics limit", int(options.superbasics)), ("Major iterations limit", 10_000),
+                            ("Iterations limit", int(options.iterations)), *SPARSER[restarts]):
             settings.SetOption(SnoptSolver.id(), name, value)
         result = SnoptSolver().Solve(made.program, x, settings)
         code = int(result.get_solver_details().info)
-        if code != STORAGE or restarts >= options.restarts or time.perf_counter() - began >= options.time_limit_s:
+        if code != STORAGE or restarts + 1 == len(SPARSER) or time.perf_counter() - began >= options.time_limit_s:
             return result, code, restarts
         last = result.get_x_val()
         x = np.where(np.isfinite(last), last, x)
-        superbasics, restarts = 2 * superbasics, restarts + 1
+        restarts += 1
 
 
 def _ipopt(options: ConfirmOptions) -> SolverOptions:

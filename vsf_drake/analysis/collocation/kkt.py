@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
+from vsf_drake.analysis.collocation.chain import Chain
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 
 SOFT = 1e-10
@@ -110,7 +110,13 @@ class Kkt:
         self.shape_z = structure.scaled.shape
         self._whole = None
         self.largest = max(1.0, np.abs(at.hessian[0]).max(initial=0.0), np.abs(at.by_z).max(initial=0.0))
-        self._chain = None if structure.many == 1 else _Chain(structure, self._blocks())
+        self._chain = None if structure.many == 1 else Chain(
+            structure.layers.nodes, structure.layers.border, structure.edges, *self._blocks())
+
+    @property
+    def uses_chain(self) -> bool:
+        """Whether it is eliminated along the chain, not by SuperLU."""
+        return self._chain is not None
 
     def apply(self, unknowns: np.ndarray) -> np.ndarray:
         """The matrix, with e = 0, times (size,) or (size, r)."""
@@ -224,68 +230,3 @@ class Kkt:
         soft = np.concatenate([np.full(structure.conditions, SOFT), 1.0 / at.total_weights])
         here = sp.bmat([[curved + sp.diags(self.damping), by_x.T], [by_x, -sp.diags(soft)]])
         return (structure.constant + free @ here @ free + sp.diags(1.0 - structure.free)).tocsc()
-
-
-class _Chain:
-    """Elimination of a cyclic chain of blocks, node by node; the last node and the border together."""
-
-    def __init__(self, structure: KktStructure, blocks: tuple[list[np.ndarray], list[np.ndarray], np.ndarray]) -> None:
-        diagonal, rims, corner = blocks
-        self.layers, self.steps, last = structure.layers, [], structure.many - 1
-        wrap = structure.edges[last].T
-        self.wrapped = np.flatnonzero(wrap.any(axis=0))
-        far = np.asfortranarray(wrap[:, self.wrapped])
-        tail = np.zeros((diagonal[last].shape[0] + len(corner),) * 2, order="F")
-        self.width = diagonal[last].shape[0]
-        wide = self.width
-        tail[:wide, :wide], tail[:wide, wide:], tail[wide:, wide:] = diagonal[last], rims[last], corner
-        tail[wide:, :wide] = rims[last].T
-        for j in range(last):
-            edge = structure.edges[j]
-            right = np.flatnonzero(edge.any(axis=0))
-            rows = np.flatnonzero(edge.any(axis=1))
-            near = edge[:, right]
-            factor, pivots, _ = dgetrf(diagonal[j], overwrite_a=1)
-            coupled = np.concatenate([near, far, rims[j]], axis=1)
-            gone, _ = dgetrs(factor, pivots, coupled)
-            split = len(right), len(right) + len(self.wrapped)
-            change = edge[np.ix_(rows, right)].T @ gone[rows]
-            outer = coupled[:, split[0]:].T @ gone[:, split[0]:]
-            ends = np.concatenate([self.wrapped, np.arange(wide, len(tail))])
-            tail[np.ix_(ends, ends)] -= outer
-            if j + 1 < last:
-                diagonal[j + 1][np.ix_(right, right)] -= change[:, :split[0]]
-                far = np.zeros((len(diagonal[j + 1]), len(self.wrapped)), order="F")
-                far[right] = -change[:, split[0]:split[1]]
-                rims[j + 1][right] -= change[:, split[1]:]
-            else:
-                tail[np.ix_(right, right)] -= change[:, :split[0]]
-                tail[np.ix_(right, ends)] -= change[:, split[0]:]
-                tail[np.ix_(ends, right)] -= change[:, split[0]:].T
-            self.steps.append((factor, pivots, gone, coupled, right, ends))
-        self.tail = dgetrf(tail, overwrite_a=1)[:2]
-
-    def solve(self, rights: np.ndarray) -> np.ndarray:
-        """(size, r) unknowns."""
-        layers, last = self.layers, len(self.steps)
-        parts = [rights[own] for own in layers.nodes]
-        end = np.concatenate([parts[last], rights[layers.border]])
-        reduced = []
-        for j, (factor, pivots, _, coupled, right, ends) in enumerate(self.steps):
-            here, _ = dgetrs(factor, pivots, parts[j])
-            moved = coupled.T @ here
-            if j + 1 < last:
-                parts[j + 1][right] -= moved[:len(right)]
-            else:
-                end[right] -= moved[:len(right)]
-            end[ends] -= moved[len(right):]
-            reduced.append(here)
-        end, _ = dgetrs(*self.tail, end)
-        found = np.empty_like(rights)
-        found[layers.border] = end[self.width:]
-        after = found[layers.nodes[last]] = end[:self.width]
-        for j in range(last - 1, -1, -1):
-            _, _, gone, _, right, ends = self.steps[j]
-            after = reduced[j] - gone @ np.concatenate([after[right], end[ends]])
-            found[layers.nodes[j]] = after
-        return found

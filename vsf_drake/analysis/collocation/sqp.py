@@ -23,6 +23,7 @@ from vsf_drake.analysis.collocation.problem import TrajectoryProblem
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
 from vsf_drake.analysis.collocation.step import Step, find_step, room_changes, slacks
+from vsf_drake.analysis.collocation.threads import one_thread
 
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
@@ -42,12 +43,13 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
     Raises:
         InputError: the start has another shape than the problem, or the function no value there.
     """
-    search = _Search(problem, start, options or CollocationOptions(), progress)
-    try:
-        status, message = search.run()
-    except KeyboardInterrupt:
-        status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
-    return search.end(status, message)
+    with one_thread():
+        search = _Search(problem, start, options or CollocationOptions(), progress)
+        try:
+            status, message = search.run()
+        except KeyboardInterrupt:
+            status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
+        return search.end(status, message)
 
 
 @dataclass(eq=False)

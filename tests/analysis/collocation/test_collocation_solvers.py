@@ -1,0 +1,97 @@
+"""SNOPT and IPOPT on the same problems: they confirm what the Gauss-Newton SQP finds, from there and from afar."""
+
+import numpy as np
+import pytest
+from collocation_problems import chain, free_spring_mass, pendulum, rest_to_rest, spring_mass
+
+from vsf_drake.analysis.collocation import ConfirmOptions, Start, confirm, program, solve
+from vsf_drake.analysis.collocation.program import collocation_program
+from vsf_drake.errors import InputError
+
+
+def pushed(most):
+    problem, _ = rest_to_rest(most, as_limit=True, intervals=20)
+    return problem, Start(np.zeros((problem.grid.instants, 3))), None
+
+
+PROBLEMS = {"spring": spring_mass, "free spring": free_spring_mass, "pendulum": lambda: pendulum(intervals=12),
+            "spring on its bound": lambda: spring_mass(high=40.0), "limited force": lambda: pushed(4.5)}
+
+
+def compared(name, solver, *, warm):
+    problem, start, _ = PROBLEMS[name]()
+    ours = solve(problem, start)
+    theirs = confirm(problem, ours.last if warm else start, solver, ConfirmOptions(warm=warm, time_limit_s=60.0))
+    return ours, theirs
+
+
+@pytest.mark.parametrize("warm", [True, False], ids=["warm", "cold"])
+@pytest.mark.parametrize("name", list(PROBLEMS))
+def test_snopt_finds_the_same_optimum(name, warm):
+    ours, theirs = compared(name, "snopt", warm=warm)
+    assert theirs.status == "optimal", theirs.message
+    assert theirs.violation < 1e-6
+    assert theirs.cost == pytest.approx(ours.cost, rel=1e-3, abs=1e-6)
+    assert theirs.p == pytest.approx(ours.p, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", list(PROBLEMS))
+def test_ipopt_confirms_the_optimum_from_there(name):
+    ours, theirs = compared(name, "ipopt", warm=True)
+    assert theirs.status == "optimal", theirs.message
+    assert theirs.violation < 1e-6
+    assert theirs.cost == pytest.approx(ours.cost, rel=1e-3, abs=1e-6)
+    assert theirs.p == pytest.approx(ours.p, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["pendulum", "limited force"])
+def test_ipopt_from_afar_ends_at_the_same_optimum_or_says_that_it_does_not(name):
+    ours, theirs = compared(name, "ipopt", warm=False)
+    if theirs.success:
+        assert theirs.cost == pytest.approx(ours.cost, rel=1e-3)
+    else:
+        assert theirs.status in ("time", "failed")
+
+
+def test_snopt_confirms_a_problem_with_totals_limits_and_five_parameters():
+    problem, start = chain(intervals=5)
+    ours = solve(problem, start)
+    theirs = confirm(problem, ours.last, "snopt")
+    assert theirs.status == "optimal", theirs.message
+    assert theirs.cost == pytest.approx(ours.cost, rel=1e-6)
+    assert theirs.terms == pytest.approx(ours.terms, rel=1e-3)
+
+
+@pytest.mark.parametrize("probes", [True, False])
+def test_the_program_has_the_problems_cost_and_its_gradient(probes):
+    problem, start = chain(intervals=4)
+    parts = collocation_program(problem, probes=probes)
+    x = parts.scaled.scaled(start.z + 0.01, start.p + 0.1)
+    point = parts.scaled.linearised(x)
+    totals = point.y[:, problem.totals[0].output] / problem.y_scale[problem.totals[0].output]
+    made, full = parts.program, np.concatenate([x, totals])
+    cost = sum(float(made.EvalBinding(binding, full)[0]) for binding in made.GetAllCosts())
+    assert cost == pytest.approx(point.cost)
+    broken = [abs(made.EvalBinding(binding, full)) for binding in made.linear_equality_constraints()]
+    assert sum(len(part) for part in broken) == len(point.linear)
+    assert len(made.generic_constraints()) == (2 if probes else 1) * problem.grid.instants
+
+
+def test_a_program_for_drakes_solvers_comes_without_a_guess():
+    problem, _, _ = spring_mass(intervals=5)
+    made = program(problem)
+    assert made.num_vars() == problem.size
+    assert np.isnan(made.initial_guess()).all()
+
+
+def test_each_new_point_is_evaluated_once_by_either_solver():
+    problem, start, _ = PROBLEMS["pendulum"]()
+    for solver in ("snopt", "ipopt"):
+        found = confirm(problem, start, solver, ConfirmOptions(warm=False, time_limit_s=5.0))
+        assert found.evaluations < 3000
+
+
+def test_another_solver_is_refused():
+    problem, start, _ = spring_mass(intervals=5)
+    with pytest.raises(InputError, match="no solver"):
+        confirm(problem, start, "newton")

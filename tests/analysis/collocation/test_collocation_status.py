@@ -1,0 +1,180 @@
+"""What is no solution says so: infeasible, interrupted, out of iterations; and what cannot be used is refused."""
+
+import numpy as np
+import pytest
+from collocation_problems import Outputs, chain, constant_outputs, ends, pendulum, rest_to_rest, spring_mass
+
+from vsf_drake.analysis.collocation import (
+    CollocationOptions,
+    ConfirmOptions,
+    Design,
+    Grid,
+    Layout,
+    Limits,
+    Residuals,
+    Start,
+    TrajectoryProblem,
+    confirm,
+    solve,
+)
+from vsf_drake.errors import FitError, InputError
+
+
+def zero(problem):
+    return Start(np.zeros((problem.grid.instants, problem.layout.size)), np.zeros(problem.parameters))
+
+
+@pytest.mark.parametrize("as_limit", [False, True], ids=["bound", "limit"])
+def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
+    """Rest to rest over 1 m in 1 s takes at least 4 m/s^2."""
+    problem, _ = rest_to_rest(3.5, as_limit=as_limit, intervals=20)
+    solution = solve(problem, zero(problem))
+    assert solution.status == "infeasible"
+    assert solution.violation > 1e-3
+    for read in (lambda: solution.z, lambda: solution.p, lambda: solution.cost, solution.y):
+        with pytest.raises(FitError, match="no optimum"):
+            read()
+    assert solution.unsealed().z.shape == solution.last.z.shape
+
+
+def test_snopt_says_so_too():
+    problem, _ = rest_to_rest(3.5, as_limit=False, intervals=10)
+    found = confirm(problem, zero(problem), "snopt", ConfirmOptions(warm=False, time_limit_s=20.0))
+    assert found.status == "infeasible"
+
+
+def test_an_equation_without_a_root_is_infeasible():
+    grid = Grid("trapezoidal", 8, 1.0, periodic=True)
+
+    def outputs(z, p):
+        by = np.zeros((len(z), 1, 3))
+        by[:, 0, 0] = 2.0 * z[:, 0]
+        return z[:, :1]**2 + 1.0, by, np.zeros((len(z), 1, 0))
+
+    problem = TrajectoryProblem(Outputs(outputs), Layout(("x",)), grid, outputs=1, equations=[0])
+    z = np.zeros((grid.instants, 3))
+    z[:, 0] = 2.0
+    solution = solve(problem, Start(z))
+    assert solution.status == "infeasible", solution.message
+    assert solution.violation == pytest.approx(1.0, abs=0.1), "the least that x^2 + 1 can be"
+
+
+def test_too_few_iterations_are_no_optimum():
+    problem, start, _ = pendulum(intervals=8)
+    solution = solve(problem, start, CollocationOptions(iterations=1))
+    assert (solution.status, solution.iterations) == ("iterations", 1)
+    assert not solution.success
+
+
+def test_too_little_time_is_no_optimum():
+    problem, start, _ = pendulum(intervals=8)
+    assert solve(problem, start, CollocationOptions(time_limit_s=1e-6)).status == "time"
+
+
+def test_an_interrupt_keeps_the_last_iterate():
+    problem, start, _ = pendulum(intervals=8)
+    seen = []
+
+    def interrupt(line):
+        seen.append(line)
+        if line.number == 2:
+            raise KeyboardInterrupt
+
+    solution = solve(problem, start, progress=interrupt)
+    assert solution.status == "interrupted"
+    assert solution.last_cost == seen[-1].cost
+    assert solution.last.p[0] == seen[-1].p[0] != start.p[0]
+    with pytest.raises(FitError, match="interrupted"):
+        _ = solution.z
+    resumed = solve(problem, solution.last)
+    assert resumed.cost == pytest.approx(solve(problem, start).cost, rel=1e-6)
+
+
+def test_an_interrupt_within_the_function_keeps_the_last_iterate():
+    problem, start, _ = pendulum(intervals=8)
+    inner, calls = problem.function.linearise, [0]
+
+    def outputs(z, p):
+        calls[0] += 1
+        if calls[0] > 3:
+            raise KeyboardInterrupt
+        return inner(z, p)
+
+    problem.function.linearise = outputs
+    solution = solve(problem, start)
+    assert solution.status == "interrupted"
+    assert np.isfinite(solution.last.z).all()
+    assert solution.iterations == 2
+
+
+def test_progress_tells_every_iteration_and_the_merit_brings_the_violation_down():
+    problem, start = chain(intervals=6)
+    seen = []
+    solution = solve(problem, start, progress=seen.append)
+    assert [line.number for line in seen] == list(range(solution.iterations + 1))
+    assert tuple(seen) == solution.history
+    assert seen[-1].violation < 1e-8 < seen[0].violation
+    assert solution.optimality < 1e-6
+    assert sum(solution.terms.values()) == pytest.approx(solution.cost)
+
+
+def test_steps_into_where_the_function_has_no_value_are_shortened():
+    """sqrt(x) of a negative x is none: the search stays where there is one."""
+    grid = Grid("trapezoidal", 8, 1.0, periodic=True)
+
+    def outputs(z, p):
+        root = np.sqrt(z[:, 0])
+        by = np.zeros((len(z), 1, 3))
+        by[:, 0, 0] = 0.5 / root
+        return root[:, None], by, np.zeros((len(z), 1, 0))
+
+    problem = TrajectoryProblem(Outputs(outputs), Layout(("x",)), grid, outputs=1,
+                                residuals=[Residuals(outputs=[0], target=0.1)])
+    z = np.zeros((grid.instants, 3))
+    z[:, 0] = 4.0
+    solution = solve(problem, Start(z))
+    assert solution.of("q", "x") == pytest.approx(0.01, rel=1e-3)
+
+
+def simple(**changes):
+    grid = Grid("trapezoidal", 8, 1.0, periodic=False)
+    given = {"outputs": 2, "residuals": [Residuals(outputs=[0, 1])]} | changes
+    return TrajectoryProblem(constant_outputs([[1, 0, 0], [0, 0, 1]]), Layout(("x",)), grid, **given)
+
+
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"equations": [2]}, "names outputs"), ({"low": [1.0, 0.0, 0.0], "high": 0.5}, r"leave no room at q\.x"),
+    ({"limits": [Limits(outputs=[1], low=2.0, high=1.0)]}, "leave no room at output 1"),
+    ({"design": Design(names=["stiffness"], low=2.0, high=1.0)}, "leave no room at stiffness"),
+    ({"z_scale": 0.0}, "z_scale"), ({"low": np.zeros(5)}, "shape"), ({"advance": [1.0]}, "only a periodic"),
+    ({"residuals": [Residuals(outputs=[0], weight=-1.0)]}, "residuals.weight")])
+def test_an_unusable_problem_is_refused_by_name(changes, said):
+    with pytest.raises(InputError, match=said):
+        _ = simple(**changes).linear_equations
+
+
+def test_a_start_of_another_shape_or_without_a_value_is_refused():
+    problem = simple()
+    with pytest.raises(InputError, match=r"start\.z"):
+        solve(problem, Start(np.zeros((3, 3))))
+    with pytest.raises(InputError, match=r"start\.z"):
+        solve(problem, Start(np.full((9, 3), np.nan)))
+    problem.function = Outputs(lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0))))
+    with pytest.raises(InputError, match=r"no finite value at 0\.000"):
+        solve(problem, zero(problem))
+
+
+@pytest.mark.parametrize("options", [{"iterations": 0}, {"violation": -1.0}, {"time_limit_s": 0}, {"damping": "much"}])
+def test_unusable_options_are_refused(options):
+    with pytest.raises(InputError, match=next(iter(options))):
+        CollocationOptions(**options)
+
+
+def test_names_of_design_parameters_on_a_bound_are_told():
+    problem, start, _ = spring_mass(high=40.0, intervals=8)
+    assert solve(problem, start).at_bound == ("stiffness",)
+
+
+def test_ends_fix_what_they_name():
+    low, high = ends(Grid("trapezoidal", 8, 1.0, periodic=False), first=((0, 1.0),))
+    assert (low[0, 0], high[0, 0], low[1, 0]) == (1.0, 1.0, -np.inf)
