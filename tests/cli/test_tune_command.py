@@ -85,7 +85,9 @@ def test_options_reach_the_analysis(run, tmp_path, made):
 def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_fitted(run, tmp_path, made):
     assert run("tune", "--quick", "--out", tmp_path / "out")[0] == 0
     given = made["calls"][0][0]
-    assert given.labels == ("low_2", "medium_2", "high_2")
+    assert given.labels == ("medium_2",)
+    assert run("tune", "--out", tmp_path / "out")[0] == 0
+    assert made["calls"][1][0].labels == ("medium_1", "medium_2", "medium_3")
     assert given.synthetic and not given.notes
     assert all("A fitted contact was applied" in " ".join(trial.notes) for trial in given.trials)
 

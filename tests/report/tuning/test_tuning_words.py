@@ -55,6 +55,13 @@ def test_without_an_uncertainty_of_the_cost_the_outcomes_decide():
     assert HARDLY not in said(outcomes=matters(None)), "not known is not no"
 
 
+def test_outcomes_are_told_by_whether_they_matter():
+    words = said()
+    assert "Other outcomes that change by more than their uncertainty: push-off work." in words
+    assert "Outcomes that change by no more than their uncertainty: first peak of the force." in words
+    assert "All other outcomes change by more" in said(outcomes=matters(True))
+
+
 def test_an_optimum_that_is_worse_than_what_was_recorded_is_not_called_better():
     assert "% MORE than at the recorded setting (108 mm)" in said(recorded_mm=[108.0], cost=2.5, at_bound=[])
 
@@ -124,7 +131,7 @@ def test_cost_figure_of_no_optimum_has_no_star():
 
 
 def test_outcomes_that_hardly_change_are_called_so():
-    titles = [axes.get_title(loc="left") for axes in outcomes_figure(made_table()).axes]
+    titles = [axes.get_title(loc="left").replace("\n", " ") for axes in outcomes_figure(made_table()).axes]
     assert titles == ["load of the intact knee", "push-off work", "first peak of the force: hardly changes"]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsf_drake.analysis.contact_fit.recordings import labels_of
 from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.inputs import SETTINGS, embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -60,11 +60,13 @@ class TuningTrials:
 
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
-    """Manifests of the synthetic trials that ship with the package, of their laboratory tier.
+    """Manifests of synthetic trials that ship with the package: walks at the middle setting, of the laboratory tier.
 
-    For level 1 three a setting, or one if `quick`; for level 2 one, at the middle setting.
+    Three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2. Motions that
+    were walked at several settings make no good person to begin with: each belongs to its own setting.
     """
-    return embedded_trials(quick=quick) if level == 1 else embedded_trials(quick=True)[1:2]
+    middle = [path for path in embedded_trials(quick=quick or level > 1) if path.stem.startswith(f"{SETTINGS[1]}_")]
+    return tuple(middle)
 
 
 def load_tuning_trials(

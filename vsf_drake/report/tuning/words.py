@@ -83,10 +83,12 @@ def worth_words(table: Mapping[str, Any]) -> list[str]:
     if row is None and others and not names[True] and not names[None]:
         said.append(f"{HARDLY}: none of the outcomes changes by more than its uncertainty.")
         return said
-    if names[True]:
-        said.append(f"More than the uncertainty changes in: {_listed(names[True])}.")
+    if len(names[True]) > max(1, len(others) - 1):
+        said.append("All other outcomes change by more than their uncertainty over the range.")
+    elif names[True]:
+        said.append(f"Other outcomes that change by more than their uncertainty: {'; '.join(names[True])}.")
     if names[False]:
-        said.append(f"No more than the uncertainty changes in: {_listed(names[False])}.")
+        said.append(f"Outcomes that change by no more than their uncertainty: {'; '.join(names[False])}.")
     if (row is None or row["matters"] is None) and not names[True] and not names[False]:
         said.append("Whether that is more than the uncertainty is not known.")
     return said
