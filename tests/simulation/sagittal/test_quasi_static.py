@@ -101,5 +101,6 @@ def test_motion_without_balance_says_where(rolling):
     _, model, _, time, state = rolling
     q = state[0].copy()
     q[2, 40] = np.nan
-    with pytest.raises(SimulationError, match=f"find no balance .* at instant 41 of {len(time)} socket_tx is off by nan"):
+    place = f"at instant 41 of {len(time)} socket_tx is off by nan"
+    with pytest.raises(SimulationError, match=f"find no balance .* {place}"):
         quasi_static_motion(model, q, *state[1:], OWN, backward_rates(len(time)), Smoothing())
