@@ -85,6 +85,7 @@ def linearise(
         change = np.zeros((3, *by.shape[1:]))
         at.fill(change, _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]), _of(foot.by_twist, motion.S))
         change[:, at.heel] = foot.by_heel[:, 0]
+        # The first link carries everything.
         y[ground:ground + 3], by[ground:ground + 3] = foot.wrench[[1, 2, 0], 0], change[[1, 2, 0]]
         ground += 3
     y[ground:ground + 3], by[ground:ground + 3] = spring[:3], by_spring[:3]

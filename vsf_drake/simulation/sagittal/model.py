@@ -57,7 +57,9 @@ class SagittalModel:
 
     Attributes:
         coordinates, quasi_static: names of q and of w. outputs: names of what `evaluate` returns.
-        weight: N, of the subject.
+        weight: N, of the subject. subject, foot: the walker's. ground: m, its height. shift: m, added to the fulcrum.
+        dynamics, spheres, support, springs: what `evaluate` is made of; feet: of the spheres, prosthetic and intact;
+            shank: link of the residual shank.
 
     Raises:
         InputError: the prosthesis is turned out of the sagittal plane, or a value is not usable.
