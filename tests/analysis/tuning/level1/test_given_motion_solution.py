@@ -15,7 +15,8 @@ QUICK = {"sweep_mm": 5.0}
 
 @pytest.fixture(scope="module")
 def solution(made_tuning):
-    return solve(made_tuning("medium_1", "medium_2", "high_1", tasks=["medium", "medium", "high"], draws=2, sweep_mm=10.0))
+    return solve(made_tuning("medium_1", "medium_2", "high_1", tasks=["medium", "medium", "high"], draws=2,
+                             sweep_mm=10.0))
 
 
 def test_an_optimum_is_below_its_neighbours_and_the_sweep(solution):

@@ -28,7 +28,7 @@ def test_optimum_of_each_cost_is_that_of_a_sweep_in_millimetres(made_tuning, cos
     between = solution.sweep.cost[[max(i - 1, 0), min(i + 1, 85)]].max() - solution.sweep.cost[i]
     assert solution.cost >= solution.sweep.cost[i] - 0.25 * between - 1e-9 * size
     for name in ("brute_force_position", "brute_force_cost", "solver_ipopt", "solver_nlopt", "gradient", "step",
-                 "smoothing", "smoothing_shift", "convergence", "force_change"):
+                 "smoothing", "smoothing_shift", "convergence", "recorded_force", "force_change"):
         if name != "force_change" or cost != "tracking":
             assert checks[name].met, checks[name]
     assert solution.wall_s < 60.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY
+from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, TRACKING
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.search import Search, search
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest
@@ -16,6 +16,8 @@ from vsf_drake.errors import SimulationError
 NEAR_MM, NEAR_COST, SAME_COST, GRADIENT = 1.0, 5e-3, 1e-3, 0.01
 """Agreement asked for: with the sweep in mm and in sizes of the cost, of solvers in sizes, of the gradient with central
 differences."""
+FORCE_BW = 0.1
+"""Error of the force at the recorded setting beyond which a model tells little of other settings (a choice)."""
 AT = (0.31, 0.67)
 """Shares of the bounds' widths at which the gradient is tried: at the optimum it is zero and tells nothing."""
 DIFFERENCE = 1e-4
@@ -128,6 +130,18 @@ def force_check(best: Evaluation, allowed_bw: float) -> Check:
                  f"At the optimum the force differs by {change:.1%} body weight (root mean square over stance) from "
                  "that at the recorded setting, though the motion is the same: "
                  + ("little enough to be read." if change <= allowed_bw else "nobody would walk so."))
+
+
+def recorded_check(tuning: StiffnessTuning) -> list[Check]:
+    """How far the model's force at the recorded settings is from the plates'; none without plates."""
+    if not all(TRACKING in terms for terms in tuning.own):
+        return []
+    errors = [np.sqrt(sum(term.value for term in terms[TRACKING])) for terms in tuning.own]
+    worst = int(np.argmax(errors))
+    return [Check("recorded_force", "error of the ground reaction force at the recorded setting", float(errors[worst]),
+                  "BW", FORCE_BW, bool(errors[worst] <= FORCE_BW),
+                  f"At the recorded setting the force is {errors[worst]:.1%} body weight off the plate (root mean "
+                  f"square over stance, all components; {tuning.labels[worst]}, the worst trial).")]
 
 
 def convergence_check(best: Evaluation) -> Check:

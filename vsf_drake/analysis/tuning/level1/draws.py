@@ -72,6 +72,8 @@ def drawn_optima(
         The draws that walk, and why others do not.
     """
     first = tuning.parts[0]
+    if any(part.walker.model != first.walker.model for part in tuning.parts):
+        return (), ("the trials' models differ, so that one draw cannot be for all",)
     values = contact_draws(first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed)
     grid = positions(tuning, SPACING_MM)
     found: list[Draw] = []

@@ -7,6 +7,7 @@ import numpy as np
 from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, TRACKING
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import Sweep
+from vsf_drake.motion.fitted_trial import APPLIED
 
 _APART_MM = 1.0
 
@@ -40,10 +41,17 @@ def notes(
         told.append(f"The trials were walked with the fulcrum from {min(own):.0f} to {max(own):.0f} mm. Each motion "
                     "belongs to its own setting, and one setting for all is a compromise between them.")
     if tuning.cost_name == TRACKING:
-        told.append("Tracking is a test, no aim: its optimum tells where the model believes the fulcrum to have stood, "
-                    "which is " + ", ".join(f"{value:.0f}" for value in own) + " mm.")
+        told.append("Tracking is a test, no aim: its optimum tells where the model believes the fulcrum to have stood. "
+                    "It stood at " + ", ".join(f"{value:.0f}" for value in sorted(set(own))) + " mm.")
+    general = [part.label for part in tuning.parts
+               if not any(note.startswith(APPLIED) for note in part.trial.notes)]
+    if general:
+        told.append(f"No contact was fitted for {', '.join(general)}: the forces are those of a foot and a fit to the "
+                    "limb in general.")
     if found is not None and found.failures:
         told.append(f"{len(found.failures)} walks of the sweep failed, the first of {found.failures[0]}")
+    if found is not None and found.unconverged:
+        told.append(f"{found.unconverged} walks of the sweep have steps that did not converge.")
     if draw_failures:
         told.append(f"{len(draw_failures)} draws of the contact could not be walked: {draw_failures[0]}")
     synthetic = sum(trial.synthetic for trial in tuning.trials)

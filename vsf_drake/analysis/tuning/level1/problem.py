@@ -24,7 +24,7 @@ from vsf_drake.analysis.contact_fit.recordings import labels_of
 from vsf_drake.analysis.tuning.level1.checks_of_input import check_cost, check_support, check_trials
 from vsf_drake.analysis.tuning.level1.combination import Combination, Terms, combine, sizes
 from vsf_drake.analysis.tuning.level1.costs.term import CostTerm
-from vsf_drake.analysis.tuning.level1.options import TuningOptions
+from vsf_drake.analysis.tuning.level1.options import WEIGHTED, TuningOptions
 from vsf_drake.analysis.tuning.level1.trial_tuning import TrialTuning, WalkOutcome
 from vsf_drake.analysis.tuning.level1.variables import design_variables
 from vsf_drake.errors import InputError
@@ -109,9 +109,8 @@ class StiffnessTuning:
                            for walker, trial, label in zip(walkers, trials, self.labels, strict=True))
         self.own: tuple[Terms, ...] = tuple(part.own_terms(self.options.step_s) for part in self.parts)
         self.size = sizes(list(self.own))
-        missing = [name for name in ([cost] if cost in self.size else self.options.weights if cost == "weighted"
-                                     else [cost]) if name not in self.size]
-        if missing:
+        needed = [name for name, weight in self.options.weights.items() if weight > 0.0] if cost == WEIGHTED else [cost]
+        if any(name not in self.size for name in needed):
             raise InputError("the force of a trial's plate does not cover its window", where="trials",
                              right="Choose a window that the plate covers, or another cost")
         self.combination: Combination = combine(cost, self.size, self.options)

@@ -16,6 +16,7 @@ from vsf_drake.analysis.tuning.level1.checks import (
     convergence_check,
     force_check,
     gradient_check,
+    recorded_check,
     smoothing_check,
     solver_checks,
     step_check,
@@ -96,7 +97,8 @@ def solve(
     message = ""
     try:
         _search(tuning, found, warm, told)
-        _judge(tuning, found, told)
+        if found.polished is not None and np.isfinite(found.polished.cost):
+            _judge(tuning, found, told)
     except KeyboardInterrupt:
         if found.tried.best is None:
             raise
@@ -167,7 +169,7 @@ def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) ->
     found.checks = [*sweep_checks(best, fine, size), *solver_checks(best, found.confirmed, size),
                     gradient_check(tuning), step_check(best, first), *smoothing_check(tuning, best),
                     convergence_check(best),
-                    force_check(best, options.consistency_bw)]
+                    force_check(best, options.consistency_bw), *recorded_check(tuning)]
 
 
 def _scattered(tuning: StiffnessTuning) -> list[np.ndarray]:
@@ -212,9 +214,8 @@ def _solution(tuning: StiffnessTuning, found: _Found, message: str, began: float
 
 def _fault(tuning: StiffnessTuning, found: _Found, best: Evaluation) -> str:
     """Why this is no optimum; nothing if it is one."""
-    assert found.polished is not None and found.fine is not None
-    if not found.polished.success:
-        return f"the search did not converge: {found.polished.message}"
+    if found.polished is None or found.fine is None or not found.polished.success:
+        return f"the search did not converge: {found.polished.message if found.polished else 'it never ended'}"
     if best.unconverged:
         return f"{best.unconverged} steps of the walks at the best setting did not converge"
     i = int(np.nanargmin(found.fine.cost))

@@ -23,7 +23,7 @@ class Sweep:
         costs: by name of a cost, the consistency among them, (T, m); NaN where a walk failed.
         terms: of the tuned cost, by name, (T, m). labels: of the terms.
         outcomes: by name, (T, m); empty where they were not asked for.
-        failures: why a walk failed, in words.
+        failures: why a walk failed, in words. unconverged: walks with steps that did not converge.
     """
 
     fulcrum_mm: np.ndarray
@@ -34,6 +34,7 @@ class Sweep:
     labels: dict[str, str]
     outcomes: dict[str, np.ndarray]
     failures: tuple[str, ...]
+    unconverged: int
 
     @property
     def per_trial(self) -> np.ndarray:
@@ -90,10 +91,11 @@ def sweep(
     found = {name: np.full(shape, np.nan) for name in NAMES} if with_outcomes else {}
     labels: dict[str, str] = {}
     failures: list[str] = []
+    unconverged = 0
     for part in tuning.parts:
         part.frame(step_s, base)  # made here: what threads share is not made by them
 
-    def one(job: tuple[int, int]) -> tuple[dict, list, dict] | str:
+    def one(job: tuple[int, int]) -> tuple[dict, list, dict, bool] | str:
         part = tuning.parts[job[0]]
         try:
             walk = part.at(settings[job[1]], step_s=step_s, base=base)
@@ -101,7 +103,7 @@ def sweep(
             return f"{part.label} at {settings[job[1], 0]:g} mm: {error}"
         return ({name: sum(term.value for term in own) for name, own in walk.terms.items()},
                 [(term.name, term.label, term.value) for term in tuning.combination.terms(walk.terms)],
-                outcomes(part, walk) if with_outcomes else {})
+                outcomes(part, walk) if with_outcomes else {}, bool(walk.walk.record.converged.all()))
 
     pool = ThreadPoolExecutor(tuning.workers)
     try:
@@ -114,6 +116,7 @@ def sweep(
                 for name, label, value in result[1]:
                     labels[name] = label
                     terms.setdefault(name, np.full(shape, np.nan))[job] = value
+                unconverged += not result[3]
                 for name, value in result[2].items():
                     found[name][job] = value
             if progress:
@@ -121,7 +124,7 @@ def sweep(
     finally:
         pool.shutdown(cancel_futures=True)
     return Sweep(fulcrum_mm=np.array(fulcrum_mm), x=settings, step_s=step_s, costs=costs, terms=terms, labels=labels,
-                 outcomes=found, failures=tuple(failures))
+                 outcomes=found, failures=tuple(failures), unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:

@@ -24,7 +24,7 @@ FORMAT, LEVEL = "vsf_drake tuning 1", 1
 def tuning_table(solution: TuningSolution) -> dict[str, Any]:
     """All keys of the format; None or empty where something is unknown or was not reached."""
     tuning, best, found = solution.tuning, solution.best, solution.uncertainty
-    size = tuning.combination.size
+    whole = sum(abs(term.value) for term in best.terms) or 1.0  # terms of both signs may cancel
     return plain({
         "format": FORMAT, "level": LEVEL, "cost_name": tuning.cost_name, "cost_label": tuning.combination.label,
         "cost_unit": tuning.combination.unit, "optimal": solution.success, "status": solution.message,
@@ -33,7 +33,7 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
         "interval_meaning": "" if found is None else found.meaning,
         "design": [{"name": v.name, "unit": v.unit, "value": float(x), "low": v.low, "high": v.high,
                     "default": v.default} for v, x in zip(tuning.design, best.x, strict=True)],
-        "terms": [{"name": term.name, "label": term.label, "value": term.value, "share": term.value / size}
+        "terms": [{"name": term.name, "label": term.label, "value": term.value, "share": term.value / whole}
                   for term in best.terms],
         "sweep": _sweep(solution), "outcomes": _outcomes(solution), "solver": _solver(solution),
         "confirmed_by": [_confirmed(other) for other in solution.confirmed],

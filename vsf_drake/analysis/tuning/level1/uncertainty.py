@@ -103,7 +103,7 @@ def fulcrum_uncertainty(
     width, of = difference(each, groups), ""
     if width.spread is None and len(drawn) > 1:
         ranges = [np.nanmax(draw.sweep.cost) - np.nanmin(draw.sweep.cost) for draw in draws]
-        width, of = Difference(width.range, float(np.std(ranges, ddof=1))), "draw of the contact"
+        width, of = Difference(width.range, float(np.std(ranges, ddof=1))), "from draw to draw of the contact"
     parts = [f"as good within {FLAT:.0%} of the cost's size"
              + (" or what repeated trials can tell" if _freedoms(groups) >= FEWEST_FREEDOMS else "")
              + f": {flat[0]:.0f} to {flat[1]:.0f} mm"]
@@ -116,7 +116,8 @@ def fulcrum_uncertainty(
     return FulcrumUncertainty(
         low_mm=float(min(ends)), high_mm=float(max(ends)), per_trial_mm=tuple(map(float, optima)), draws_mm=drawn,
         flat_mm=flat, range=width.range, spread=width.spread, matters=matters, meaning="; ".join(parts),
-        sentence=_sentence(width, size, unit, matters, of or "trial") + _near(found, groups, size, allowed_bw))
+        sentence=_sentence(width, size, unit, matters, of or "from trial to trial")
+        + _near(found, groups, size, allowed_bw))
 
 
 def flat_range(
@@ -166,7 +167,7 @@ def _sentence(width: Difference, size: float, unit: str, matters: bool | None, o
     told = (f"From the best to the worst position the cost changes by {width.range:.3g}{unit}, "
             f"{width.range / size:.0%} of its size")
     if width.spread is not None:
-        told += f"; from {of} to {of} that varies by {width.spread:.2g}{unit}"
+        told += f"; {of} that varies by {width.spread:.2g}{unit}"
     if matters is None:
         return f"{told}; one trial does not tell whether that is more than chance."
     return f"{told}: the setting {'matters' if matters else 'hardly matters to this cost'}."
