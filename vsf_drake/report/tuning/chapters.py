@@ -25,7 +25,7 @@ from vsf_drake.report.tuning.grids import (
 )
 from vsf_drake.report.tuning.motion_chapter import motion_chapter
 from vsf_drake.report.tuning.outcomes_figure import outcomes_figure, shown_outcomes
-from vsf_drake.report.tuning.table import swept
+from vsf_drake.report.tuning.table import cost_outcome, swept
 from vsf_drake.report.tuning.words import answer
 from vsf_drake.report.tuning.words_of_figures import (
     cost_alt,
@@ -104,7 +104,7 @@ def _answer(table: Mapping[str, Any], arrays: Arrays) -> Chapter:
 
 def _outcomes(table: Mapping[str, Any]) -> Chapter:
     pieces: list[Piece] = []
-    said = [row["sentence"] for row in table["outcomes"] if row["sentence"]]
+    said = [row["sentence"] for row in table["outcomes"] if row["sentence"] and row is not cost_outcome(table)]
     if said:
         pieces.append(Bullets(said))
     if shown_outcomes(table):

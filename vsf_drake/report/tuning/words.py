@@ -78,6 +78,7 @@ def worth_words(table: Mapping[str, Any]) -> list[str]:
                     if row["matters"] else
                     f"{HARDLY} for this cost: over the whole range it changes by {size}, which is too little to be "
                     f"told from its uncertainty{known} or from nothing.")
+        said += [row["sentence"]] if row["sentence"] else []
     others = [other for other in table["outcomes"] if other is not row]
     names = {kind: [other["label"] for other in others if other["matters"] is kind] for kind in (True, False, None)}
     if row is None and others and not names[True] and not names[None]:

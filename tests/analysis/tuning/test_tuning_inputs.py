@@ -1,0 +1,61 @@
+"""Which trials a tuning takes, and what is done to them before they are walked."""
+
+from __future__ import annotations
+
+import pytest
+
+from vsf_drake.analysis.tuning import inputs
+from vsf_drake.analysis.tuning.inputs import embedded_tuning_trials, load_tuning_trials
+from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import InputError
+from vsf_drake.motion.trial import load_trial
+
+LOW, MEDIUM, HIGH = embedded_trials(quick=True)
+
+
+def test_embedded_trials_are_repeated_walks_at_the_middle_setting():
+    paths = embedded_tuning_trials(level=1)
+    assert [path.stem for path in paths] == ["medium_1", "medium_2", "medium_3"]
+    assert {load_trial(path).fulcrum_m for path in paths} == {0.108}
+    assert embedded_tuning_trials(level=1, quick=True) == embedded_tuning_trials(level=2) == (MEDIUM,)
+
+
+def test_embedded_trials_come_with_the_contact_that_was_fitted_to_their_person():
+    found = load_tuning_trials([], quick=True)
+    recorded = load_trial(MEDIUM)
+    fitted = load_contact(embedded_contact()).values
+    assert found.labels == ("medium_2",) and found.synthetic and found.notes == ()
+    assert found.recorded_mm == [108.0] and found.reach_mm == pytest.approx((66.0, 151.0))
+    assert found.trials[0].model != recorded.model
+    assert found.trials[0].model.foot.fulcrum.stiffness_n_per_m == fitted["fulcrum.stiffness"]
+    assert any(name.startswith("medium_2: contact: contact.yaml") for name in found.inputs)
+
+
+def test_without_a_contact_offsets_go_to_the_trial_and_progress_runs_forward(monkeypatch):
+    told = []
+
+    class Fit:
+        success, at_bound, message = False, (), "too many evaluations"
+
+        def __init__(self, trial):
+            self.offsets = type(trial.offsets)(height_m=0.004)
+
+    def fit_offsets(trial, progress):
+        for count in (1, 10, 30):
+            progress(count, 5.0)
+        return Fit(trial)
+
+    monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
+    found = load_tuning_trials([LOW, HIGH], progress=lambda what, share: told.append(share))
+    assert [trial.offsets.height_m for trial in found.trials] == [0.004, 0.004]
+    assert found.notes[1:] == tuple(f"{label}: the fit of its offsets failed: too many evaluations."
+                                    for label in ("low_2", "high_2"))
+    assert told == sorted(told) and 0.0 < told[0] and told[-1] < 1.0
+
+
+def test_a_trial_that_is_named_twice_or_not_there_is_refused():
+    with pytest.raises(InputError, match="is named twice"):
+        load_tuning_trials([LOW, LOW.parent / ".." / LOW.parent.name / LOW.name], contact=embedded_contact())
+    with pytest.raises(InputError, match="there is no such file"):
+        load_tuning_trials([LOW.with_name("none.yaml")])
