@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from vsf_drake.errors import InputError
 
+CURVATURES = ("auto", "gauss_newton", "exact")
+
 
 @dataclass(frozen=True, kw_only=True)
 class CollocationOptions:
@@ -17,6 +19,8 @@ class CollocationOptions:
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
         step: largest change of a scaled variable that the next step would still make.
         damping: first Levenberg damping of the scaled step. least_damping, most_damping: its range.
+        curvature: "gauss_newton", "exact" (Hessian of the Lagrangian by differences, Z + P more linearisations an
+            iteration) or "auto": exact once Gauss-Newton has become slow near a solution.
         inequality_weight: of the l1 penalty at which limits may be broken within a step.
 
     Raises:
@@ -31,12 +35,16 @@ class CollocationOptions:
     damping: float = 1e-3
     least_damping: float = 1e-9
     most_damping: float = 1e6
+    curvature: str = "auto"
     inequality_weight: float = 1e6
 
     def __post_init__(self) -> None:
         if isinstance(self.iterations, bool) or not isinstance(self.iterations, int) or self.iterations < 1:
             raise InputError(f"{self.iterations!r} is not usable", where="iterations",
                              right="It must be a whole number from 1 on")
+        if self.curvature not in CURVATURES:
+            raise InputError(f"{self.curvature!r} is none", where="curvature",
+                             right=f"There are: {', '.join(CURVATURES)}")
         for name in ("time_limit_s", "violation", "optimality", "step", "damping", "least_damping", "most_damping",
                      "inequality_weight"):
             value = getattr(self, name)

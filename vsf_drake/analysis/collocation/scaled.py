@@ -147,18 +147,31 @@ class Scaled:
 
     def linearised(self, x: np.ndarray) -> Linearised:
         """Values and derivatives at x."""
+        with np.errstate(all="ignore"):
+            y, by_z, by_p = self.outputs(x)
+            return Linearised(**self._values(x, y), **self._derivatives(x, y, by_z, by_p))
+
+    def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """y (N, m), by_z (N, m, Z) and by_p (N, m, P) at x, unscaled."""
         self.evaluations += 1
         with np.errstate(all="ignore"):
             y, by_z, by_p = self.problem.function.linearise(*self.unscaled(x))
-            y, by_z, by_p = np.asarray(y, dtype=float), np.asarray(by_z), np.asarray(by_p)
-            return Linearised(**self._values(x, y), **self._derivatives(x, y, by_z, by_p))
+            return np.asarray(y, dtype=float), np.asarray(by_z, dtype=float), np.asarray(by_p, dtype=float)
+
+    def slope(self, y: np.ndarray) -> np.ndarray:
+        """(N, m) of the scaled cost by the outputs."""
+        problem = self.problem
+        slope = slopes(problem, y)[0]
+        squared = [part for part in problem.totals if part.target is not None]
+        for part, off in zip(squared, of_totals(problem, y)[1], strict=True):
+            slope[:, part.output] += problem.grid.weights * part.weight * off
+        return slope / problem.cost_scale
 
     def instants(self, x: np.ndarray) -> Instants:
         """What each instant adds by itself at x, for solvers that sum it up on their own."""
-        self.evaluations += 1
         problem = self.problem
         with np.errstate(all="ignore"):
-            y, by_z, by_p = (np.asarray(part, dtype=float) for part in problem.function.linearise(*self.unscaled(x)))
+            y, by_z, by_p = self.outputs(x)
             parts = of_instants(problem, y)
             return Instants(y=y, by_z=by_z * problem.z_scale[:, None, :], by_p=by_p * problem.p_scale,
                             cost=sum(parts.values(), np.zeros(len(y))) / problem.cost_scale,
@@ -177,11 +190,8 @@ class Scaled:
     def _derivatives(self, x: np.ndarray, y: np.ndarray, by_z: np.ndarray, by_p: np.ndarray) -> dict[str, object]:
         problem, weights, scale = self.problem, self.problem.grid.weights, self.problem.cost_scale
         p = x[self.count:] * problem.p_scale
-        slope, bend = slopes(problem, y)
+        slope, bend = self.slope(y), slopes(problem, y)[1] / scale
         squared = [part for part in problem.totals if part.target is not None]
-        for part, off in zip(squared, of_totals(problem, y)[1], strict=True):
-            slope[:, part.output] += weights * part.weight * off
-        slope, bend = slope / scale, bend / scale
         gradient = np.concatenate([
             (np.matmul(slope[:, None, :], by_z)[:, 0] * problem.z_scale).ravel(),
             (np.einsum("nm,nmp->p", slope, by_p) + problem.p_weight * (p - problem.preferred) / scale)

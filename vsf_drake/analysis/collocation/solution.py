@@ -43,8 +43,8 @@ class Iteration:
         number: from 0 on, the start. cost: of the problem. violation: largest, scaled.
         optimality: first-order residual, scaled; NaN before multipliers are known.
         step: largest change of a scaled variable that led here. length: part of the full step that was taken.
-        damping: Levenberg damping of that step. active: bounds and limits that held it. evaluations: so far.
-        wall_s: so far. p: design parameters here.
+        damping: Levenberg damping of the next one. active: bounds and limits that hold it. exact: whether it
+        knows the outputs' curvature. evaluations: so far. wall_s: so far. p: design parameters here.
     """
 
     number: int
@@ -55,6 +55,7 @@ class Iteration:
     length: float
     damping: float
     active: int
+    exact: bool
     evaluations: int
     wall_s: float
     p: tuple[float, ...]

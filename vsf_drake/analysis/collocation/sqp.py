@@ -1,7 +1,7 @@
 """Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
 
     step:    quadratic model of the cost (J'WJ, phi'' J'J, totals) + Levenberg damping, subject to linearised equations,
-             limits and bounds (`step`)
+             limits and bounds (`step`); where that is slow, with the outputs' own curvature (`curvature`)
     accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
              at a shorter length; else the damping grows
     end:     violation, first-order residual and step are below their tolerances
@@ -9,12 +9,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from vsf_drake.analysis.collocation.curvature import with_curvature
 from vsf_drake.analysis.collocation.finish import finished
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
 from vsf_drake.analysis.collocation.merit import Merit, optimality, violations, worst
@@ -28,6 +30,9 @@ from vsf_drake.analysis.collocation.threads import one_thread
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
 WASTED, LOST = 30, 1e10
+SLOW, NEAR, WAIT = 4, 1e-2, 5
+"""Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
+residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations."""
 FLAT = 1e-3
 """Damping of a variable that hardly enters the cost, as a part of what it is for the average variable."""
 
@@ -73,6 +78,7 @@ class _Search:
         self.curve = np.zeros_like(self.share)
         self.damping, self.moved, self.length, self.optimality = self.options.damping, 0.0, 1.0, np.nan
         self.step: Step | None = None
+        self.exact, self.resume, self.before = False, 0, self.damping
 
     def run(self) -> tuple[str, str]:
         """Iterates; returns the status and why."""
@@ -107,12 +113,36 @@ class _Search:
                         wall_s=time.perf_counter() - self.began, history=tuple(self.history))
 
     def _find(self) -> tuple[Kkt, Step]:
-        own, _, shared = self.at.hessian
+        """The step: with the outputs' curvature where that is wanted and does not mislead, else Gauss-Newton's."""
+        if self._wants_curvature():
+            if not self.exact:
+                self.exact, self.before = True, self.damping
+                self.damping = min(self.damping, self.options.damping)
+            kkt, step = self._found(with_curvature(self.scaled, self.at, self.step))
+            if step.curved > 0.0:
+                return kkt, step
+            self._mislead()
+        return self._found(self.at)
+
+    def _wants_curvature(self) -> bool:
+        past, wanted = self.history, self.options.curvature
+        if wanted == "gauss_newton" or self.step is None or len(past) < self.resume or past[-1].violation > NEAR:
+            return False
+        return self.exact or wanted == "exact" or (
+            len(past) > SLOW and past[-1].optimality < NEAR
+            and past[-1].optimality > 0.1 * past[-1 - SLOW].optimality)
+
+    def _mislead(self) -> None:
+        """Curvature did no good here: none for some iterations."""
+        self.exact, self.resume, self.damping = False, len(self.history) + WAIT, max(self.before, self.damping)
+
+    def _found(self, at: Linearised) -> tuple[Kkt, Step]:
+        own, _, shared = self.at.hessian  # Gauss-Newton's: never negative
         curve = np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]) / self.share
         self.curve = np.maximum(self.curve, curve)
-        usual = max(float(np.mean(self.curve)), 1e-8)
+        usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
         shape = self.share * np.clip(self.curve, FLAT * usual, usual)
-        kkt = Kkt(self.structure, self.at, self.damping * shape)
+        kkt = Kkt(self.structure, at, self.damping * shape)
         step = find_step(self.scaled, kkt, linear=self.at.linear, equations=self.at.equations,
                          room=slacks(self.scaled, self.at), likely=self.likely, weight=self.options.inequality_weight)
         self.likely, self.step = step.pressed, step
@@ -124,9 +154,13 @@ class _Search:
             self.merit.renew(step)
             if self._try(kkt, step):
                 return True
+            if self.exact:
+                self._mislead()
+                kkt, step = self._find()
+                continue
             if self.damping >= self.options.most_damping:
                 return False
-            self.damping = min(10.0 * max(self.damping, 1e-4), self.options.most_damping)
+            self.damping = min(30.0 * max(self.damping, 1e-4), self.options.most_damping)
             kkt, step = self._find()
 
     def _try(self, kkt: Kkt, step: Step) -> bool:
@@ -184,15 +218,30 @@ class _Search:
 
     def _stuck(self, why: str) -> tuple[str, str]:
         broken, _, where = worst(self.scaled, self.at)
-        if broken > self.options.violation:
-            return "infeasible", f"{why}; {where} stays broken by {broken:.2g} (scaled)"
-        return "stalled", f"{why}, with a first-order residual of {self.optimality:.2g}"
+        if broken <= self.options.violation:
+            return "stalled", f"{why}, with a first-order residual of {self.optimality:.2g}"
+        said = f"{where} is broken by {broken:.2g} (scaled)"
+        return ("stalled", f"{why}: {said}") if self._could_mend() else ("infeasible", f"no step mends what {said}")
+
+    def _could_mend(self) -> bool:
+        """Whether the shortest step that fulfils the linearised conditions, or a part of it, lowers violations."""
+        scaled, at, before = self.scaled, self.at, violations(self.scaled, self.at).sum()
+        bare = dataclasses.replace(at, gradient=0.0 * at.gradient, totals=0.0 * at.totals,
+                                   hessian=tuple(0.0 * part for part in at.hessian))
+        step = find_step(scaled, Kkt(self.structure, bare, self.share), linear=at.linear, equations=at.equations,
+                         room=slacks(scaled, at), likely=self.likely, weight=self.options.inequality_weight)
+        for length in 0.25 ** np.arange(5):
+            near = scaled.point(self._moved(length * step.change))
+            if near.finite and violations(scaled, near).sum() < (1.0 - 0.1 * length) * before:
+                return True
+        return False
 
     def _note(self, number: int, broken: float, step: Step) -> None:
         line = Iteration(
             number=number, cost=self.at.cost * self.problem.cost_scale, violation=float(broken),
             optimality=self.optimality, step=self.moved, length=self.length, damping=self.damping,
-            active=len(step.pressed), evaluations=self.scaled.evaluations, wall_s=time.perf_counter() - self.began,
+            active=len(step.pressed), exact=self.exact, evaluations=self.scaled.evaluations,
+            wall_s=time.perf_counter() - self.began,
             p=tuple(self.scaled.unscaled(self.at.x)[1].tolist()))
         self.history.append(line)
         if self.progress is not None:

@@ -1,0 +1,86 @@
+"""Costs that Gauss-Newton knows nothing of, and the Hessian of the Lagrangian by differences."""
+
+import numpy as np
+import pytest
+from collocation_problems import Outputs, chain, pendulum
+
+from vsf_drake.analysis.collocation import (
+    CollocationOptions,
+    Design,
+    Grid,
+    Layout,
+    Start,
+    Total,
+    TrajectoryProblem,
+    confirm,
+    solve,
+)
+from vsf_drake.analysis.collocation.curvature import with_curvature
+from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
+from vsf_drake.analysis.collocation.scaled import Scaled
+from vsf_drake.analysis.collocation.step import find_step, slacks
+
+
+def swing(intervals=12):
+    """A pendulum's effort and its distance from a motion as one linear total: no squares for Gauss-Newton to see."""
+    grid = Grid("hermite_simpson", intervals, 1.0, periodic=True)
+    aim = np.cos(2.0 * np.pi * grid.times_s)
+
+    def outputs(z, p):
+        q, v, a, torque = z.T
+        by_z, by_p = np.zeros((len(z), 2, 4)), np.zeros((len(z), 2, 1))
+        by_z[:, 0] = np.stack([9.81 * np.cos(q) + p[0], 0.3 + 0 * q, 1 + 0 * q, -1 + 0 * q], axis=1)
+        by_z[:, 1, 0], by_z[:, 1, 3], by_p[:, 0, 0] = 300.0 * np.sin(q - aim), torque, q
+        return np.stack([a + 9.81 * np.sin(q) + 0.3 * v + p[0] * q - torque,
+                         0.5 * torque**2 + 300.0 * (1.0 - np.cos(q - aim))], axis=1), by_z, by_p
+
+    problem = TrajectoryProblem(
+        Outputs(outputs), Layout(("q",), (), ("torque",)), grid, outputs=2, equations=[0], totals=[Total(output=1)],
+        z_scale=[1.0, 5.0, 40.0, 20.0], y_scale=[20.0, 1.0], cost_scale=10.0,
+        design=Design(names=["stiffness"], low=0.0, high=100.0))
+    z = np.zeros((grid.instants, 4))
+    z[:, 0] = 0.5 * aim
+    return problem, Start(z, np.array([5.0]))
+
+
+@pytest.mark.parametrize("curvature", ["gauss_newton", "auto", "exact"])
+def test_a_cost_without_squares_is_minimised_all_the_same(curvature):
+    problem, start = swing()
+    solution = solve(problem, start, CollocationOptions(curvature=curvature))
+    assert solution.status == "optimal", solution.message
+    theirs = confirm(problem, solution.last, "snopt")
+    assert theirs.cost == pytest.approx(solution.cost, rel=1e-6)
+    assert theirs.p == pytest.approx(solution.p, rel=1e-3)
+
+
+def test_the_curvature_ends_a_search_quadratically():
+    problem, start = swing()
+    solution = solve(problem, start, CollocationOptions(curvature="exact", optimality=1e-9, violation=1e-10))
+    last = [line.optimality for line in solution.history[-4:]]
+    assert last[-1] < 0.1 * last[-2] < 0.01 * last[-3]
+
+
+@pytest.mark.parametrize("make", [swing, lambda: pendulum(intervals=6)[:2], lambda: chain(intervals=4)])
+def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
+    problem, start = make()
+    scaled, draw = Scaled(problem), np.random.default_rng(0)
+    x = scaled.scaled(start.z + 0.1 * problem.z_scale * draw.standard_normal(start.z.shape), start.p + 0.1)
+    at, structure = scaled.linearised(x), KktStructure(scaled)
+    step = find_step(scaled, Kkt(structure, at, np.ones(len(x))), linear=at.linear, equations=at.equations,
+                     room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
+    own, mixed, shared = with_curvature(scaled, at, step).hessian
+    pressure = np.zeros(4 * len(x) + 2 * at.limited.size)
+    pressure[step.pressed] = step.pressure
+    low, high = pressure[2 * len(x):][:2 * at.limited.size].reshape(2, *at.limited.shape)
+    of_equations = step.multipliers[len(at.linear):].reshape(at.equations.shape)
+
+    def lagrangian(where):
+        here = scaled.point(where)
+        return here.cost + np.sum(of_equations * here.equations) + np.sum((high - low) * here.limited)
+
+    way, h = draw.standard_normal(len(x)), 1e-4
+    z, p = way[:scaled.count].reshape(scaled.shape), way[scaled.count:]
+    squares = at.total_weights @ (at.totals @ way)**2
+    curve = np.einsum("nz,nzy,ny->", z, own, z) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p) + p @ shared @ p + squares
+    exact = (lagrangian(x + h * way) - 2.0 * lagrangian(x) + lagrangian(x - h * way)) / h**2
+    assert curve == pytest.approx(exact, rel=1e-4, abs=1e-6)
