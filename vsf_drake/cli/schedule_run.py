@@ -30,8 +30,12 @@ def check_resolution(
     Raises:
         InputError: a trial cannot be read; the trials are of several persons; the range or resolution cannot be used.
     """
-    given = [load_tuning_trials(task.manifests, contact=contact, level=options.level, progress=lambda what, share, i=i:
-                                show(what, _READ * (i + share) / len(tasks))) for i, task in enumerate(tasks)]
+    given = []
+    for i, task in enumerate(tasks):
+        def told(what: str, share: float, i: int = i) -> None:
+            show(what, _READ * (i + share) / len(tasks))
+
+        given.append(load_tuning_trials(task.manifests, contact=contact, level=options.level, progress=told))
     check_one_person([trial for one in given for trial in one.trials])
     reach = _reach(given, options)
     try:

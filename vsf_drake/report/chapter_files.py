@@ -88,6 +88,7 @@ def writing(out: Path) -> Iterator[None]:
 
 def _written(piece: Piece, folder: Path, files: set[Path], *, lenient: bool) -> Piece:
     """The piece, its files written and noted; if `lenient` and it cannot be shown, what says so in its place."""
+    own: tuple[Path, ...]
     try:
         if isinstance(piece, Picture):
             own = save_figure(piece.figure, folder / FIGURES / piece.name, letters="path")

@@ -102,14 +102,16 @@ class Schedule:
                 raise InputError("no task of this schedule says its own", where=name,
                                  right="Describe the tasks in the task file")
         axes = self._axes()
-        for name in axes:
-            if given[name] is None:
+        at = []
+        for name, values in axes.items():
+            value = given[name]
+            if value is None:
                 raise InputError("is missing: the tasks differ in it", where=name,
                                  right=f"Give it in {DESCRIPTORS[name]}")
+            at.append(float(np.clip(value, values[0], values[-1])))
         if not axes:
             raise InputError("the tasks of this schedule are told apart by nothing", where="lookup",
                              right="Give their speeds, slopes or loads in a task file")
-        at = [float(np.clip(given[name], values[0], values[-1])) for name, values in axes.items()]
         found = RegularGridInterpolator(tuple(axes.values()), self._grid(axes), method="linear")(at)
         return on_carriage(float(found[0]), self.reach_mm, self.resolution_mm)
 
@@ -130,7 +132,7 @@ class Schedule:
         shape = tuple(len(values) for values in axes.values())
         grid = np.full(shape, np.nan)
         for task in self.tasks:
-            at = tuple(int(np.searchsorted(values, task.descriptors[name])) for name, values in axes.items())
+            at = tuple(values.tolist().index(task.descriptors[name]) for name, values in axes.items())
             if not np.isnan(grid[at]):
                 raise InputError("two tasks have the same descriptors", where=task.label,
                                  right="Ask for it by its label instead, or tell the tasks apart")

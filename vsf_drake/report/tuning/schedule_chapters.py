@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from vsf_drake.report.chapter_files import made_chapter
@@ -63,9 +64,11 @@ def schedule_chapters(table: Mapping[str, Any], *, lenient: bool) -> list[Chapte
     Args:
         lenient: see `chapter_files.write_chapters`.
     """
-    makers = (("policy", "What the device would store", _policy), ("buys", "What adaptability buys", _buys),
-              ("made", "How this was made", _made))
-    return [made_chapter(name, title, lambda make=make: make(table), lenient) for name, title, make in makers]
+    makers: tuple[tuple[str, str, Callable[[Mapping[str, Any]], Chapter]], ...] = (
+        ("policy", "What the device would store", _policy),
+        ("buys", "What adaptability buys", _buys),
+        ("made", "How this was made", _made))
+    return [made_chapter(name, title, partial(make, table), lenient) for name, title, make in makers]
 
 
 def policy_grid(table: Mapping[str, Any]) -> Grid:

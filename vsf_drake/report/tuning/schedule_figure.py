@@ -44,7 +44,7 @@ def schedule_curves_figure(table: Mapping[str, Any]) -> Figure:
             text.set_parse_math(False)
         label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
               title=f"Each task over the whole range: {table['cost_label']}")
-        mark_origin(figure, table | {"fulcrum_interval_mm": None})
+        mark_origin(figure, table)
         figure.draw_without_rendering()
     return figure
 

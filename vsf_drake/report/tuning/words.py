@@ -49,8 +49,8 @@ def answer(table: Mapping[str, Any]) -> list[str]:
         worth = "" if table["cost"] is None else f", at a cost of {quantity(table['cost'], table['cost_unit'])}"
         return [f"The solver's last iterate has the fulcrum at {millimetres(table['fulcrum_mm'])}{worth}. This is not "
                 "the best setting, and nothing here says how far from it."]
-    worth = worth_words(table)
-    first, last = (worth[:1], worth[1:]) if worth and worth[0].startswith(HARDLY) else ([], worth)
+    said = worth_words(table)
+    first, last = (said[:1], said[1:]) if said and said[0].startswith(HARDLY) else ([], said)
     return [*first, setting_words(table), *_better_words(table), *last, *_bound_words(table)]
 
 
