@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from command_line import read_json
-from made_tuning import failed_table, made_table
+from made_tuning import failed_table, made_table, small_table
 
 from vsf_drake.analysis.tuning.policy import load_schedule
 from vsf_drake.cli import tune_run
@@ -23,7 +23,7 @@ def made(monkeypatch):
 
     def parabola(best):
         sweep = [row | {"cost": 2.0 + 1e-4 * (row["fulcrum_mm"] - best) ** 2} for row in made_table()["sweep"]]
-        return made_table(fulcrum_mm=best, cost=2.0, sweep=sweep, fulcrum_interval_mm=[best - 3.0, best + 3.0])
+        return small_table(fulcrum_mm=best, cost=2.0, sweep=sweep, fulcrum_interval_mm=[best - 3.0, best + 3.0])
 
     def tuned(given, options, show, warm, tasks):
         name = given.labels[0]

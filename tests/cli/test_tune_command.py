@@ -13,7 +13,7 @@ import pytest
 import yaml
 from browser import chromium, look
 from command_line import exit_code, read_json
-from made_tuning import failed_table, made_arrays, made_table
+from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
 from sweep_files import copied
 
 from vsf_drake.cli import tune_run
@@ -43,7 +43,7 @@ main()
 @pytest.fixture
 def made(monkeypatch):
     """The tuning replaced: called with the trials, the options and the warm start, it gives `made["table"]`."""
-    state = {"table": made_table(), "arrays": made_arrays(), "calls": []}
+    state = {"table": small_table(), "arrays": {"sweep_mm": POSITIONS}, "calls": []}
 
     def tuned(given, options, show, warm, tasks):
         state["calls"].append((given, options, warm))
@@ -125,8 +125,8 @@ def test_an_earlier_tuning_can_be_begun_from(run, tmp_path, made, named):
     code, _, _ = run("tune", LOW, "--contact", CONTACT, "--warm-start", named, "--out", tmp_path / "two")
     assert code == 0
     warm = made["calls"][1][2]
-    assert warm.table["fulcrum_mm"] == made_table()["fulcrum_mm"]
-    assert set(warm.arrays) == set(made_arrays())
+    assert warm.table["fulcrum_mm"] == BEST_MM
+    assert set(warm.arrays) == {"sweep_mm"}
 
 
 def test_without_a_contact_offsets_are_fitted_and_that_is_said(run, tmp_path, made, monkeypatch):

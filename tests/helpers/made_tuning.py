@@ -106,6 +106,11 @@ def made_stride_arrays() -> dict[str, np.ndarray]:
     return found
 
 
+def small_table(**changes: Any) -> dict[str, Any]:
+    """A tuning of level 1 with a setting and its cost, and one figure, that of the cost: quick to write."""
+    return failed_table(optimal=True, status="solved", sweep=made_table()["sweep"]) | changes
+
+
 def failed_table(**changes: Any) -> dict[str, Any]:
     """A tuning that stopped at its first iterate, with nothing but a position."""
     bare = {key: [] for key in ("sweep", "outcomes", "terms", "design", "tasks", "pareto", "pareto_names", "robustness",

@@ -15,6 +15,7 @@ from made_tuning import (
     made_stride_arrays,
     made_stride_table,
     made_table,
+    small_table,
 )
 from page_reader import Balanced
 
@@ -74,8 +75,8 @@ def test_results_read_back_are_those_that_were_written(folders, kind):
 
 
 def test_numbers_that_are_not_finite_are_unknown_in_the_table(tmp_path):
-    bad = made_table(wall_s=float("nan"), robustness=[{"what": "a", "fulcrum_mm": float("inf"), "cost": None}])
-    written = write_tuning(tmp_path / "out", bad, {})
+    bad = dict(wall_s=float("nan"), robustness=[{"what": "a", "fulcrum_mm": float("inf"), "cost": None}])
+    written = write_tuning(tmp_path / "out", small_table() | bad, {})
     assert (written["wall_s"], written["robustness"][0]["fulcrum_mm"]) == (None, None)
 
 
@@ -139,7 +140,7 @@ def test_a_sweep_beside_a_solver_that_failed_shows_no_optimum(tmp_path):
 
 def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
     out = tmp_path / "out"
-    write_tuning(out, made_table(), made_arrays())
+    write_tuning(out, small_table(), {})
     (out / "figures" / "notes.txt").write_text("mine", encoding="utf-8")
     write_tuning(out, failed_table(), {})
     assert {path.name for path in (out / "figures").iterdir()} == {"notes.txt"}
@@ -167,7 +168,7 @@ def test_a_table_without_a_key_is_refused_by_who_writes_it(tmp_path):
      ("tuning.json", '{"format": "vsf_drake tuning 1"}', "lacks level"), ("tuning.npz", "other", "SHA-256")])
 def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, words):
     out = tmp_path / "out"
-    write_tuning(out, made_table(), made_arrays())
+    write_tuning(out, small_table(), {})
     if text is None:
         (out / name).unlink()
     else:
@@ -179,12 +180,12 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
 
 def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path):
     out = tmp_path / "out"
-    write_tuning(out, made_table(), made_arrays())
+    write_tuning(out, small_table(), {})
     table = read_json(out / "tuning.json")
-    del table["tasks"][0]["label"]
+    table["checks"] = [{"label": "fine sweep"}]
     (out / "tuning.json").write_text(json.dumps(table), encoding="utf-8")
     missing = remake_tuning(out)
-    assert any(sentence.startswith("One setting for each task") for sentence in missing)
+    assert any(sentence.startswith("Checks") for sentence in missing)
     assert "This version cannot show what the results hold of it (KeyError" in page_of(out)
     assert "has the least" in page_of(out)
 
@@ -194,7 +195,7 @@ def test_a_folder_of_something_else_is_not_written_to(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things than an earlier tuning"):
         check_tuning_folder(tmp_path)
-    write_tuning(tmp_path / "out", made_table(), {})
+    write_tuning(tmp_path / "out", small_table(), {})
     check_tuning_folder(tmp_path / "out")
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file"):
