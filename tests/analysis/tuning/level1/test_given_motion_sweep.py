@@ -7,8 +7,8 @@ import pytest
 
 from vsf_drake.analysis.tuning.level1 import WEIGHTED, solve
 from vsf_drake.analysis.tuning.level1.options import COSTS
-from vsf_drake.analysis.tuning.level1.sweep import local_minima, lowest, positions
-from vsf_drake.analysis.tuning.level1.uncertainty import difference, flat_range
+from vsf_drake.analysis.tuning.level1.sweep import Sweep, local_minima, lowest, positions
+from vsf_drake.analysis.tuning.level1.uncertainty import difference, flat_range, fulcrum_uncertainty
 
 GRID = np.linspace(66.0, 151.0, 86)
 
@@ -84,3 +84,29 @@ def test_settings_that_repeated_trials_cannot_tell_apart_are_as_good():
     error = slope * np.abs(GRID - 100.0) / np.sqrt(3.0)
     wanted = 2e-3 * (GRID - 100.0) ** 2 <= np.maximum(0.02, 4.302652729911275 * error)
     assert (low, high) == (GRID[wanted][0], GRID[wanted][-1])
+
+
+def swept(each, change=0.0):
+    """A sweep of these costs (T, m) with a change of force of `change` body weights a millimetre from 108 mm."""
+    force = np.tile((change * (GRID - 108.0)) ** 2, (len(each), 1))
+    return Sweep(fulcrum_mm=GRID, x=GRID[:, None], step_s=1e-3, costs={"consistency": force}, terms={"only": each},
+                 labels={}, outcomes={}, failures=(), unconverged=0)
+
+
+def test_a_setting_that_changes_nothing_is_said_to_hardly_matter():
+    each = 2.0 + 1e-6 * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
+    known = fulcrum_uncertainty(swept(each), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=1e-4)
+    assert known.matters is False
+    assert (known.low_mm, known.high_mm) == (66.0, 151.0)
+    assert "hardly matters" in known.sentence
+    assert "next to nothing" in known.sentence
+
+
+def test_a_setting_that_matters_more_than_trials_differ_is_said_to_matter():
+    each = 2.0 + 2e-3 * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
+    known = fulcrum_uncertainty(swept(each, change=0.0049), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1,
+                                gain=0.06)
+    assert known.matters is True
+    assert known.range == pytest.approx(2e-3 * 51.0**2)
+    assert "from 88 to 128 mm, the cost changes by 78.4%" in known.sentence
+    assert "gains 6.0%." in known.sentence

@@ -181,6 +181,11 @@ class StiffnessTuning:
                           per_trial=np.array([sum(term.value for term in terms) for terms in each]))
 
     @property
+    def own_cost(self) -> float:
+        """The cost with each trial at its own setting."""
+        return float(np.mean([sum(term.value for term in self.combination.terms(own)) for own in self.own]))
+
+    @property
     def groups(self) -> tuple[float, ...]:
         """(T,) mm, where the fulcrum stood in each trial: trials of one position repeat each other."""
         return tuple(round(float(part.own[0]), 1) for part in self.parts)

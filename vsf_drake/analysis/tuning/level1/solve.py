@@ -160,7 +160,8 @@ def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) ->
     found.later |= {"draws": draws, "draw_failures": failures}
     found.later["uncertainty"] = fulcrum_uncertainty(fine, float(best.x[0]), draws, tuning.groups,
                                                      size=size, unit=tuning.combination.unit,
-                                                     allowed_bw=options.consistency_bw)
+                                                     allowed_bw=options.consistency_bw,
+                                                     gain=(tuning.own_cost - best.cost) / size)
     found.later |= {"tasks": tasks(fine, tuning.tasks, float(best.x[0])), "pareto": pareto(tuning, fine)}
     found.later["robustness"] = (
         *consistency_effect(tuning, fine),

@@ -137,10 +137,9 @@ def _cost_row(solution: TuningSolution, known: FulcrumUncertainty) -> dict[str, 
     """The cost itself among the outcomes; at the recorded setting it is the mean of each trial at its own."""
     tuning, swept = solution.tuning, solution.sweep
     assert swept is not None
-    own = [sum(term.value for term in tuning.combination.terms(terms)) for terms in tuning.own]
     return {"name": "cost", "label": tuning.combination.label, "unit": tuning.combination.unit,
             SOFTEST: float(swept.cost[0]), OPTIMUM: solution.best.cost, STIFFEST: float(swept.cost[-1]),
-            RECORDED: float(np.mean(own)), "uncertainty": known.spread, "matters": known.matters,
+            RECORDED: tuning.own_cost, "uncertainty": known.spread, "matters": known.matters,
             "sentence": known.sentence}
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.draws import Draw
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest
 
@@ -87,12 +88,13 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
 
 def fulcrum_uncertainty(
     found: Sweep, fulcrum_mm: float, draws: tuple[Draw, ...], groups: Sequence, *, size: float, unit: str,
-    allowed_bw: float
+    allowed_bw: float, gain: float
 ) -> FulcrumUncertainty:
     """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
 
     Args:
         allowed_bw: change of force (body weights) beyond which nobody would walk the given motion.
+        gain: by how much the optimum is better than the recorded settings, in sizes of the cost.
     """
     each = found.per_trial
     optima = np.array([lowest(found.fulcrum_mm, row)[0] for row in each])
@@ -116,8 +118,8 @@ def fulcrum_uncertainty(
     return FulcrumUncertainty(
         low_mm=float(min(ends)), high_mm=float(max(ends)), per_trial_mm=tuple(map(float, optima)), draws_mm=drawn,
         flat_mm=flat, range=width.range, spread=width.spread, matters=matters, meaning="; ".join(parts),
-        sentence=_sentence(width, size, unit, matters, of or "from trial to trial")
-        + _near(found, groups, size, allowed_bw))
+        sentence=" ".join([_sentence(width, size, unit, matters, of or "from trial to trial"),
+                           *_near(found, groups, size, allowed_bw), _gain(gain)]))
 
 
 def flat_range(
@@ -151,15 +153,24 @@ def _freedoms(groups: Sequence) -> int:
     return len(groups) - len(set(groups))
 
 
-def _near(found: Sweep, groups: Sequence, size: float, allowed_bw: float) -> str:
+def _near(found: Sweep, groups: Sequence, size: float, allowed_bw: float) -> list[str]:
     """A sentence on the cost where the given motion can be believed; nothing if that is at most one position."""
     near = found.believable(allowed_bw)
     if near.sum() < 2:
-        return ""
+        return []
     low, high = found.fulcrum_mm[near][[0, -1]]
-    width = difference(found.per_trial[:, near], groups).range
-    return (f" Where the force stays within {allowed_bw:.0%} body weight of that at the recorded setting, from "
-            f"{low:.0f} to {high:.0f} mm, the cost changes by {width / size:.1%} of its size.")
+    rest = found.per_trial - found.terms.get(CONSISTENCY, 0.0)
+    width = difference(rest[:, near], groups).range
+    apart = " without the part of the force's change" if CONSISTENCY in found.terms else ""
+    return [f"Where the force stays within {allowed_bw:.0%} body weight of that at the recorded setting, from "
+            f"{low:.0f} to {high:.0f} mm, the cost{apart} changes by {width / size:.1%} of its size."]
+
+
+def _gain(gain: float) -> str:
+    if gain < 0.0:
+        return f"Against the recorded settings, each trial at its own, the best one for all loses {-gain:.1%}."
+    told = f"Against the recorded setting the best one gains {gain:.1%}"
+    return f"{told}." if gain > FLAT else f"{told}, which is next to nothing."
 
 
 def _sentence(width: Difference, size: float, unit: str, matters: bool | None, of: str) -> str:
