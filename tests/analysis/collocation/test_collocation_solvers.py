@@ -1,8 +1,12 @@
 """SNOPT and IPOPT on the same problems: they confirm what the Gauss-Newton SQP finds, from there and from afar."""
 
+import importlib
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from collocation_problems import chain, free_spring_mass, pendulum, rest_to_rest, spring_mass
+from pydrake.solvers import SnoptSolver
 
 from vsf_drake.analysis.collocation import ConfirmOptions, Start, confirm, program, solve
 from vsf_drake.analysis.collocation.program import collocation_program
@@ -95,3 +99,41 @@ def test_another_solver_is_refused():
     problem, start, _ = spring_mass(intervals=5)
     with pytest.raises(InputError, match="no solver"):
         confirm(problem, start, "newton")
+
+
+def test_padding_changes_no_optimum():
+    problem, start, stiffness = spring_mass(intervals=6)
+    parts = collocation_program(problem, probes=False, padding=20)
+    result = SnoptSolver().Solve(parts.program, parts.scaled.scaled(start.z, start.p), None)
+    assert result.is_success()
+    found = parts.scaled.unscaled(result.GetSolution(parts.variables))[1]
+    assert found[0] == pytest.approx(stiffness, rel=2e-2)
+    assert found == pytest.approx(solve(problem, start).p, rel=1e-3)
+
+
+def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
+    """The first run is made to stop after one iteration and to report INFO 83."""
+    problem, start, _ = PROBLEMS["pendulum"]()
+    starts, rows = [], []
+
+    class Starved:
+        id = staticmethod(SnoptSolver.id)
+
+        def Solve(self, made, x, settings):
+            starts.append(np.array(x))
+            rows.append(sum(binding.evaluator().num_constraints() for binding in made.generic_constraints()))
+            if len(starts) == 1:
+                settings.SetOption(SnoptSolver.id(), "Major iterations limit", 1)
+            found = SnoptSolver().Solve(made, x, settings)
+            if len(starts) > 1:
+                return found
+            return SimpleNamespace(get_x_val=found.get_x_val, is_success=lambda: False,
+                                   get_solver_details=lambda: SimpleNamespace(info=83))
+
+    monkeypatch.setattr(importlib.import_module("vsf_drake.analysis.collocation.confirm"), "SnoptSolver", Starved)
+    found = confirm(problem, start, "snopt", ConfirmOptions(warm=False))
+    assert found.status == "optimal", found.message
+    assert "1 restarts" in found.message
+    assert not np.allclose(starts[0], starts[1])
+    assert rows[1] > rows[0]
+    assert found.cost == pytest.approx(solve(problem, start).cost, rel=1e-4)

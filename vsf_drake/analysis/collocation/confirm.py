@@ -26,9 +26,8 @@ from vsf_drake.errors import InputError
 SOLVERS = ("snopt", "ipopt")
 STORAGE, TIME = 83, 34
 """SNOPT's INFO for too little real storage and for the time limit."""
-SPARSER = ((), *((("LU factor tolerance", factor), ("LU update tolerance", update))
-                 for factor, update in ((20.0, 10.0), (100.0, 20.0), (1000.0, 50.0))))
-"""Drake sizes SNOPT's storage once; after INFO 83 it begins again where it was, with factors that need less of it."""
+PADDING = (0, 20, 60, 180)
+"""Rows a program is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
 IPOPT_ENDS = {2: "infeasible", 3: "time"}
 PRESSED = 1e-6
 """So near, in its scale, an inequality may press when a point is judged."""
@@ -81,7 +80,7 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt",
         status = "optimal" if result.is_success() else IPOPT_ENDS.get(int(code), "failed")
         message = f"IPOPT ends with status {code} ({result.get_solution_result().name})"
     else:
-        result, code, restarts = _snopt(made, x, options)
+        result, made, code, restarts = _snopt(made, x, options)
         status = "optimal" if result.is_success() else ("time" if code == TIME else "failed")
         status = "infeasible" if 10 < code < 20 else status
         message = f"SNOPT ends with INFO {code}, {restarts} restarts for storage"
@@ -111,23 +110,26 @@ def _first(made: CollocationProgram, start: Start) -> np.ndarray:
 
 
 def _snopt(made: CollocationProgram, x: np.ndarray,
-           options: ConfirmOptions) -> tuple[MathematicalProgramResult, int, int]:
-    began, restarts = time.perf_counter(), 0
+           options: ConfirmOptions) -> tuple[MathematicalProgramResult, CollocationProgram, int, int]:
+    began, restarts, spent = time.perf_counter(), 0, 0
     while True:
         left = max(options.time_limit_s - (time.perf_counter() - began), 1.0)
         settings = SolverOptions()
         for name, value in (("Major feasibility tolerance", options.feasibility),
                             ("Major optimality tolerance", options.optimality), ("Time limit", left),
                             ("Superbasics limit", int(options.superbasics)), ("Major iterations limit", 10_000),
-                            ("Iterations limit", int(options.iterations)), *SPARSER[restarts]):
+                            ("Iterations limit", int(options.iterations))):
             settings.SetOption(SnoptSolver.id(), name, value)
         result = SnoptSolver().Solve(made.program, x, settings)
+        made.scaled.evaluations += spent
         code = int(result.get_solver_details().info)
-        if code != STORAGE or restarts + 1 == len(SPARSER) or time.perf_counter() - began >= options.time_limit_s:
-            return result, code, restarts
+        if code != STORAGE or restarts + 1 == len(PADDING) or time.perf_counter() - began >= options.time_limit_s:
+            return result, made, code, restarts
         last = result.get_x_val()
         x = np.where(np.isfinite(last), last, x)
         restarts += 1
+        spent = made.scaled.evaluations
+        made = collocation_program(made.scaled.problem, probes=False, padding=PADDING[restarts])
 
 
 def _ipopt(options: ConfirmOptions) -> SolverOptions:

@@ -93,16 +93,18 @@ class CollocationProgram:
     shared: _Shared
 
 
-def program(problem: TrajectoryProblem, *, probes: bool = True) -> MathematicalProgram:
+def program(problem: TrajectoryProblem, *, probes: bool = True, padding: int = 0) -> MathematicalProgram:
     """The problem for Drake's solvers, without an initial guess; its first N Z + P variables are x.
 
     Args:
         problem: the problem. probes: for solvers that show no points, see the module's text.
+        padding: rows that are always 0 and free, per instant. Drake gives SNOPT storage by the number of derivatives,
+            which can be too little (INFO 83): with these it gives more.
     """
-    return collocation_program(problem, probes=probes).program
+    return collocation_program(problem, probes=probes, padding=padding).program
 
 
-def collocation_program(problem: TrajectoryProblem, *, probes: bool) -> CollocationProgram:
+def collocation_program(problem: TrajectoryProblem, *, probes: bool, padding: int = 0) -> CollocationProgram:
     """The same, with its parts."""
     scaled = Scaled(problem)
     shared, made = _Shared(scaled), MathematicalProgram()
@@ -130,6 +132,9 @@ def collocation_program(problem: TrajectoryProblem, *, probes: bool) -> Collocat
         if low.shape[1]:
             made.AddConstraint(partial(_conditions, shared, i), lb=low[i], ub=high[i],
                                vars=np.concatenate([own, slack[:, i]]))
+        if padding:
+            made.AddConstraint(partial(_nothing, padding), lb=np.full(padding, -np.inf), ub=np.full(padding, np.inf),
+                               vars=own)
     for part, own in zip(squared, slack, strict=True):
         line = problem.grid.weights * problem.y_scale[part.output]
         scale = part.weight / problem.cost_scale
@@ -149,6 +154,13 @@ def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
         touched = matrix.indices[matrix.indptr[row]:matrix.indptr[row + 1]]
         groups.setdefault(tuple(np.unique(touched // size).tolist()), []).append(row)
     return [(np.array(rows), np.unique(matrix[rows].indices)) for rows in groups.values()]
+
+
+def _nothing(rows: int, own: np.ndarray) -> np.ndarray:
+    """Rows that are always 0."""
+    if own.dtype != object:
+        return np.zeros(rows)
+    return np.full(rows, AutoDiffXd(0.0, np.zeros(len(own[0].derivatives()))))
 
 
 def _probe(shared: _Shared, instant: int, own: np.ndarray) -> np.ndarray:
