@@ -28,7 +28,10 @@ STORAGE, TIME = 83, 34
 """SNOPT's INFO for too little real storage and for the time limit."""
 PADDING = (0, 20, 60, 180)
 """Rows a program is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
-IPOPT_ENDS = {2: "infeasible", 3: "time"}
+SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
+IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
+LOOSER = 100.0
+"""IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point."""
 PRESSED = 1e-6
 """So near, in its scale, an inequality may press when a point is judged."""
 
@@ -76,13 +79,12 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt",
     x = _first(made, start)
     if solver == "ipopt":
         result = IpoptSolver().Solve(made.program, x, _ipopt(options))
-        code = result.get_solver_details().status
-        status = "optimal" if result.is_success() else IPOPT_ENDS.get(int(code), "failed")
-        message = f"IPOPT ends with status {code} ({result.get_solution_result().name})"
+        details = result.get_solver_details()
+        status = "optimal" if result.is_success() else IPOPT_ENDS.get(int(details.status), "failed")
+        message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
     else:
         result, made, code, restarts = _snopt(made, x, options)
-        status = "optimal" if result.is_success() else ("time" if code == TIME else "failed")
-        status = "infeasible" if 10 < code < 20 else status
+        status = "optimal" if result.is_success() else SNOPT_ENDS.get(code, "failed")
         message = f"SNOPT ends with INFO {code}, {restarts} restarts for storage"
     found = result.get_x_val()[:len(made.variables)]
     found = np.where(np.isfinite(found), found, x[:len(found)])
@@ -136,7 +138,7 @@ def _ipopt(options: ConfirmOptions) -> SolverOptions:
     settings = SolverOptions()
     chosen: dict[str, float | int | str] = {
         "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": options.optimality,
-        "constr_viol_tol": options.feasibility, "acceptable_tol": 100.0 * options.optimality, "acceptable_iter": 5,
+        "constr_viol_tol": options.feasibility, "acceptable_tol": LOOSER * options.optimality, "acceptable_iter": 5,
         "max_wall_time": float(options.time_limit_s), "max_iter": int(options.iterations), "mu_strategy": "monotone"}
     if options.warm:
         chosen |= {"mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7,

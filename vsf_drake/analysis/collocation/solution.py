@@ -27,7 +27,8 @@ class Start:
 
     Attributes:
         z: (N, Z). p: (P,).
-        multipliers: (c,) of all equations, as a solution of the same problem gives them; None if unknown.
+        multipliers: (c,) scaled, of the linear equations and then the instants' equations, as the search that ended
+            here left them, for who wants to know what they press; a search does not begin with them. None if unknown.
     """
 
     z: np.ndarray
