@@ -21,7 +21,7 @@ from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest, positions, swe
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.walk import Walker
 
-SPACING_MM = 8.0
+SPACING_MM = 10.0
 """Of the sweep of each draw; a parabola finds the minimum between (a choice)."""
 
 

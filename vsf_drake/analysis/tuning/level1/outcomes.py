@@ -42,11 +42,16 @@ KINDS = (
     OutcomeKind("socket_moment", "peak moment on the residual limb", "N m/kg"),
     OutcomeKind("force_change", "change of the ground reaction force from the recorded setting, RMS", "BW"),
     OutcomeKind("pelvis_residual", "force at the pelvis that no leg makes, RMS over stance", "BW"))
+ENERGIES = ("stored_energy", "returned_energy")
 NAMES = tuple(kind.name for kind in KINDS)
 
 
-def outcomes(part: TrialTuning, found: WalkOutcome) -> dict[str, float]:
-    """KINDS of one walk; NaN for the energies where the foot has no whole stance."""
+def outcomes(part: TrialTuning, found: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
+    """KINDS of one walk; NaN for stored and returned energy where the foot has no whole stance.
+
+    Args:
+        energies: whether to work these two out, which takes a third of a walk's time; they are NaN else.
+    """
     frame, loads = found.frame, found.loads
     inside = frame.inside > 0.0
     vertical = loads.grf.value[:, 2] / frame.weight_n
@@ -54,7 +59,8 @@ def outcomes(part: TrialTuning, found: WalkOutcome) -> dict[str, float]:
     socket = loads.socket.value[inside]
     residual = np.sum(loads.pelvis**2, axis=1) @ frame.inside / frame.inside.sum()
     numbers = {
-        **_energies(part, found), "push_off_work": -sum(term.value for term in found.terms["push_off"]),
+        **(_energies(part, found) if energies else dict.fromkeys(ENERGIES, float("nan"))),
+        "push_off_work": -sum(term.value for term in found.terms["push_off"]),
         "joint_work_energy": sum(term.value for term in found.terms["metabolic"]),
         "hip_moment": _largest(joints.get("hip_flexion")), "knee_moment": _largest(joints.get("knee_angle")),
         **_vertical(frame, vertical),
@@ -74,8 +80,8 @@ def _energies(part: TrialTuning, found: WalkOutcome) -> dict[str, float]:
     stances = [s for s in find_stances(energy.time_s, energy.vertical_n) if s.complete]
     rows = [stance_energy(energy, stance, foot=part.trial.model.foot, fulcrum_m=float(found.walk.fulcrum_m[0])).row
             for stance in stances]
-    return {f"{name}_energy": float(np.mean([row[f"{name}_j"] for row in rows])) if rows else float("nan")
-            for name in ("stored", "returned")}
+    return {name: float(np.mean([row[name.replace("energy", "j")] for row in rows])) if rows else float("nan")
+            for name in ENERGIES}
 
 
 def _vertical(frame: StanceFrame, vertical: np.ndarray) -> dict[str, float]:

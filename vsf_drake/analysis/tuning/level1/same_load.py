@@ -9,6 +9,7 @@ how a person adapts, and no cost counts it; it tells the direction in which the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -38,16 +39,14 @@ def same_load_outcomes(
         progress: called with the finished fraction.
     """
     found = {kind.name: np.full(fulcrum_mm.shape, np.nan) for kind in KINDS}
-    for i, part in enumerate(tuning.parts):
-        known: dict[float, tuple[float, ...]] = {}
-        for j, position in enumerate(fulcrum_mm[i]):
-            at = float(position)
-            if at not in known:
-                known[at] = _one(part, at)
-            for kind, value in zip(KINDS, known[at], strict=True):
-                found[kind.name][i, j] = value
-        if progress:
-            progress((i + 1) / len(tuning.parts))
+    jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
+    with ThreadPoolExecutor(tuning.workers) as pool:
+        walked = pool.map(lambda job: _one(tuning.parts[job[0]], job[1]), jobs)
+        for k, ((i, at), values) in enumerate(zip(jobs, walked, strict=True)):
+            for kind, value in zip(KINDS, values, strict=True):
+                found[kind.name][i, fulcrum_mm[i] == at] = value
+            if progress:
+                progress((k + 1) / len(jobs))
     return found
 
 

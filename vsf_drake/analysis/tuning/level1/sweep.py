@@ -13,6 +13,9 @@ from vsf_drake.analysis.tuning.level1.outcomes import NAMES, outcomes
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.errors import SimulationError
 
+ENERGY_EVERY = 5
+"""Positions from one with energies to the next: they take long and vary smoothly (a choice)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
@@ -22,7 +25,8 @@ class Sweep:
         fulcrum_mm: (m,). x: (m, P) the settings. step_s: of the walks.
         costs: by name of a cost, the consistency among them, (T, m); NaN where a walk failed.
         terms: of the tuned cost, by name, (T, m). labels: of the terms.
-        outcomes: by name, (T, m); empty where they were not asked for.
+        outcomes: by name, (T, m); empty where they were not asked for. Stored and returned energy are known at every
+            ENERGY_EVERY-th position and the last, NaN between.
         failures: why a walk failed, in words. unconverged: walks with steps that did not converge.
     """
 
@@ -103,7 +107,8 @@ def sweep(
             return f"{part.label} at {settings[job[1], 0]:g} mm: {error}"
         return ({name: sum(term.value for term in own) for name, own in walk.terms.items()},
                 [(term.name, term.label, term.value) for term in tuning.combination.terms(walk.terms)],
-                outcomes(part, walk) if with_outcomes else {}, bool(walk.walk.record.converged.all()))
+                outcomes(part, walk, energies=job[1] % ENERGY_EVERY == 0 or job[1] == len(settings) - 1)
+                if with_outcomes else {}, bool(walk.walk.record.converged.all()))
 
     pool = ThreadPoolExecutor(tuning.workers)
     try:

@@ -163,7 +163,7 @@ def _near(found: Sweep, groups: Sequence, size: float, allowed_bw: float) -> lis
     width = difference(rest[:, near], groups).range
     apart = " without the part of the force's change" if CONSISTENCY in found.terms else ""
     return [f"Where the force stays within {allowed_bw:.0%} body weight of that at the recorded setting, from "
-            f"{low:.0f} to {high:.0f} mm, the cost{apart} changes by {width / size:.1%} of its size."]
+            f"{low:.0f} to {high:.0f} mm, the cost{apart} varies by {width / size:.1%} of its size."]
 
 
 def _gain(gain: float) -> str:
