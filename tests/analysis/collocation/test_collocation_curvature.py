@@ -15,7 +15,7 @@ from vsf_drake.analysis.collocation import (
     confirm,
     solve,
 )
-from vsf_drake.analysis.collocation.curvature import with_curvature
+from vsf_drake.analysis.collocation.curvature import stiffened, with_curvature
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
 from vsf_drake.analysis.collocation.scaled import Scaled
 from vsf_drake.analysis.collocation.step import find_step, slacks
@@ -84,3 +84,38 @@ def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
     curve = np.einsum("nz,nzy,ny->", z, own, z) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p) + p @ shared @ p + squares
     exact = (lagrangian(x + h * way) - 2.0 * lagrangian(x) + lagrangian(x - h * way)) / h**2
     assert curve == pytest.approx(exact, rel=1e-4, abs=1e-6)
+
+
+def test_an_indefinite_hessian_is_recognised_by_its_inertia():
+    """At the top of a cosine the Lagrangian is concave; with enough damping it is not."""
+    problem, start = swing()
+    scaled = Scaled(problem)
+    structure = KktStructure(scaled)
+    at = scaled.linearised(scaled.scaled(start.z + np.array([np.pi, 0.0, 0.0, 0.0]), start.p))
+    step = find_step(scaled, Kkt(structure, at, np.ones(len(at.x))), linear=at.linear, equations=at.equations,
+                     room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
+    exact = with_curvature(scaled, at, step)
+    found = {damping: Kkt(structure, exact, np.full(len(at.x), damping), checked=True) for damping in (1e-6, 1e4)}
+    assert [found[damping].convex for damping in (1e-6, 1e4)] == [False, True]
+    free = np.linalg.svd(found[1e4].matrix().toarray()[structure.variables:, :structure.variables])[2]
+    free = free[np.linalg.matrix_rank(found[1e4].matrix().toarray()[structure.variables:, :structure.variables]):].T
+    for damping, kkt in found.items():
+        reduced = free.T @ kkt.matrix().toarray()[:structure.variables, :structure.variables] @ free
+        assert (np.linalg.eigvalsh(reduced).min() > 0.0) == kkt.convex, damping
+
+
+def test_stiffening_what_presses_leaves_the_step_as_it_is():
+    problem, start = chain(intervals=4)
+    scaled = Scaled(problem)
+    structure, at = KktStructure(scaled), scaled.linearised(scaled.scaled(start.z, start.p))
+    damping = np.full(len(at.x), 1e-2)
+
+    def step_of(here):
+        return find_step(scaled, Kkt(structure, here, damping), linear=at.linear, equations=at.equations,
+                         room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
+
+    plain = step_of(at)
+    assert len(plain.pressed) > 0
+    again = step_of(stiffened(scaled, at, plain))
+    assert again.change == pytest.approx(plain.change, abs=1e-6)
+    assert sorted(again.pressed) == sorted(plain.pressed)

@@ -14,10 +14,17 @@ class Chain:
         edges: for each node its coupling to the next, of the last to the first.
         diagonal: for each node its own block; overwritten. rims: for each its coupling to the border; overwritten.
         corner: the border's own block.
+        counted: whether to count negative eigenvalues, which costs more than the factors.
+
+    Attributes:
+        negative: number of negative eigenvalues of the whole, the sum over the blocks as they are eliminated
+            (Haynsworth 1968); None if not counted.
     """
 
     def __init__(self, nodes: tuple[np.ndarray, ...], border: np.ndarray, edges: list[np.ndarray],
-                 diagonal: list[np.ndarray], rims: list[np.ndarray], corner: np.ndarray) -> None:
+                 diagonal: list[np.ndarray], rims: list[np.ndarray], corner: np.ndarray, *,
+                 counted: bool = False) -> None:
+        self.negative: int | None = 0 if counted else None
         self.nodes, self.border, self.steps, last = nodes, border, [], len(nodes) - 1
         wrap = edges[last].T
         self.wrapped = np.flatnonzero(wrap.any(axis=0))
@@ -32,6 +39,7 @@ class Chain:
             right = np.flatnonzero(edge.any(axis=0))
             rows = np.flatnonzero(edge.any(axis=1))
             near = edge[:, right]
+            self._count(diagonal[j])
             factor, pivots, _ = dgetrf(diagonal[j], overwrite_a=1)
             coupled = np.concatenate([near, far, rims[j]], axis=1)
             gone, _ = dgetrs(factor, pivots, coupled)
@@ -50,7 +58,12 @@ class Chain:
                 tail[np.ix_(right, ends)] -= change[:, split[0]:]
                 tail[np.ix_(ends, right)] -= change[:, split[0]:].T
             self.steps.append((factor, pivots, gone, coupled, right, ends))
+        self._count(tail)
         self.tail = dgetrf(tail, overwrite_a=1)[:2]
+
+    def _count(self, block: np.ndarray) -> None:
+        if self.negative is not None and np.isfinite(block).all():
+            self.negative += int((np.linalg.eigvalsh(block) < 0.0).sum())
 
     def solve(self, rights: np.ndarray) -> np.ndarray:
         """(size, r) unknowns."""

@@ -13,10 +13,12 @@ import dataclasses
 import numpy as np
 
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
-from vsf_drake.analysis.collocation.step import Step
+from vsf_drake.analysis.collocation.step import Step, normals, slacks
 
 STEP = 1e-6
 """Of the scaled variables, for forward differences of derivatives that are exact to rounding."""
+STIFF = 10.0
+"""How much stiffer than the stiffest variable a bound or limit is that presses."""
 
 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
@@ -48,6 +50,23 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     own += 0.5 * (rest + rest.transpose(0, 2, 1))
     hessian = own, mixed + cross, 0.5 * (shared + shared.T)
     return at if not all(np.isfinite(part).all() for part in hessian) else dataclasses.replace(at, hessian=hessian)
+
+
+def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
+    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing.
+
+    It makes the Hessian convex across bounds and limits that hold, so that only directions that are free must be so.
+    """
+    if not len(step.pressed):
+        return at
+    own, mixed, shared = (part.copy() for part in at.hessian)
+    across, room = normals(scaled, at, step.pressed), slacks(scaled, at)[step.pressed]
+    weight = STIFF * max(np.abs(np.einsum("nzz->nz", own)).max(initial=0.0), np.abs(np.diag(shared)).max(initial=0.0))
+    by_z, by_p = across[:scaled.count].reshape(*scaled.shape, len(room)), across[scaled.count:]
+    own += weight * (by_z @ by_z.transpose(0, 2, 1))
+    mixed += weight * (by_z @ by_p.T)
+    shared += weight * (by_p @ by_p.T)
+    return dataclasses.replace(at, hessian=(own, mixed, shared), gradient=at.gradient + weight * (across @ room))
 
 
 def _pulled(scaled: Scaled, x: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

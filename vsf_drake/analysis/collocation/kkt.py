@@ -103,15 +103,22 @@ class KktStructure:
 
 
 class Kkt:
-    """One KKT matrix: made from a linearisation and the damping (N Z + P,) of the scaled variables."""
+    """One KKT matrix: made from a linearisation and the damping (N Z + P,) of the scaled variables.
 
-    def __init__(self, structure: KktStructure, at: Linearised, damping: np.ndarray) -> None:
+    Attributes:
+        convex: whether the Hessian is positive where the linearised equations hold: exactly as many eigenvalues of the
+            matrix are negative as there are equations and totals. Taken for granted unless it is to be `checked`.
+    """
+
+    def __init__(self, structure: KktStructure, at: Linearised, damping: np.ndarray, *, checked: bool = False) -> None:
         self.structure, self.at, self.damping = structure, at, damping
         self.shape_z = structure.scaled.shape
         self._whole = None
         self.largest = max(1.0, np.abs(at.hessian[0]).max(initial=0.0), np.abs(at.by_z).max(initial=0.0))
         self._chain = None if structure.many == 1 else Chain(
-            structure.layers.nodes, structure.layers.border, structure.edges, *self._blocks())
+            structure.layers.nodes, structure.layers.border, structure.edges, *self._blocks(), counted=checked)
+        self.convex = not checked or structure.size - structure.variables == (
+            (np.linalg.eigvalsh(self.matrix().toarray()) < 0.0).sum() if self._chain is None else self._chain.negative)
 
     @property
     def uses_chain(self) -> bool:

@@ -17,7 +17,8 @@ class CollocationOptions:
         iterations: most iterations. time_limit_s: most wall time, s; checked once an iteration.
         violation: largest violation of any equation or limit of a solution.
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
-        step: largest change of a scaled variable that the next step would still make.
+        step: largest change of a scaled variable that the next step would still make, unless
+        gain: that step would lower the cost by less than this part of 1 + the cost, scaled.
         damping: first Levenberg damping of the scaled step. least_damping, most_damping: its range.
         curvature: "gauss_newton", "exact" (Hessian of the Lagrangian by differences, Z + P more linearisations an
             iteration) or "auto": exact once Gauss-Newton has become slow near a solution.
@@ -32,6 +33,7 @@ class CollocationOptions:
     violation: float = 1e-8
     optimality: float = 1e-6
     step: float = 1e-5
+    gain: float = 1e-11
     damping: float = 1e-3
     least_damping: float = 1e-9
     most_damping: float = 1e6
@@ -45,8 +47,8 @@ class CollocationOptions:
         if self.curvature not in CURVATURES:
             raise InputError(f"{self.curvature!r} is none", where="curvature",
                              right=f"There are: {', '.join(CURVATURES)}")
-        for name in ("time_limit_s", "violation", "optimality", "step", "damping", "least_damping", "most_damping",
-                     "inequality_weight"):
+        for name in ("time_limit_s", "violation", "optimality", "step", "gain", "damping", "least_damping",
+                     "most_damping", "inequality_weight"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
                 raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0")

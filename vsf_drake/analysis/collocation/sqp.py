@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.curvature import with_curvature
+from vsf_drake.analysis.collocation.curvature import stiffened, with_curvature
 from vsf_drake.analysis.collocation.finish import finished
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
 from vsf_drake.analysis.collocation.merit import Merit, optimality, violations, worst
@@ -30,9 +30,10 @@ from vsf_drake.analysis.collocation.threads import one_thread
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
 WASTED, LOST = 30, 1e10
-SLOW, NEAR, WAIT = 4, 1e-2, 5
+SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
 """Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
-residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations."""
+residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
+often the damping grows tenfold to make the exact Hessian convex."""
 FLAT = 1e-3
 """Damping of a variable that hardly enters the cost, as a part of what it is for the average variable."""
 
@@ -90,7 +91,7 @@ class _Search:
             change = np.abs(step.change).max(initial=0.0)
             self._note(number, broken, step)
             if broken <= options.violation and self.optimality <= options.optimality and (
-                    change <= options.step or abs(step.predicted) <= NOISE * (1.0 + abs(self.at.cost))):
+                    change <= options.step or abs(step.predicted) <= options.gain * (1.0 + abs(self.at.cost))):
                 return "optimal", "first-order conditions hold"
             least, since = (broken, 0) if broken < 0.9 * least else (least, since + 1)
             lost = broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST)
@@ -118,11 +119,15 @@ class _Search:
             if not self.exact:
                 self.exact, self.before = True, self.damping
                 self.damping = min(self.damping, self.options.damping)
-            kkt, step = self._found(with_curvature(self.scaled, self.at, self.step))
-            if step.curved > 0.0:
-                return kkt, step
+            at = stiffened(self.scaled, with_curvature(self.scaled, self.at, self.step), self.step)
+            for _ in range(SHIFTS):
+                kkt = self._kkt(at, checked=True)
+                if kkt.convex:
+                    return kkt, self._step(kkt)
+                self.damping = min(10.0 * max(self.damping, 1e-4), self.options.most_damping)
             self._mislead()
-        return self._found(self.at)
+        kkt = self._kkt(self.at, checked=False)
+        return kkt, self._step(kkt)
 
     def _wants_curvature(self) -> bool:
         past, wanted = self.history, self.options.curvature
@@ -134,19 +139,21 @@ class _Search:
 
     def _mislead(self) -> None:
         """Curvature did no good here: none for some iterations."""
-        self.exact, self.resume, self.damping = False, len(self.history) + WAIT, max(self.before, self.damping)
+        self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
 
-    def _found(self, at: Linearised) -> tuple[Kkt, Step]:
+    def _kkt(self, at: Linearised, *, checked: bool) -> Kkt:
         own, _, shared = self.at.hessian  # Gauss-Newton's: never negative
         curve = np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]) / self.share
         self.curve = np.maximum(self.curve, curve)
         usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
         shape = self.share * np.clip(self.curve, FLAT * usual, usual)
-        kkt = Kkt(self.structure, at, self.damping * shape)
+        return Kkt(self.structure, at, self.damping * shape, checked=checked)
+
+    def _step(self, kkt: Kkt) -> Step:
         step = find_step(self.scaled, kkt, linear=self.at.linear, equations=self.at.equations,
                          room=slacks(self.scaled, self.at), likely=self.likely, weight=self.options.inequality_weight)
         self.likely, self.step = step.pressed, step
-        return kkt, step
+        return step
 
     def _advance(self, kkt: Kkt, step: Step) -> bool:
         """Moves to a better point, with more damping until there is one."""

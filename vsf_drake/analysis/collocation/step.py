@@ -28,7 +28,6 @@ class Step:
         pressed: indices of inequalities (see `slacks`) with a multiplier, and pressure: those, > 0.
         pull: (N Z + P,) what the inequalities add to the gradient of the Lagrangian.
         predicted: decrease of the cost in the quadratic model, without damping.
-        curved: second derivative of the model along the step, damping included.
         elastic: whether some limit could not be held.
     """
 
@@ -38,7 +37,6 @@ class Step:
     pressure: np.ndarray
     pull: np.ndarray
     predicted: float
-    curved: float
     elastic: bool
 
 
@@ -127,7 +125,7 @@ def find_step(scaled: Scaled, kkt: Kkt, *, linear: np.ndarray, equations: np.nda
     return Step(change=change, multipliers=found[n:n + kkt.structure.conditions], pressed=which[held],
                 pressure=pressure[held], pull=-lines[:, held] @ pressure[held],
                 predicted=float(-at.gradient @ change - 0.5 * curved),
-                curved=float(curved + kkt.damping @ change**2), elastic=bool((pressure >= 0.999 * weight).any()))
+                elastic=bool((pressure >= 0.999 * weight).any()))
 
 
 def _sharpened(kkt: Kkt, aim: np.ndarray, lines: np.ndarray, ways: np.ndarray, pressure: np.ndarray,
