@@ -148,3 +148,12 @@ def test_folders_and_tables_of_other_things_are_refused(tmp_path):
         remake_schedule(tmp_path)
     with pytest.raises(ValueError, match="lacks cost_name"):
         write_schedule(tmp_path / "out", {"tasks": []})
+
+
+def test_what_only_holds_to_the_recording_is_no_gain_of_adaptability():
+    """Without it the costs are 1.5 at the tasks' own settings and 1.47 with one for all: 0.03 BW less, 2 %."""
+    table = made_schedule()
+    for row in table["tasks"]:
+        row |= {"rest": 1.5, "rest_common": 1.47}
+    assert "one setting for all costs 0.03 BW LESS on average (2 %)." in " ".join(schedule_words(table))
+    assert "holds to the recording" not in " ".join(schedule_words(made_schedule()))

@@ -33,6 +33,20 @@ def test_savings_are_those_of_the_parabola():
     assert "another recorded one (108 mm)" in words
 
 
+def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
+    """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting is the best."""
+    sweep = [row | {"terms": {"knee": 1.0 + 1e-3 * (row["fulcrum_mm"] - 66.0),
+                              "consistency": row["cost"] - 1.0 - 1e-3 * (row["fulcrum_mm"] - 66.0)}}
+             for row in made_table()["sweep"]]
+    terms = [{"name": "knee", "label": "intact knee", "value": 1.0382, "share": 0.5},
+             {"name": "consistency", "label": "change of the force", "value": 2.0 - 1.0382, "share": 0.5}]
+    words = said(sweep=sweep, terms=terms, recorded_mm=[])
+    assert "12.7 % less than at the softest setting" in words
+    assert ('Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
+            "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm).") in words
+    assert "Without" not in said()
+
+
 def test_setting_interval_and_cost_are_named():
     words = said()
     assert f"the fulcrum at {BEST_MM:.1f} mm has the least cost: 2 BW (load of the intact knee)." in words
@@ -49,6 +63,9 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
 
 def test_without_an_uncertainty_of_the_cost_the_outcomes_decide():
     rest = matters(False)[1:]
+    told = made_table()["outcomes"][0]
+    assert "changes by 0.4374 BW, more than its uncertainty (± 0.05 BW)." in said(outcomes=[told | {"sentence": ""}])
+    assert told["sentence"] in said()
     assert f"{HARDLY}: none of the outcomes" in said(outcomes=rest)
     assert HARDLY not in said(outcomes=[rest[0] | {"matters": True}, rest[1]])
     assert "not known" in said(outcomes=[]), "nothing was compared with an uncertainty"

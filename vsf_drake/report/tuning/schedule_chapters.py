@@ -89,6 +89,8 @@ def policy_grid(table: Mapping[str, Any]) -> Grid:
         Column(key="cost", heading=f"cost ({unit})", form="{:.4g}"),
         Column(key="cost_common", heading=f"cost with one for all ({unit})", form="{:.4g}"),
         Column(key="excess", heading=f"more ({'%' if relative else unit})", form="{:.2f}"),
+        Column(key="rest", heading=f"cost that does not hold to the recording ({unit})", form="{:.4g}"),
+        Column(key="rest_common", heading=f"the same with one for all ({unit})", form="{:.4g}"),
         Column(key="told", heading="own setting matters"), Column(key="of", heading="trials"),
         Column(key="status", heading="how it ended")],
         caption=f"The policy: {table['cost_label']}, a row a task. Own setting matters: whether the task's cost is "

@@ -43,8 +43,9 @@ def write_schedule(folder: str | Path, table: Mapping[str, Any]) -> dict[str, An
     """Writes policy.json, policy.csv, report.html, and a file for every figure and table.
 
     Args:
-        table: of `policy_table`, with KEYS, and for every task `trials` (labels) and `sweep` (lists of `fulcrum_mm` and
-            `cost`).
+        table: of `policy_table`, with KEYS, and for every task `trials` (labels), `sweep` (lists of `fulcrum_mm` and
+            `cost`), and if known `rest`, `rest_common`: its cost at its own setting and at the one for all, without
+            terms that only hold to the recording.
 
     Returns:
         What policy.json holds.

@@ -17,6 +17,8 @@ KEYS = (
     "starts", "checks", "tasks", "common_fulcrum_mm", "pareto", "pareto_names", "robustness", "trials", "synthetic",
     "notes", "wall_s", "provenance")
 """All of them are always there."""
+HOLDING = ("consistency", "deviation")
+"""Terms of a cost that only hold it to the recording, by name: what they add says nothing of the person's gain."""
 COST = "cost"
 """Name of the outcome that is the cost itself, where a backend tells its uncertainty."""
 
@@ -55,6 +57,22 @@ def cost_at(table: Mapping[str, Any], fulcrum_mm: float) -> float | None:
     if not len(x) or not x[0] <= fulcrum_mm <= x[-1]:
         return None
     return float(np.interp(fulcrum_mm, x, y))
+
+
+def holding_terms(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The terms of HOLDING, if the cost has others besides and both are known over the range; else none."""
+    found = [row for row in table["terms"] if row["name"] in HOLDING and row["value"] is not None]
+    count = len(swept(table)[0])
+    known = all(len(swept_part(table, "terms", row["name"])[0]) == count for row in found)
+    return found if count and known and len(found) < len(table["terms"]) else []
+
+
+def rest_at(table: Mapping[str, Any], fulcrum_mm: float) -> float | None:
+    """The cost without `holding_terms` at a position, as `cost_at`; None without such terms."""
+    there, holding = cost_at(table, fulcrum_mm), holding_terms(table)
+    if there is None or not holding:
+        return None
+    return there - sum(float(np.interp(fulcrum_mm, *swept_part(table, "terms", row["name"]))) for row in holding)
 
 
 def recorded_positions(table: Mapping[str, Any]) -> list[float]:

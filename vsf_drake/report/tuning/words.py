@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from vsf_drake.report.tuning.table import cost_at, cost_outcome, recorded_positions, swept
+from vsf_drake.report.tuning.table import (
+    cost_at,
+    cost_outcome,
+    holding_terms,
+    recorded_positions,
+    rest_at,
+    swept,
+)
 
 NOT_OPTIMAL, HARDLY = "NOT OPTIMAL", "THE SETTING HARDLY MATTERS"
 _NEAR_MM = 0.05
@@ -74,11 +81,13 @@ def worth_words(table: Mapping[str, Any]) -> list[str]:
     if row is not None and row["matters"] is not None and len(costs):
         size = quantity(float(costs.max() - costs.min()), table["cost_unit"])
         known = "" if row["uncertainty"] is None else f" (± {quantity(row['uncertainty'], table['cost_unit'])})"
-        said.append(f"Over the whole range the cost changes by {size}, which is more than its uncertainty{known}."
-                    if row["matters"] else
-                    f"{HARDLY} for this cost: over the whole range it changes by {size}, which is too little to be "
-                    f"told from its uncertainty{known} or from nothing.")
-        said += [row["sentence"]] if row["sentence"] else []
+        if not row["matters"]:
+            said.append(f"{HARDLY} for this cost: over the whole range it changes by {size}, which is too little to be "
+                        f"told from its uncertainty{known} or from nothing.")
+        elif not row["sentence"]:
+            said.append(f"Over the whole range the cost changes by {size}, more than its uncertainty{known}.")
+    if row is not None and row["sentence"]:
+        said.append(row["sentence"])
     others = [other for other in table["outcomes"] if other is not row]
     names = {kind: [other["label"] for other in others if other["matters"] is kind] for kind in (True, False, None)}
     if row is None and others and not names[True] and not names[None]:
@@ -106,31 +115,43 @@ def millimetres(value: float) -> str:
 
 
 def _better_words(table: Mapping[str, Any]) -> list[str]:
-    x, y = swept(table)
+    """Against the ends and the recorded settings: the whole cost, and without what only holds to the recording."""
+    whole = _compared(table, lambda mm: cost_at(table, mm), table["cost"])
+    holding = holding_terms(table)
+    if not whole or not holding:
+        return whole
+    own = table["cost"] - sum(row["value"] for row in holding)
+    names = " and ".join(f"\"{row['label']}\"" for row in holding)
+    without = _compared(table, lambda mm: rest_at(table, mm), own)[-1].removeprefix("That is ")
+    return [*whole, f"Without {names}, the part of the cost that only holds to the recording, it is {without}"]
+
+
+def _compared(table: Mapping[str, Any], cost: Callable[[float], float | None], own: float) -> list[str]:
+    """`own`, a cost at the optimum, against that at the ends and at recorded settings."""
+    x, _ = swept(table)
     if not len(x):
         return []
     recorded = recorded_positions(table)
-    places = [("the softest setting", float(x[0]), float(y[0])), ("the stiffest", float(x[-1]), float(y[-1]))]
-    for mm in recorded:
-        there = cost_at(table, mm)
-        if there is not None and mm not in (x[0], x[-1]):
-            places.append(("the recorded setting" if len(recorded) == 1 else "another recorded one", mm, there))
-    parts = []
-    for name, mm, there in places:
+    places = [("the softest setting", float(x[0])), ("the stiffest", float(x[-1])),
+              *(("the recorded setting" if len(recorded) == 1 else "another recorded one", mm) for mm in recorded
+                if x[0] < mm < x[-1])]
+    parts, same = [], []
+    for name, mm in places:
+        there = cost(mm)
         if abs(mm - table["fulcrum_mm"]) < _NEAR_MM:
-            continue
-        where = f"{mm:g} mm, also recorded" if mm in recorded and "recorded" not in name else f"{mm:g} mm"
-        parts.append(f"{_less(there, table)} than at {name} ({where})")
-    same = [f"It is {name} itself." for name, mm, _ in places if abs(mm - table["fulcrum_mm"]) < _NEAR_MM]
-    return [" ".join([*same, f"That is {_listed(parts)}."])]
+            same.append(f"It is {name} itself.")
+        elif there is not None:
+            where = f"{mm:g} mm, also recorded" if mm in recorded and "recorded" not in name else f"{mm:g} mm"
+            parts.append(f"{_less(there, own, table['cost_unit'])} than at {name} ({where})")
+    return [*same, *([f"That is {_listed(parts)}."] if parts else [])]
 
 
-def _less(there: float, table: Mapping[str, Any]) -> str:
-    saved = there - table["cost"]
+def _less(there: float, own: float, unit: str) -> str:
+    saved = there - own
     word = "less" if saved >= 0.0 else "MORE"
-    if there > 0.0 and table["cost"] > 0.0:
+    if there > 0.0 and own > 0.0:
         return f"{100.0 * abs(saved) / there:.1f} % {word}"
-    return f"{quantity(abs(saved), table['cost_unit'])} {word}"
+    return f"{quantity(abs(saved), unit)} {word}"
 
 
 def _bound_words(table: Mapping[str, Any]) -> list[str]:

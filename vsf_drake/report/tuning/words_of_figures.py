@@ -9,7 +9,7 @@ import numpy as np
 
 from vsf_drake.report.tuning.choices_figure import excess
 from vsf_drake.report.tuning.outcomes_figure import shown_outcomes
-from vsf_drake.report.tuning.table import swept, swept_part
+from vsf_drake.report.tuning.table import holding_terms, swept, swept_part
 from vsf_drake.report.tuning.words import NOT_OPTIMAL, quantity
 
 
@@ -46,7 +46,22 @@ def tasks_words(table: Mapping[str, Any]) -> str:
     return (f"The tasks' own settings lie between {min(settings):.1f} and {max(settings):.1f} mm. One setting for all "
             f"({table['common_fulcrum_mm']:.1f} mm) costs {quantity(float(np.mean(lost)), unit)} more on average and "
             f"{quantity(max(lost), unit)} at most: this is all that changing the setting from task to task can buy "
-            "here.")
+            f"here.{_rest_words(table)}")
+
+
+def _rest_words(table: Mapping[str, Any]) -> str:
+    """What of it is no gain of the person, because a term of the cost only holds to the recording."""
+    pairs = [(row["rest"], row["rest_common"]) for row in table["tasks"]
+             if row.get("rest") is not None and row.get("rest_common") is not None]
+    if pairs:
+        more = float(np.mean([common - own for own, common in pairs]))
+        size = float(np.mean([abs(own) for own, _ in pairs])) or 1.0
+        return (f" Without the part of the cost that only holds to the recording, one setting for all costs "
+                f"{quantity(abs(more), table['cost_unit'])} {'more' if more >= 0.0 else 'LESS'} on average "
+                f"({100.0 * abs(more) / size:.2g} %).")
+    if holding_terms({"terms": [], "sweep": [], **table}):
+        return " That counts the part of the cost that only holds to the recording, which is no gain of the person."
+    return ""
 
 
 def tasks_alt(table: Mapping[str, Any]) -> str:
