@@ -8,6 +8,8 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -16,7 +18,8 @@ from command_line import exit_code, read_json
 from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
 from sweep_files import copied
 
-from vsf_drake.cli import tune_run
+from vsf_drake.analysis.tuning import level2
+from vsf_drake.cli import tune, tune_run
 from vsf_drake.errors import InputError
 from vsf_drake.resources import resource
 
@@ -154,6 +157,47 @@ def test_mistakes_of_the_analysis_are_named_as_the_command_line_names_them(run, 
     code, _, err = run("tune", LOW, "--contact", CONTACT, "--out", tmp_path / "out")
     assert code == 2
     assert "error: --fulcrum-range: 60 to 151 mm is out of the carriage's reach. Stay inside" in err
+
+
+def test_level_2_gets_its_options_and_tells_its_iterations(run, tmp_path, monkeypatch):
+    """A made-up stride in place of the real one: what the command hands over, and what it makes of what comes back."""
+    seen = {}
+
+    class Solved:
+        def table(self):
+            return small_table(level=2)
+
+        def arrays(self):
+            return {}
+
+    class Stride:
+        def __init__(self, trials, *, cost, options, labels):
+            seen.update(trials=len(trials), cost=cost, options=options, labels=labels)
+
+        def solve(self, *, progress, warm_start):
+            progress("tracking, smoothing 1 of 4", 0.1, SimpleNamespace(number=7, cost=0.25))
+            progress("66 mm, cold", 0.2, None)
+            seen["warm"] = warm_start
+            return Solved()
+
+    monkeypatch.setattr(level2, "StrideTuning", Stride, raising=False)
+    said = []
+    monkeypatch.setattr(tune, "progress", lambda: nullcontext(lambda what, share: said.append(what)))
+    code, out, _ = run("tune", LOW, "--contact", CONTACT, "--level", "2", "--cost", "metabolic", "--intervals", "30",
+                       "--method", "trapezoidal", "--design", "alignment", "--fulcrum-range", "70", "140", "--quick",
+                       "--out", tmp_path / "out")
+    assert code == 0 and "whose gait is optimised together with the setting (level 2)" in out
+    options = seen["options"]
+    assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (1, "metabolic", ("low_2",), None)
+    assert (options.intervals, options.method, options.design) == (30, "trapezoidal", ("alignment_rad",))
+    assert (options.bounds_mm, options.starts, options.confirm) == ((70.0, 140.0), 1, ())
+    assert said[:2] == ["tracking, smoothing 1 of 4, iteration 7, cost 0.25", "66 mm, cold"]
+
+
+def test_without_a_trial_level_2_takes_one_embedded_stride(run, tmp_path, made):
+    assert run("tune", "--level", "2", "--out", tmp_path / "out")[0] == 0
+    given, options, _ = made["calls"][0]
+    assert (given.labels, options.level) == (("medium_2",), 2)
 
 
 MISTAKES = [

@@ -18,7 +18,9 @@ Show = Callable[[str, float], None]
 Tuned = tuple[dict[str, Any], dict[str, np.ndarray]]
 """Table and arrays, of a tuning that ended well or not."""
 INTERRUPTED = "interrupted"
-_QUICK_SWEEP_MM = 5.0
+_QUICK_SWEEP_MM, _QUICK_INTERVALS, _QUICK_POSITIONS = 5.0, 20, 5
+_DESIGN_OF_STRIDE = {"alignment": "alignment_rad"}
+"""By what the stride's model calls it, where that differs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,5 +88,27 @@ def _motion_given(
 def _motion_free(
     given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
 ) -> Tuned:
-    """Level 2."""
-    raise InputError("is not available in this version", where="--level", right="Give --level 1")
+    """Level 2: `StrideTuning(trials, cost=, options=, labels=).solve(progress=, warm_start=)`."""
+    from vsf_drake.analysis.tuning import level2
+    from vsf_drake.analysis.tuning.level2.options import StrideOptions
+
+    tuning = getattr(level2, "StrideTuning", None)
+    if tuning is None:
+        raise InputError("is not available in this version", where="--level", right="Give --level 1")
+    if options.pareto is not None:
+        raise InputError("is an option of level 1", where="--pareto", right="Leave it out, or give --level 1")
+    chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
+                              "method": options.method, "intervals": options.intervals}
+    if options.quick:
+        chosen = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": ()} | {
+            name: value for name, value in chosen.items() if value is not None}
+    problem = tuning(given.trials, cost=options.cost, labels=given.labels, options=StrideOptions(
+        design=tuple(_DESIGN_OF_STRIDE.get(name, name) for name in options.design),
+        **{name: value for name, value in chosen.items() if value is not None}))
+
+    def told(what: str, fraction: float, iteration: Any = None) -> None:
+        best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
+        show(f"{what}{best}", fraction)
+
+    solution = problem.solve(progress=told, warm_start=None if warm is None else warm.arrays)
+    return solution.table(), solution.arrays()
