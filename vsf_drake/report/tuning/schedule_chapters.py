@@ -54,7 +54,7 @@ def schedule_words(table: Mapping[str, Any]) -> list[str]:
         said += [f"Known to need a setting of its own: {', '.join(told) or 'none'}."]
         said += [f"Not told from the one setting for all: {', '.join(same)}."] if same else []
     else:
-        said.append("Whether any task needs a setting of its own is not known: that of the cost is not.")
+        said.append("Whether any task needs a setting of its own is not known: its trials do not tell.")
     return said
 
 
