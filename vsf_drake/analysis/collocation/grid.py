@@ -121,7 +121,7 @@ class Grid:
         for by_value, value, by_rate, rate, carry, gain in parts:
             matrices.append(sp.kron(by_value, _pick(layout, value)) + sp.kron(by_rate, _pick(layout, rate)))
             rights.append(-np.outer(carry, gain).ravel())
-        difference = self._difference()
+        difference = self.rates()
         eye = sp.identity(self.instants, format="csr")
         matrices.append(sp.kron(eye, _pick(layout, layout.u)) - sp.kron(difference, _pick(layout, layout.w)))
         rights.append(np.zeros(self.instants * layout.k))
@@ -146,7 +146,7 @@ class Grid:
                     carried[row] += values[offset] * wrapped
         return (by_x.tocsr(), by_r.tocsr()), carried
 
-    def _difference(self) -> sp.csr_matrix:
+    def rates(self) -> sp.csr_matrix:
         """(N, N) rates of a series over the instants."""
         count, step = self.instants, self.step_s
         matrix = sp.lil_matrix((count, count))

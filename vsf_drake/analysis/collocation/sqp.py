@@ -29,7 +29,9 @@ from vsf_drake.analysis.collocation.threads import one_thread
 
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
-WASTED, LOST = 30, 1e10
+WASTED, LOST, NEAR = 30, 1e10, 1e-3
+"""A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
+as it must where it begins on the equations and trades them for the cost."""
 SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
 """Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
 residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
@@ -93,7 +95,7 @@ class _Search:
             if broken <= options.violation and self.optimality <= options.optimality and (
                     change <= options.step or abs(step.predicted) <= options.gain * (1.0 + abs(self.at.cost))):
                 return "optimal", "first-order conditions hold"
-            least, since = (broken, 0) if broken < 0.9 * least else (least, since + 1)
+            least, since = (broken, 0) if broken < max(0.9 * least, NEAR) else (least, since + 1)
             lost = broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST)
             if lost:
                 return self._stuck("the violation no longer falls")

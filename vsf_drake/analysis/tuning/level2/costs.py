@@ -1,0 +1,159 @@
+"""Costs of a stride as terms of a trajectory problem.
+
+    joint_load   1/T int sum_j (tau_j / (m g L))^2 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five
+                 sagittal joints, F and M of the socket on the residual limb; without unit
+    metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg a stride: the efficiencies of positive and negative
+                 muscle work (Margaria 1968), applied to joints
+    push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's wrench at the motion
+                 of the residual shank
+    deviation    1/T int mean of the squares of (q - q_rec) / scale and (F - F_rec) / scale, centre of pressure
+                 included, and a little of that of the accelerations, which else alternate from instant to instant
+    tracking     the deviation, and a little joint_load
+
+A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation. P+ = (P +
+sqrt(P^2 + e^2) - e) / 2, P- likewise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.collocation.terms import Convex, Curve, Residuals
+from vsf_drake.analysis.tuning.level2.function import StrideFunction
+from vsf_drake.analysis.tuning.level2.options import StrideOptions
+from vsf_drake.analysis.tuning.level2.reference import StrideReference
+from vsf_drake.simulation.sagittal.model import SOCKET
+
+POSITIVE, NEGATIVE = 0.25, 1.2
+"""Efficiencies of positive and negative muscle work (Margaria 1968)."""
+LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
+          "push_off": "push-off work, negative", "tracking": "deviation from the recording",
+          "deviation": "deviation from the recording"}
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Parts of a cost, ready for a problem."""
+
+    residuals: tuple[Residuals, ...] = ()
+    convex: tuple[Convex, ...] = ()
+
+    def __add__(self, other: Terms) -> Terms:
+        return Terms(self.residuals + other.residuals, self.convex + other.convex)
+
+    def value(self, y: np.ndarray, weights_s: np.ndarray) -> float:
+        """The cost of the outputs y (N, m) with the quadrature `weights_s` (N,)."""
+        total = 0.0
+        for part in self.residuals:
+            left = y[:, list(part.outputs)] - part.target
+            total += 0.5 * float(weights_s @ np.sum(np.broadcast_to(part.weight, left.shape) * left * left, axis=1))
+        for part in self.convex:
+            total += float(weights_s @ (part.weight * part.function(y[:, part.output])[0]))
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class StrideCosts:
+    """Costs of one person's stride.
+
+    Attributes:
+        mass_kg, weight_n, leg_m: by which costs are normalised. duration_s: of the stride.
+    """
+
+    function: StrideFunction
+    reference: StrideReference
+    options: StrideOptions
+    mass_kg: float
+    weight_n: float
+    leg_m: float
+    duration_s: float
+
+    def of(self, name: str, factor: float = 1.0) -> Terms:
+        """Terms of a cost by its name, times `factor`."""
+        return {"joint_load": self._joint_load, "metabolic": self._metabolic, "push_off": self._push_off,
+                "deviation": self._deviation, "tracking": self._tracking}[name](factor)
+
+    def whole(self, cost: str, sizes: Mapping[str, float]) -> dict[str, Terms]:
+        """The terms that are minimised for `cost`, by name.
+
+        Args:
+            sizes: of the costs in the tracked stride.
+        """
+        if cost == "tracking":
+            return {"tracking": self.of("tracking")}
+        weights = self.options.weights if cost == "weighted" else {cost: 1.0}
+        every = sum(weights.values())
+        parts = {name: self.of(name, weight / every / abs(sizes[name])) for name, weight in weights.items() if weight}
+        return parts | {"deviation": self.of("deviation", self.options.deviation_weight)}
+
+    def _joint_load(self, factor: float, name: str = "joint_load") -> Terms:
+        moment = self.weight_n * self.leg_m
+        torques = self.function.starting_with("torque_")
+        socket = self.function.index(*(f"force_{axis}" for axis in SOCKET))
+        scale = np.array([self.weight_n, self.weight_n, moment])
+        each = 2.0 * factor / self.duration_s
+        return Terms((Residuals(outputs=torques, weight=each / moment**2, name=name),
+                      Residuals(outputs=socket, weight=each * self.options.socket_weight / scale**2, name=name)))
+
+    def _metabolic(self, factor: float) -> Terms:
+        curve = _work(self.options.smooth_power_w)
+        return Terms(convex=tuple(Convex(output=i, function=curve, weight=factor / self.mass_kg, name="metabolic")
+                                  for i in self.function.starting_with("power_")))
+
+    def _push_off(self, factor: float) -> Terms:
+        (power,) = self.function.index("prosthesis_power")
+        return Terms(convex=(Convex(output=power, function=_gained(self.options.smooth_power_w),
+                                    weight=factor / self.mass_kg * self.reference.late, name="push_off"),))
+
+    def _deviation(self, factor: float, name: str = "deviation") -> Terms:
+        options, reference = self.options, self.reference
+        n = self.function.layout.n
+        scale = np.full(n, np.radians(options.angle_deg))
+        scale[1:3] = options.place_m
+        each = 2.0 * factor / self.duration_s
+        found = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
+                           weight=0.5 * each / n / scale**2, name=name)]
+        fast = np.full(n, options.acceleration_rad_per_s2)
+        fast[1:3] = options.acceleration_m_per_s2
+        found.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
+                               weight=each * options.acceleration_weight / n / fast**2, name=name))
+        for foot, force in reference.force.items():
+            outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
+            scales = self.weight_n * np.array([options.force_bw, options.force_bw, options.cop_m])
+            found.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
+                                   weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
+                                   / scales**2, name=name))
+        return Terms(tuple(found))
+
+    def _tracking(self, factor: float) -> Terms:
+        return (self._deviation(factor, "deviation")
+                + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD, "joint_load"))
+
+
+TYPICAL_LOAD = 0.05
+"""Size of joint_load in walking, to which `torque_weight` refers."""
+
+
+def _work(smooth_w: float) -> Curve:
+    """P+ / POSITIVE + P- / NEGATIVE and its derivatives by the power."""
+    mean, difference = 0.5 * (1.0 / POSITIVE + 1.0 / NEGATIVE), 0.5 * (1.0 / POSITIVE - 1.0 / NEGATIVE)
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return (mean * (root - smooth_w) + difference * power, mean * power / root + difference,
+                mean * smooth_w**2 / root**3)
+
+    return curve
+
+
+def _gained(smooth_w: float) -> Curve:
+    """-P+ and its slope; that it is concave is left out of the curvature."""
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return -0.5 * (power + root - smooth_w), -0.5 * (1.0 + power / root), np.zeros_like(power)
+
+    return curve

@@ -1,0 +1,140 @@
+"""Solving a stride: tracked through the stages of smoothing, at fixed positions of the fulcrum, and with it free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vsf_drake.analysis.collocation.grid import Grid
+from vsf_drake.analysis.collocation.options import CollocationOptions
+from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.analysis.collocation.sqp import solve
+from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms
+from vsf_drake.analysis.tuning.level2.stride import MM, Stride
+from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
+
+Progress = Callable[[str, float, Iteration | None], None]
+"""Called with what is being solved, the finished fraction, and the last iteration."""
+PASSES = ("cold", "upward", "downward")
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """A fixed position's best stride.
+
+    Attributes:
+        fulcrum_mm: the position. solution: the best of its searches, None if none converged. start: how it began.
+        tried: how each search began and ended: cost, or NaN.
+    """
+
+    fulcrum_mm: float
+    solution: TrajectorySolution | None
+    start: str
+    tried: Mapping[str, float]
+
+
+@dataclass(eq=False)
+class StrideSearch:
+    """Searches for one stride under one smoothing and grid, from one tracked stride on.
+
+    Attributes:
+        stride, grid, smoothing: what is solved. cost: by name; sizes: of the costs in the tracked stride.
+    """
+
+    stride: Stride
+    grid: Grid
+    smoothing: Smoothing
+    cost: str
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        self.costs: StrideCosts = self.stride.costs(self.grid, self.smoothing)
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Of the costs that are minimised."""
+        return dict(self.stride.options.weights) if self.cost == "weighted" else {self.cost: 1.0}
+
+    @property
+    def terms(self) -> dict[str, Terms]:
+        """What is minimised."""
+        return self.costs.whole(self.cost, self.sizes)
+
+    def at(self, fulcrum_mm: float, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
+        """The best stride at a fixed position, from a start on."""
+        return self._solve((fulcrum_mm, fulcrum_mm), start, what, fraction)
+
+    def free(self, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
+        """The best stride with the fulcrum and the options' design free."""
+        return self._solve(self.stride.reach_mm, start, what, fraction, design=self.stride.options.design)
+
+    def _solve(self, fulcrum_mm: tuple[float, float], start: Start, what: str, fraction: float,
+               design: tuple[str, ...] = ()) -> TrajectorySolution:
+        problem = self.stride.problem(self.costs, self.terms, self.grid, fulcrum_mm, design=design)
+        options = CollocationOptions(iterations=self.stride.options.iterations,
+                                     time_limit_s=self.stride.options.time_limit_s)
+        p = np.clip(start.p, problem.p_low, problem.p_high)
+        report = self.progress
+        return solve(problem, Start(z=start.z, p=p), options,
+                     None if report is None else lambda iteration: report(what, fraction, iteration))
+
+
+def tracked(
+    stride: Stride, grid: Grid, progress: Progress | None = None, warm: Start | None = None
+) -> tuple[TrajectorySolution, ...]:
+    """The recorded stride as a possible motion, by stage of smoothing; the last one counts.
+
+    Args:
+        warm: a stride to begin with at the last stage, instead of the recording.
+
+    Raises:
+        SimulationError: keel and socket find no balance under the recorded motion.
+    """
+    found: list[TrajectorySolution] = []
+    own = stride.own_m / MM
+    stages = stride.options.stages if warm is None else stride.options.stages[-1:]
+    for i, smoothing in enumerate(stages):
+        search = StrideSearch(stride, grid, smoothing, "tracking", progress=progress)
+        start = found[-1].last if found else warm or stride.start(search.costs, grid, own)
+        found.append(search.at(own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages)))
+        if found[-1].status == "interrupted":
+            break
+    return tuple(found)
+
+
+def swept(
+    search: StrideSearch, tracked_stride: Start, *, chains: bool = True, keep: list[Fixed] | None = None
+) -> list[Fixed]:
+    """The best stride at each fixed position: of a cold start, and of warm ones from the neighbours on both sides.
+
+    Args:
+        chains: whether warm starts are made too. keep: filled as the sweep goes on, for who interrupts it.
+    """
+    positions = np.linspace(*search.stride.reach_mm, search.stride.options.positions)
+    found = [] if keep is None else keep
+    found[:] = [Fixed(float(mm), None, "", {}) for mm in positions]
+    passes = PASSES if chains else PASSES[:1]
+    for number, kind in enumerate(passes):
+        order = range(len(found)) if kind != "downward" else range(len(found) - 1, -1, -1)
+        before: TrajectorySolution | None = None
+        for done, i in enumerate(order):
+            known = found[i]
+            start = tracked_stride if kind == "cold" else None if before is None else before.last
+            if start is not None:
+                fraction = (number * len(found) + done) / (len(passes) * len(found))
+                found[i] = _better(search, known, start, kind, fraction)
+            before = found[i].solution
+    return found
+
+
+def _better(search: StrideSearch, known: Fixed, start: Start, kind: str, fraction: float) -> Fixed:
+    solution = search.at(known.fulcrum_mm, start, f"{known.fulcrum_mm:.0f} mm, {kind} start", fraction)
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt
+    tried = {**known.tried, kind: solution.last_cost if solution.success else float("nan")}
+    if solution.success and (known.solution is None or solution.last_cost < known.solution.last_cost):
+        return Fixed(known.fulcrum_mm, solution, kind, tried)
+    return Fixed(known.fulcrum_mm, known.solution, known.start, tried)

@@ -1,0 +1,143 @@
+"""One person's stride as a trajectory problem, for any smoothing, grid, cost and range of the fulcrum."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.collocation.grid import Grid
+from vsf_drake.analysis.collocation.layout import Layout
+from vsf_drake.analysis.collocation.problem import TrajectoryProblem
+from vsf_drake.analysis.collocation.solution import Start
+from vsf_drake.analysis.collocation.terms import Design, Limits
+from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms
+from vsf_drake.analysis.tuning.level2.function import StrideFunction
+from vsf_drake.analysis.tuning.level2.options import StrideOptions
+from vsf_drake.analysis.tuning.level2.reference import stride_reference
+from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
+from vsf_drake.simulation.sagittal.quasi_static import quasi_static_motion
+from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
+
+MM = 1e-3
+OWN = np.array([np.nan, 1.0, 0.0, 1.0])
+"""The device as it is, by DESIGN."""
+RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25)}
+"""Bounds of the design variables unless given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stride:
+    """A recorded stride of a person on a prosthesis.
+
+    Attributes:
+        model: of the person. recorded: the motion. own_m: the fulcrum's position in the recording.
+        leg_m: hip to ankle, intact side.
+    """
+
+    model: SagittalModel
+    recorded: RecordedStride
+    own_m: float
+    leg_m: float
+    options: StrideOptions
+
+    @property
+    def reach_mm(self) -> tuple[float, float]:
+        """Range of the fulcrum that is searched."""
+        fulcrum = self.model.foot.fulcrum
+        return self.options.bounds_mm or (fulcrum.rearmost_m / MM, fulcrum.foremost_m / MM)
+
+    def grid(self, intervals: int | None = None) -> Grid:
+        """The instants of one stride."""
+        return Grid(method=self.options.method, intervals=intervals or self.options.intervals,
+                    duration_s=self.recorded.period_s, periodic=True)
+
+    def costs(self, grid: Grid, smoothing: Smoothing) -> StrideCosts:
+        """The costs on a grid."""
+        reference = stride_reference(self.recorded, grid, self.options)
+        function = StrideFunction(self.model, smoothing, reference.cop_x)
+        return StrideCosts(function=function, reference=reference, options=self.options,
+                           mass_kg=self.model.subject.mass_kg, weight_n=self.model.weight, leg_m=self.leg_m,
+                           duration_s=grid.duration_s)
+
+    def problem(
+        self, costs: StrideCosts, terms: Mapping[str, Terms], grid: Grid, fulcrum_mm: tuple[float, float], *,
+        design: tuple[str, ...] = (), at: np.ndarray | None = None
+    ) -> TrajectoryProblem:
+        """The problem with the fulcrum within a range; equal ends fix it.
+
+        Args:
+            design: of the options' design variables, those that are free. at: (4,) values of the others.
+        """
+        function, reference, options = costs.function, costs.reference, self.options
+        layout = function.layout
+        low = OWN.copy() if at is None else np.array(at, dtype=float)
+        high = low.copy()
+        low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
+        for name in design:
+            low[DESIGN.index(name)], high[DESIGN.index(name)] = options.design_bounds.get(name, RANGE[name])
+        margin = np.radians(options.angle_margin_deg)
+        z_low, z_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+        z_low[3:8], z_high[3:8] = reference.q[:, 3:].min(0) - margin, reference.q[:, 3:].max(0) + margin
+        torque = options.torque_nm_per_kg * costs.mass_kg
+        limits = [Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
+        for foot, swing in reference.clear.items():
+            limits.append(Limits(outputs=function.index(f"{foot}_sole"),
+                                 low=np.where(swing, options.clearance_m, -np.inf)[:, None]))
+        advance = np.zeros(layout.n)
+        advance[1] = self.recorded.advance_m
+        parts = [dataclasses.replace(part, name=name) for name, term in terms.items() for part in term.residuals]
+        convex = [dataclasses.replace(part, name=name) for name, term in terms.items() for part in term.convex]
+        return TrajectoryProblem(
+            function, layout, grid, outputs=len(function.names), equations=function.starting_with("balance_"),
+            limits=limits, residuals=parts, convex=convex,
+            design=Design(names=DESIGN, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1])), advance=advance,
+            low=z_low, high=z_high, z_scale=_variable_scales(layout),
+            y_scale=_output_scales(function.names, costs.weight_n, costs.weight_n * self.leg_m))
+
+    def start(self, costs: StrideCosts, grid: Grid, fulcrum_mm: float) -> Start:
+        """The recorded motion with keel and socket in balance: not yet a possible motion, but for them."""
+        reference, function = costs.reference, costs.function
+        layout = function.layout
+        rates = grid.rates()
+        p = np.array([fulcrum_mm * MM, *OWN[1:]])
+        w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p, rates,
+                                   function.smoothing)
+        z = np.zeros((grid.instants, layout.size))
+        z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
+        z[:, layout.w], z[:, layout.u] = w.T, u.T
+        return Start(z=z, p=p)
+
+
+BALANCE_OF_BODY = ("balance_pelvis_tilt", "balance_pelvis_tx", "balance_pelvis_ty")
+
+
+def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) -> np.ndarray:
+    """(m,) what counts as a change of one: body weight, or that at the length of a leg; a tenth on keel and socket."""
+    scale = np.ones(len(names))
+    for i, name in enumerate(names):
+        kind = name.split("_")[0]
+        turning = not any(part in name for part in ("_tx", "_ty", "_tz", "_fx", "_fz"))
+        scale[i] = {"power": weight_n, "stored": weight_n, "prosthesis": weight_n, "q": 0.1, "a": 20.0}.get(
+            kind, moment_nm if turning else weight_n)
+        if kind == "balance" and name not in BALANCE_OF_BODY and turning:
+            scale[i] = 0.1 * moment_nm
+        if name.endswith("_sole"):
+            scale[i] = 0.01
+    return scale
+
+
+def _variable_scales(layout: Layout) -> np.ndarray:
+    """(Z,) what counts as a change of one."""
+    scale = np.ones(layout.size)
+    for kind, angle, length in (("q", 0.1, 0.05), ("v", 1.0, 0.5), ("a", 20.0, 10.0)):
+        part = getattr(layout, kind)
+        scale[part] = angle
+        scale[part][1:3] = length
+    socket = np.array([5e-3, 5e-3, 0.05])
+    w = np.concatenate([socket, np.full(layout.k - len(SOCKET), 0.02)])
+    scale[layout.w], scale[layout.u] = w, 10.0 * w
+    return scale
