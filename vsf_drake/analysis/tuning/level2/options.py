@@ -60,7 +60,7 @@ class StrideOptions:
     cop_m: float = 0.05
     acceleration_rad_per_s2: float = 20.0
     acceleration_m_per_s2: float = 2.0
-    acceleration_weight: float = 0.02
+    acceleration_weight: float = 0.005
     torque_weight: float = 0.1
     socket_weight: float = 0.01
     smooth_power_w: float = 5.0
