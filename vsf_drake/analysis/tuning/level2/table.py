@@ -26,7 +26,8 @@ NOTES = (
     "known, and joints are driven by torques without muscles.",
     "The cost holds the motion and the force to the recording with a weight that is a choice; how far the optimum "
     "moves depends on it.",
-    "No uncertainty between trials is known from one stride.")
+    "No uncertainty between trials is known from one stride. How far the position may be off is told by the cost "
+    "tracking, whose optimum should be the recorded position: on the embedded subject it ends some 30 mm away.")
 
 
 def stride_table(found: StrideSolution) -> dict[str, Any]:
