@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning import level2
 from vsf_drake.analysis.tuning.inputs import TuningTrials
 from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions, TuningProgress, solve
+from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
 from vsf_drake.errors import InputError
 
@@ -88,21 +90,17 @@ def _motion_given(
 def _motion_free(
     given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
 ) -> Tuned:
-    """Level 2: `StrideTuning(trials, cost=, options=, labels=).solve(progress=, warm_start=)`."""
-    from vsf_drake.analysis.tuning import level2
-    from vsf_drake.analysis.tuning.level2.options import StrideOptions
-
-    tuning = getattr(level2, "StrideTuning", None)
-    if tuning is None:
-        raise InputError("is not available in this version", where="--level", right="Give --level 1")
+    """Level 2."""
     if options.pareto is not None:
         raise InputError("is an option of level 1", where="--pareto", right="Leave it out, or give --level 1")
     chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
-                              "method": options.method, "intervals": options.intervals}
+                              "method": options.method, "intervals": options.intervals,
+                              "seed": options.seed}
     if options.quick:
-        chosen = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": ()} | {
+        chosen = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": (),
+                  "draws": 0} | {
             name: value for name, value in chosen.items() if value is not None}
-    problem = tuning(given.trials, cost=options.cost, labels=given.labels, options=StrideOptions(
+    problem = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels, options=StrideOptions(
         design=tuple(_DESIGN_OF_STRIDE.get(name, name) for name in options.design),
         **{name: value for name, value in chosen.items() if value is not None}))
 

@@ -44,6 +44,7 @@ class StrideOptions:
         stages: of smoothing, the last of which counts.
         positions: how many fixed positions the sweep takes. starts: searches with the fulcrum free.
         iterations, time_limit_s: of one solve. confirm: solvers that search again from the optimum.
+        draws: of the contact's parameters, with which the optimum is searched again; 0 for none. seed: of these.
     """
 
     method: str = "hermite_simpson"
@@ -74,13 +75,16 @@ class StrideOptions:
     iterations: int = 200
     time_limit_s: float = 120.0
     confirm: tuple[str, ...] = ("snopt", "ipopt")
+    draws: int = 3
+    seed: int = 0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"{self.method!r} is no collocation", where="method",
                              right=f"There are: {', '.join(METHODS)}")
         for name, least, most in (("intervals", 10, 400), ("positions", 2, 100), ("starts", 1, 20),
-                                  ("iterations", 1, 10000)):
+                                  ("iterations", 1, 10000),
+                                  ("draws", 0, 1000), ("seed", 0, 2**31)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
                 raise InputError(f"{value!r} is not usable", where=name,

@@ -9,6 +9,7 @@ import numpy as np
 
 from vsf_drake.analysis.collocation.solution import TrajectorySolution
 from vsf_drake.analysis.tuning.level2.checks import StrideCheck
+from vsf_drake.analysis.tuning.level2.robustness import DrawnStride
 from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.analysis.tuning.level2.table import stride_arrays, stride_table
@@ -25,7 +26,8 @@ class StrideSolution:
     Attributes:
         tracked: the recorded stride as a possible motion. sweep: the best stride at each fixed position.
         free: where each search with the fulcrum free began (mm), and how it ended.
-        checks, confirmed: see `checks`. message: how it ended. doing: what it was at last. wall_s: that it took.
+        checks, confirmed, simulated: see `checks`. drawn: the optimum with drawn contacts.
+        message: how it ended. doing: what it was at last. wall_s: that it took.
     """
 
     tuning: StrideTuning
@@ -36,6 +38,7 @@ class StrideSolution:
     checks: list[StrideCheck] = field(default_factory=list)
     confirmed: list[dict[str, Any]] = field(default_factory=list)
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
+    drawn: list[DrawnStride] = field(default_factory=list)
     message: str = ""
     doing: str = "tracking the recording"
     wall_s: float = 0.0

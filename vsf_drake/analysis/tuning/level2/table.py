@@ -9,6 +9,7 @@ import numpy as np
 from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.outcomes import KINDS, outcomes
+from vsf_drake.analysis.tuning.level2.robustness import spread
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 FORMAT, LEVEL = "vsf_drake tuning 1", 2
 UNITS = ("m", "1", "rad", "1")
+SURE = 2.0
+"""Standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)."""
 LITTLE = 0.01
 """Share of the cost below which what a setting gains is called little (a choice)."""
 NOTES = (
@@ -26,8 +29,9 @@ NOTES = (
     "known, and joints are driven by torques without muscles.",
     "The cost holds the motion and the force to the recording with a weight that is a choice; how far the optimum "
     "moves depends on it.",
-    "No uncertainty between trials is known from one stride. How far the position may be off is told by the cost "
-    "tracking, whose optimum should be the recorded position: on the embedded subject it ends some 30 mm away.")
+    "Uncertainties are standard deviations over drawn contacts; none between trials is known from one stride.",
+    "How far the position may be off is told by the cost tracking, whose optimum should be the recorded "
+    "position: on the embedded subject it ends some 30 mm away.")
 
 
 def stride_table(found: StrideSolution) -> dict[str, Any]:
@@ -67,7 +71,9 @@ def stride_table(found: StrideSolution) -> dict[str, Any]:
         "starts": [{"fulcrum_mm": mm, "end_mm": float(s.last.p[0]) / MM, "cost": s.last_cost, "success": s.success}
                    for mm, s in found.free],
         "checks": [vars(check) for check in found.checks], "tasks": [], "common_fulcrum_mm": None, "pareto": [],
-        "pareto_names": [], "robustness": [], "trials": [tuning.label],
+        "pareto_names": [],
+        "robustness": [{"what": row.what, "fulcrum_mm": row.fulcrum_mm, "cost": row.cost} for row in found.drawn],
+        "trials": [tuning.label],
         "recorded_mm": [tuning.stride.own_m / MM], "synthetic": tuning.trial.synthetic,
         "notes": [*NOTES, *tuning.stride.recorded.notes, *_slow_or_lost(found)], "wall_s": found.wall_s,
         "provenance": {"options": to_plain(tuning.options)} | provenance(tuning.trial.inputs)})
@@ -101,7 +107,10 @@ def _outcomes(found: StrideSolution) -> list[dict[str, Any]]:
     for name, (label, unit) in KINDS.items():
         values = {setting: found_at[name] for setting, found_at in at.items()}
         shown = "" if unit == "1" else f" {unit}"
-        rows.append({"name": name, "label": label, "unit": unit, **values, "uncertainty": None, "matters": None,
+        over = [outcomes(solution, costs)[name] for solution in solved]
+        error = spread(found.drawn, name)
+        matters = None if error is None else bool(max(over) - min(over) > SURE * error)
+        rows.append({"name": name, "label": label, "unit": unit, **values, "uncertainty": error, "matters": matters,
                      "sentence": f"{label[0].upper()}{label[1:]}: {values['softest']:.3g} at the softest, "
                                  f"{values['optimum']:.3g} at the best, {values['stiffest']:.3g}{shown} at the "
                                  f"stiffest setting; {values['recorded']:.3g} in the tracked recording."})

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution
-from vsf_drake.analysis.tuning.level2.checks import StrideCheck, check_solution, confirmed
+from vsf_drake.analysis.tuning.level2.checks import check_solution, confirmed
 from vsf_drake.analysis.tuning.level2.options import COSTS, WEIGHTED, StrideOptions
+from vsf_drake.analysis.tuning.level2.robustness import drawn_strides
 from vsf_drake.analysis.tuning.level2.search import Fixed, Progress, StrideSearch, swept, tracked
 from vsf_drake.analysis.tuning.level2.solution import StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM, Stride
@@ -108,6 +109,7 @@ class StrideTuning:
         found.message = "first-order conditions hold"
         found.doing = "checking the solution"
         check_solution(found, progress)
+        found.drawn = drawn_strides(found, progress)
         found.confirmed = confirmed(found, progress)
 
 
@@ -132,5 +134,3 @@ def _start_of(arrays: Mapping[str, np.ndarray] | None) -> Start | None:
         raise InputError("holds no stride", where="warm_start", right="Give the result of a tuning at level 2")
     return Start(z=np.array(arrays["tracked_z"]), p=np.array(arrays["tracked_p"]))
 
-
-__all__ = ("StrideCheck", "StrideTuning")
