@@ -10,7 +10,8 @@
                  included, and a little of that of the accelerations, which else alternate from instant to instant
     tracking     the deviation, and a little joint_load
 
-A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation. P+ = (P +
+A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone: ten
+times that). P+ = (P +
 sqrt(P^2 + e^2) - e) / 2, P- likewise.
 """
 
@@ -87,7 +88,8 @@ class StrideCosts:
         weights = self.options.weights if cost == "weighted" else {cost: 1.0}
         every = sum(weights.values())
         parts = {name: self.of(name, weight / every / abs(sizes[name])) for name, weight in weights.items() if weight}
-        return parts | {"deviation": self.of("deviation", self.options.deviation_weight)}
+        hold = self.options.deviation_weight * (UNBOUNDED if cost == "push_off" else 1.0)
+        return parts | {"deviation": self.of("deviation", hold)}
 
     def _joint_load(self, factor: float, name: str = "joint_load") -> Terms:
         moment = self.weight_n * self.leg_m
@@ -133,6 +135,8 @@ class StrideCosts:
                 + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD, "joint_load"))
 
 
+UNBOUNDED = 10.0
+"""How much more the cost push_off alone is held to the recording: work has no end that it could come near."""
 TYPICAL_LOAD = 0.05
 """Size of joint_load in walking, to which `torque_weight` refers."""
 
