@@ -10,9 +10,8 @@
                  included, and a little of that of the accelerations, which else alternate from instant to instant
     tracking     the deviation, and a little joint_load
 
-A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone: ten
-times that). P+ = (P +
-sqrt(P^2 + e^2) - e) / 2, P- likewise.
+A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone:
+ten times that). P+ = (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
 """
 
 from __future__ import annotations
