@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.recorded_chain import sagittal_names
 from vsf_drake.analysis.tuning.recorded_points import body_points
 from vsf_drake.analysis.tuning.recorded_stride import prosthetic_stance_only, recorded_stride
 from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
@@ -20,6 +19,7 @@ from vsf_drake.motion.plates import GRAVITY, PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.resources import resource
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
 TRIALS = ("low_1", "medium_1", "high_1")
@@ -138,7 +138,7 @@ def test_the_way_of_walking_in_the_laboratory_does_not_matter(embedded_stride):
 def test_left_mirrors_right(embedded_stride):
     _, trial, _, stride = embedded_stride
     other = recorded_stride(mirrored(trial))
-    assert other.names == sagittal_names("left")
+    assert other.names == sagittal_coordinates("left")
     t = np.linspace(0.0, 1.0, 50)
     np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
     np.testing.assert_allclose(other.grf(t)["intact"], stride.grf(t)["intact"], atol=0.2)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.recorded_chain import flat, sagittal_chain, sagittal_names, targets
+from vsf_drake.analysis.tuning.recorded_chain import flat, sagittal_chain, targets
 from vsf_drake.analysis.tuning.recorded_curves import (
     PeriodicCurves,
     PieceOfTime,
@@ -28,6 +28,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.parameters import Subject
 from vsf_drake.resources import resource
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
 OFFSETS = GeometricOffsets(height_m=0.006, fore_aft_m=-0.004, alignment_rad=0.05)
@@ -57,7 +58,7 @@ def poses():
 
 
 def test_planar_chain_is_the_walkers_plant(walker, chain, poses):
-    names = sagittal_names(walker.subject.prosthetic_side)
+    names = sagittal_coordinates(walker.subject.prosthetic_side)
     points = body_points(walker, OFFSETS, names, poses, fulcrum_m=FULCRUM_M)
     np.testing.assert_allclose(chain.points(poses)[0], targets(chain, points, np.array([1.0, 0.0])), atol=1e-12)
     np.testing.assert_allclose(chain.mass_center(poses), flat(points.whole_center), atol=1e-12)
@@ -94,7 +95,7 @@ def test_a_sagittal_motion_is_projected_onto_itself(walker, chain):
     wave = np.cos(6.0 * t)
     q = np.column_stack([0.05 + 0.02 * np.sin(t), 1.1 * t, 0.95 + 0.02 * np.cos(9 * t), 0.4 * wave, 0.4 - 0.3 * wave,
                          -0.4 * wave, 0.4 + 0.3 * wave, 0.1 * np.sin(6.0 * t)])
-    points = body_points(walker, OFFSETS, sagittal_names(walker.subject.prosthetic_side), q, fulcrum_m=FULCRUM_M)
+    points = body_points(walker, OFFSETS, sagittal_coordinates(walker.subject.prosthetic_side), q, fulcrum_m=FULCRUM_M)
     found = project(chain, make_misfit(chain, targets(chain, points, np.array([1.0, 0.0])), q))
     assert found.converged
     np.testing.assert_allclose(found.q, q, atol=1e-10)
@@ -104,7 +105,7 @@ def test_a_sagittal_motion_is_projected_onto_itself(walker, chain):
 def test_a_constant_by_which_the_body_is_higher_moves_the_pelvis_and_bends_no_knee(walker, chain):
     """Legs that lean outward are shorter from the side; here all hips and masses are told 3 mm too high."""
     q = np.tile([0.1, 0.0, 0.93, 0.3, 0.3, -0.2, 0.2, 0.1], (5, 1))
-    points = body_points(walker, OFFSETS, sagittal_names(walker.subject.prosthetic_side), q, fulcrum_m=FULCRUM_M)
+    points = body_points(walker, OFFSETS, sagittal_coordinates(walker.subject.prosthetic_side), q, fulcrum_m=FULCRUM_M)
     wanted = targets(chain, points, np.array([1.0, 0.0]))
     wanted[:, np.concatenate([chain.rows("hip"), chain.rows("mass")])] += 0.003j
     found = project(chain, make_misfit(chain, wanted, q))

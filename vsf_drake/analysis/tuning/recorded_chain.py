@@ -22,7 +22,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.walk import Walker
 
 TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(8)
-"""Places of the coordinates in `sagittal_names`."""
+"""Places of the coordinates in `sagittal_coordinates`."""
 _TURNS = {"pelvis": ((TILT, 1.0),)}
 _TURNS["thigh_P"] = (*_TURNS["pelvis"], (HIP_P, 1.0))
 _TURNS["shank_P"] = (*_TURNS["thigh_P"], (KNEE_P, -1.0))
@@ -32,17 +32,6 @@ _TURNS["foot_I"] = (*_TURNS["shank_I"], (ANKLE_I, 1.0))
 _ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])
 """The joints down either leg, with their signs."""
 _PARENT = {"thigh_P": "pelvis", "shank_P": "thigh_P", "thigh_I": "pelvis", "shank_I": "thigh_I", "foot_I": "shank_I"}
-
-
-def sagittal_names(prosthetic_side: str) -> tuple[str, ...]:
-    """The eight coordinates of the sagittal model, in their order.
-
-    Args:
-        prosthetic_side: "right" or "left".
-    """
-    p, i = ("r", "l") if prosthetic_side == "right" else ("l", "r")
-    return ("pelvis_tilt", "pelvis_tx", "pelvis_ty", f"hip_flexion_{p}", f"knee_angle_{p}", f"hip_flexion_{i}",
-            f"knee_angle_{i}", f"ankle_angle_{i}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,7 +72,7 @@ class RecordedStride:
     is `start_s` + t in the recording. x is the distance along the way of walking from the laboratory's origin, z up.
 
     Attributes:
-        names: the 8 coordinates, see `recorded_chain.sagittal_names`.
+        names: the 8 coordinates, see `simulation.sagittal.model.sagittal_coordinates`.
         periodic: whether it is a stride that repeats, or a piece of time from 0 to `period_s`.
         period_s, advance_m: duration, and travel of pelvis_tx in it. start_s: time of phase 0 in the recording.
         curves: the motion. forces: of the feet by "prosthetic" and "intact"; a foot without a plate is missing.

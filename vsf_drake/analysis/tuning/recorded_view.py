@@ -13,7 +13,6 @@ from vsf_drake.analysis.tuning.recorded_chain import (
     TX,
     SagittalChain,
     sagittal_chain,
-    sagittal_names,
     targets,
 )
 from vsf_drake.analysis.tuning.recorded_events import heading
@@ -22,6 +21,7 @@ from vsf_drake.analysis.tuning.recorded_projection import Misfit, Nearness, make
 from vsf_drake.errors import InputError
 from vsf_drake.motion.kinematics import PELVIS_ROTATIONS
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
 MOST_HZ = 200.0
@@ -91,7 +91,7 @@ def view(trial: Trial, walker: Walker | None) -> View:
     time, values = motion.time_s[rows], motion.values[rows]
     place = {"fulcrum_m": trial.fulcrum_m}
     points = body_points(walker, trial.offsets, motion.names, values, **place)
-    names = sagittal_names(trial.subject.prosthetic_side)
+    names = sagittal_coordinates(trial.subject.prosthetic_side)
     forward = heading(points, file=trial.path)
     found = View(
         time_s=time, points=points, names=names, recorded=motion.ordered(names).values[rows], forward=forward,

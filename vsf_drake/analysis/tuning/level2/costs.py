@@ -3,7 +3,7 @@
     joint_load   1/T int sum_j (tau_j / (m g L))^2 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five
                  sagittal joints, F and M of the socket on the residual limb; without unit
     metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg a stride: the efficiencies of positive and negative
-                 muscle work (Margaria 1968), applied to joints
+                 muscle work (Margaria's), applied to joints
     push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's wrench at the motion
                  of the residual shank
     deviation    1/T int mean of the squares of (q - q_rec) / scale and (F - F_rec) / scale, centre of pressure
@@ -28,7 +28,7 @@ from vsf_drake.analysis.tuning.level2.reference import StrideReference
 from vsf_drake.simulation.sagittal.model import SOCKET
 
 POSITIVE, NEGATIVE = 0.25, 1.2
-"""Efficiencies of positive and negative muscle work (Margaria 1968)."""
+"""Efficiencies of positive and negative muscle work (Margaria's), here of joints."""
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "push_off": "push-off work, negative", "tracking": "deviation from the recording",
           "deviation": "deviation from the recording"}
