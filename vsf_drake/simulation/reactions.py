@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.simulation.stepping.compiled import compiled
 from vsf_drake.simulation.stepping.stepper import Record
 
 LOADED_N = THRESHOLD_N

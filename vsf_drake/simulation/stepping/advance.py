@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.laws.compiled import compiled
 from vsf_drake.simulation.stepping.linear import copy
 from vsf_drake.simulation.stepping.newton import step
 from vsf_drake.simulation.stepping.sensitivity import carry, write_state

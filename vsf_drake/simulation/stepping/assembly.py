@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.stepping.compiled import internal
-from vsf_drake.simulation.stepping.forces import friction_per_speed, normal_force, spring_force
+from vsf_drake.laws.compiled import internal
+from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.stepping.spatial import add
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
+from vsf_drake.laws.compiled import internal
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, site_tangent
-from vsf_drake.simulation.stepping.compiled import internal
 from vsf_drake.simulation.stepping.newton import EXACT
 
 _CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",

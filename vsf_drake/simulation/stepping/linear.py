@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.stepping.compiled import internal
+from vsf_drake.laws.compiled import internal
 
 
 @internal

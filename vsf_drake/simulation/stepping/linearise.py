@@ -10,9 +10,9 @@ over all that a joint carries. The derivatives by the end velocity of free ones 
 
 from __future__ import annotations
 
-from vsf_drake.simulation.stepping.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping.contact_tangent import add_site_tangents
-from vsf_drake.simulation.stepping.forces import spring_force
 from vsf_drake.simulation.stepping.spatial import (
     cross_force,
     cross_motion,

@@ -8,7 +8,7 @@ that changes is the row that a free coordinate would have (`linearise.row_wrench
 
 from __future__ import annotations
 
-from vsf_drake.simulation.stepping.compiled import internal
+from vsf_drake.laws.compiled import internal
 from vsf_drake.simulation.stepping.linearise import NONE, row_wrenches, way_wrenches
 from vsf_drake.simulation.stepping.spatial import add, dot, plus, six
 

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 
+from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.simulation.stepping.assembly import (
     add_sites,
     add_springs,
     find_sites,
     tangents,
 )
-from vsf_drake.simulation.stepping.compiled import compiled, internal
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
 from vsf_drake.simulation.stepping.linear import cholesky, copy, scaled_norm, solve_columns
 from vsf_drake.simulation.stepping.spatial import add, dot, inertia_times, plus, put, six, times, transposed_times

@@ -14,7 +14,7 @@ which that happens is not differentiated, its step is.
 
 from __future__ import annotations
 
-from vsf_drake.simulation.stepping.compiled import internal
+from vsf_drake.laws.compiled import internal
 from vsf_drake.simulation.stepping.linear import solve_columns
 from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.load_tangent import add_load_changes

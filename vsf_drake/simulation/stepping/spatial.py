@@ -10,7 +10,7 @@ Vectors are tuples here, taken from and put into rows of arrays: a view of a row
 
 from __future__ import annotations
 
-from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.laws.compiled import compiled
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.stepping.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal
 
 
 class Torques(NamedTuple):

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
-from vsf_drake.simulation.stepping.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.laws.compiled import compiled
 from vsf_drake.simulation.reactions import FootReaction
-from vsf_drake.simulation.stepping.compiled import compiled
 from vsf_drake.simulation.stepping.dynamics import place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.spatial import dot, inertia_in_world, inertia_times, plus, put, six
 from vsf_drake.simulation.stepping.tree import Tree

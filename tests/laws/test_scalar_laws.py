@@ -7,8 +7,8 @@ import pytest
 
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.kelvin_voigt import normal_force as normal_law
+from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.laws.stick_slip import friction_coefficient
-from vsf_drake.simulation.stepping.forces import friction_per_speed, normal_force, spring_force
 
 COUNT = 400
 

@@ -1,4 +1,4 @@
-"""Compiled scalar forms of the force laws with their derivatives, for the stepper's Newton matrix.
+"""Compiled scalar forms of the force laws, with the derivatives that a Newton matrix needs.
 
 Same equations and sources as `vsf_drake.laws`, whose array functions are the definition; a test
 compares the two, and the derivatives with finite differences, over random arguments.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from vsf_drake.simulation.stepping.compiled import compiled
+from vsf_drake.laws.compiled import compiled
 
 
 @compiled
