@@ -7,8 +7,10 @@ import pytest
 from pydrake.geometry import Role, SceneGraph, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.illustration import LEAST_RADIUS_M, SITE_NAME, add_visuals, frustum_shape
+from vsf_drake.plants.foot_visuals import LEAST_RADIUS_M, SITE_NAME
+from vsf_drake.plants.illustration import add_visuals, frustum_shape
 from vsf_drake.plants.inertia import frustum_volume
 from vsf_drake.plants.person import add_person
 
@@ -72,5 +74,5 @@ def test_drawn_spheres_touch_where_the_contact_spheres_do():
 def test_shapes_need_a_scene_graph():
     plant = MultibodyPlant(0.0)
     person = add_person(plant, subject("left"), ModelParameters())
-    with pytest.raises(ValueError, match="SceneGraph"):
+    with pytest.raises(InputError, match="SceneGraph"):
         add_visuals(plant, person)
