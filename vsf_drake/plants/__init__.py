@@ -1,0 +1,15 @@
+"""Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a person."""
+
+from vsf_drake.plants.foot import FootHandles, add_foot, mirrored
+from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
+from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces
+
+__all__ = [
+    "FootHandles",
+    "WiredFoot",
+    "add_foot",
+    "mirrored",
+    "share_generalized_forces",
+    "share_spatial_forces",
+    "wire_foot",
+]

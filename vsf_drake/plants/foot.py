@@ -18,7 +18,7 @@ bodies. Positive keel coordinates lift the toe. Nothing here exerts a force: `sy
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -35,10 +35,15 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
+from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.parameters import ContactZone, FootParameters, KeelParameters
+from vsf_drake.plants.foot_checks import check_place, checked_side
 from vsf_drake.plants.inertia import box
 from vsf_drake.plants.joints import FORWARD, RIGHTWARD
+
+CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")
+"""What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,9 @@ class FootHandles:
     """What `add_foot` put into the plant.
 
     Attributes:
+        name: of the model instance, and before the names of the systems that `wire_foot` adds.
+        contact: one of CONTACTS.
+        side: "left", "right", or "either" where nobody said.
         instance: the foot's model instance, in which its joint names are unique.
         frame: rigid frame of the foot; its body frame is K.
         mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
@@ -86,6 +94,9 @@ class FootHandles:
     """
 
     parameters: FootParameters
+    name: str
+    contact: str
+    side: str
     instance: ModelInstanceIndex
     frame: RigidBody
     mount: Frame
@@ -142,17 +153,38 @@ def set_mount(
     handles.mount.SetPoseInParentFrame(context, pose)
 
 
+def mirrored(parameters: FootParameters) -> FootParameters:
+    """The same foot for the other side: contact spheres mirrored in its x-z plane, `side` exchanged."""
+    zones = tuple(replace(zone, y_mm=tuple(-y for y in zone.y_mm)) for zone in parameters.zones)
+    other = {"left": "right", "right": "left"}.get(parameters.side, parameters.side)
+    return replace(parameters, zones=zones, side=other)
+
+
 def add_foot(
-    plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf"
+    plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf",
+    side: str | None = None, contact: str = "kelvin_voigt"
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
-    The foot is symmetric about its x-z plane, so one foot serves both sides. Masses: the keel by
-    its volume and density, the carriage as given, the rest of `mass_kg` in the rigid frame.
+    The plant may hold anything else, however it was made, and several feet. After `plant.Finalize()`, `wire_foot`
+    gives the foot its forces. Masses: the keel by its volume and density, the carriage as given, the rest of
+    `mass_kg` in the rigid frame.
+
+    Args:
+        name: of the foot's model instance, in which its joints' names are unique.
+        side: "left" or "right"; nothing but a check that `parameters` are not for the other one. The nominal foot is
+            symmetric about its x-z plane and serves both.
+        contact: one of CONTACTS.
 
     Raises:
+        InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are
+            for the other side, or there is no such contact.
         ValueError: keel and carriage weigh more than the whole foot.
     """
+    check_place(plant, parent_frame, name)
+    side = checked_side(parameters, side)
+    if contact not in CONTACTS:
+        raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
     instance = plant.AddModelInstance(name)
     keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
     frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
@@ -172,7 +204,8 @@ def add_foot(
     plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
     return FootHandles(
-        parameters=parameters, instance=instance, frame=frame, mount=mount, keel=keel, keel_starts=starts,
+        parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,
+        keel=keel, keel_starts=starts,
         keel_joint_names=joint_names, joint_stiffness=stiffness,
         joint_damping=stiffness * parameters.keel.damping_time_s, carriage_joint_name="fulcrum",
         sites=_foot_sites(parameters, frame, keel, starts))

@@ -94,7 +94,7 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
         plant, shanks[subject.prosthetic_side].body_frame(), model.socket, residual_length=body.residual_length,
         pylon_length=body.pylon_length, mirrored=mirrored)
     place = plant.AddFrame(FixedOffsetFrame("foot_place", socket.distal, body.placement.pose(mirrored=mirrored)))
-    device = add_foot(plant, place, model.foot)
+    device = add_foot(plant, place, model.foot, side=subject.prosthetic_side)
     return PersonHandles(
         subject=subject, body=body, coordinate_names=tuple(names), pelvis=pelvis, segments=segments,
         intact_sites=sites, socket=socket, foot=device)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder
+
+from vsf_drake.errors import InputError
 
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: Sequence[LeafSystem]) -> None:
@@ -36,3 +38,48 @@ def connect_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, p
     for i, port in enumerate(ports):
         builder.Connect(port, total.get_input_port(i))
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+
+
+def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
+    """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there already.
+
+    Works in any order and any number of times before `builder.Build()`: what was connected stays, and comes together
+    with `port` in an ExternallyAppliedSpatialForceMultiplexer.
+
+    Raises:
+        InputError: the plant's port is exported as an input of the diagram.
+    """
+    _share(builder, plant, port, plant.get_applied_spatial_force_input_port(),
+           lambda: ExternallyAppliedSpatialForceMultiplexer(2))
+
+
+def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
+    """Applies the generalized force in `port` (num_velocities,) to `plant`, added to what is applied there already.
+
+    Raises:
+        InputError: the plant's port is exported as an input of the diagram, or `port` has another size.
+    """
+    if port.size() != plant.num_velocities():
+        raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
+                         right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
+    _share(builder, plant, port, plant.get_applied_generalized_force_input_port(),
+           lambda: Adder(2, plant.num_velocities()))
+
+
+def _share(
+    builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]
+) -> None:
+    sources = {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
+    source = sources.get((plant, int(target.get_index())))
+    if source is None:
+        if builder.IsConnectedOrExported(target):
+            raise InputError("is an input of the diagram", where=f"the plant's {target.get_name()}",
+                             right="Export it after the feet are wired, from a system that share_* has added")
+        builder.Connect(port, target)
+        return
+    earlier = source[0].get_output_port(source[1])
+    builder.Disconnect(earlier, target)
+    union = builder.AddSystem(both())
+    builder.Connect(earlier, union.get_input_port(0))
+    builder.Connect(port, union.get_input_port(1))
+    builder.Connect(union.get_output_port(), target)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.laws.smooth_contact import rounded_positive_part
 
 IMAGINARY_STEP = 1e-20
 
@@ -44,15 +45,8 @@ class Smoothing:
             raise InputError(f"{self.damping!r} is not usable", where="smoothing.damping", right="From 0 to 1")
 
 
-def positive_part(x: np.ndarray, width: float) -> np.ndarray:
-    """max(x, 0) with its corner rounded over |x| < width: C2, convex, 3/16 width too large at 0."""
-    t = x / width + 1.0
-    inside = (width / 16.0) * t * t * t * (4.0 - t)
-    return np.where(x.real >= width, x, np.where(x.real <= -width, 0.0, inside))
-
-
 def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
-    """Integral of `positive_part` from -width: x^2 / 2 + width^2 / 10 beyond the corner."""
+    """Integral of `rounded_positive_part` from -width: x^2 / 2 + width^2 / 10 beyond the corner."""
     t = x / width + 1.0
     square = t * t
     inside = (width * width / 80.0) * square * square * (5.0 - t)
@@ -64,12 +58,12 @@ def normal_force(
     full_damping_depth: np.ndarray, smoothing: Smoothing
 ) -> np.ndarray:
     """Modified Kelvin-Voigt force (N), see `laws.kelvin_voigt`, of smoothed depth (m) and depth rate (m/s)."""
-    d = positive_part(depth, smoothing.depth_m)
+    d = rounded_positive_part(depth, smoothing.depth_m)
     touching = d.real > 0.0
     force = stiffness * np.exp(exponent * np.log(np.where(touching, d, 1.0)))
     if smoothing.damping > 0.0:
         u = np.where(d.real < full_damping_depth, d / full_damping_depth, 1.0)
-        closing = positive_part(rate, smoothing.rate_m_per_s)
+        closing = rounded_positive_part(rate, smoothing.rate_m_per_s)
         force = force + smoothing.damping * damping * u * u * (3.0 - 2.0 * u) * closing
     return np.where(touching, force, 0.0)
 
@@ -87,4 +81,4 @@ def friction_coefficient(
     threshold = np.maximum(threshold_velocity, smoothing.friction_velocity_m_per_s)
     corner = 0.2
     u = slip / threshold
-    return mu_static * (u - positive_part(u - 1.0, corner) + positive_part(-u - 1.0, corner))
+    return mu_static * (u - rounded_positive_part(u - 1.0, corner) + rounded_positive_part(-u - 1.0, corner))

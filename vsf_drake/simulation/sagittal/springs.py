@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.simulation.sagittal.smooth_laws import positive_part, positive_part_integral
+from vsf_drake.laws.smooth_contact import rounded_positive_part
+from vsf_drake.simulation.sagittal.smooth_laws import positive_part_integral
 
 STOP_WIDTH = 0.1
 """Of a stop's corner, in its limit; a choice."""
@@ -27,13 +28,13 @@ def spring_forces(
     energy = 0.5 * elastic * w
     for i, (stiff, negative, _, limit, rate_limit, stop) in enumerate(rows):
         if stiff != negative:
-            elastic[i] += (stiff - negative) * positive_part(w[i], TENSION_WIDTH)
+            elastic[i] += (stiff - negative) * rounded_positive_part(w[i], TENSION_WIDTH)
             energy[i] += (stiff - negative) * positive_part_integral(w[i], TENSION_WIDTH)
         if limit < UNLIMITED:
             for sign, k in ((1.0, stop * stiff), (-1.0, stop * negative)):
-                elastic[i] += sign * k * positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
+                elastic[i] += sign * k * rounded_positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
                 energy[i] += k * positive_part_integral(sign * w[i] - limit, STOP_WIDTH * limit)
         if rate_limit < UNLIMITED:
             for sign in (1.0, -1.0):
-                drag[i] += sign * stop * positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
+                drag[i] += sign * stop * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
     return -scale * (elastic + rows[:, 2].reshape(tail) * drag), scale * energy

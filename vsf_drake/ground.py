@@ -1,0 +1,103 @@
+"""The ground as a list of plane patches: height, slopes, bounds, friction, compliance. Schema only.
+
+World frame W: x forward, y left, z up. A file holds the patches in a list:
+
+    patches:
+      - {name: floor}
+      - {name: ramp, from_x_m: 1.0, reference_x_m: 1.0, slope_deg: 5.0}
+      - {name: ice, from_x_m: 0.3, to_x_m: 0.6, mu_static: 0.1, mu_kinetic: 0.08}
+      - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, stiffness_n_per_m: 2.0e+4}
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.schema import check, load_yaml, quantity
+
+_CHOICE = "a description of the place"
+_FAR_M = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundPatch:
+    """A plane above a rectangle of W: z = height + tan(slope) (x - reference_x) + tan(bank) y.
+
+    Where patches overlap the highest carries. `mu_static` and `mu_kinetic` replace the foot's coefficients where they
+    are given; `stiffness_n_per_m` is the ground's own spring under each contact sphere, in series with the sphere's.
+    """
+
+    name: str = "ground"
+    from_x_m: float = quantity(-_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    to_x_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    from_y_m: float = quantity(-_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    to_y_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    reference_x_m: float = quantity(0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    height_m: float = quantity(0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE)
+    slope_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)
+    bank_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)
+    mu_static: float | None = quantity(None, unit="1", low=0.0, high=5.0, source=_CHOICE)
+    mu_kinetic: float | None = quantity(None, unit="1", low=0.0, high=5.0, source=_CHOICE)
+    stiffness_n_per_m: float | None = quantity(None, unit="N/m", low=1.0, high=1e12, source=_CHOICE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """The ground that one foot meets; by default the plane z = 0 with the foot's own friction."""
+
+    patches: tuple[GroundPatch, ...] = (GroundPatch(),)
+
+
+def load_ground(path: str | Path) -> Ground:
+    """Reads a ground from YAML.
+
+    Raises:
+        InputError: see `schema.load_yaml` and `check_ground`.
+    """
+    return check_ground(load_yaml(path, Ground), file=path)
+
+
+def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
+    """Returns `ground` after checking its numbers.
+
+    Raises:
+        InputError: there is no patch, a number is out of range, or bounds are in the wrong order.
+    """
+    check(ground, file=file)
+    if not ground.patches:
+        raise InputError("has no patch", file=file, where="patches", right="Give one at least; {} is the plane z = 0")
+    for i, patch in enumerate(ground.patches):
+        for axis, low, high in (("x", patch.from_x_m, patch.to_x_m), ("y", patch.from_y_m, patch.to_y_m)):
+            if not low < high:
+                raise InputError(f"from_{axis}_m is {low:g}, to_{axis}_m {high:g}", file=file, where=f"patches[{i}]",
+                                 right="From must be less than to")
+    return ground
+
+
+def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dict[str, np.ndarray]:
+    """The M patches as arrays (M,), bounds (M, 4): what `laws.ground` and `systems.FootForces` take.
+
+    Args:
+        mu_static, mu_kinetic: the foot's, for patches that name none.
+    """
+    patches = ground.patches
+
+    def column(field: str, missing: float = math.nan) -> np.ndarray:
+        values = [getattr(patch, field) for patch in patches]
+        return np.array([missing if value is None else value for value in values], dtype=float)
+
+    return {
+        "ground_bounds": np.column_stack([column(f) for f in ("from_x_m", "to_x_m", "from_y_m", "to_y_m")]),
+        "ground_reference_x": column("reference_x_m"),
+        "ground_height": column("height_m"),
+        "ground_slope": np.tan(np.radians(column("slope_deg"))),
+        "ground_bank": np.tan(np.radians(column("bank_deg"))),
+        "ground_compliance": 1.0 / column("stiffness_n_per_m", math.inf),
+        "mu_static": column("mu_static", mu_static),
+        "mu_kinetic": column("mu_kinetic", mu_kinetic),
+    }

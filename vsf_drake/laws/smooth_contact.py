@@ -1,0 +1,45 @@
+"""Modified Kelvin-Voigt contact with rounded corners: a continuous second derivative by depth and depth rate.
+
+`kelvin_voigt.normal_force` with depth and closing rate replaced by rounded positive parts of the signed depth and of
+the depth rate. It is too large, by at most n k d**(n - 1) 3/16 depth_width with d 3/16 depth_width over the depth, and
+by its damping at 3/16 rate_width: a foot at rest is held by that as well, and a sphere feels the ground depth_width
+above it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.laws._elementwise import Array, Values, power
+from vsf_drake.laws.kelvin_voigt import smooth_step
+
+
+def rounded_positive_part(x: Values, width: Values) -> Array:
+    """max(x, 0) with its corner rounded over |x| < width: C2, convex, 3/16 width too large at 0.
+
+    Takes real, complex and AutoDiffXd arrays; only real parts are compared, so that a complex step differentiates it.
+    """
+    x = np.asarray(x)
+    real: Any = x if x.dtype == object else x.real
+    t = x / width + 1.0
+    inside = (width / 16.0) * t * t * t * (4.0 - t)
+    return np.where(real >= width, x, np.where(real <= -width, 0.0 * x, inside))
+
+
+def normal_force(
+    signed_depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, damping: Values,
+    full_damping_depth: Values, depth_width: Values, rate_width: Values
+) -> Array:
+    """Force (N) of a sphere whose lowest point is `signed_depth` (m) below the ground, negative above it.
+
+    Args:
+        depth_rate: m/s, positive while the depth grows.
+        stiffness, exponent, damping, full_damping_depth: as in `kelvin_voigt.normal_force`.
+        depth_width, rate_width: half-widths of the rounded corners (m, m/s), > 0.
+    """
+    depth = rounded_positive_part(signed_depth, depth_width)
+    closing = rounded_positive_part(depth_rate, rate_width)
+    force: Array = stiffness * power(depth, exponent) + damping * closing * smooth_step(depth / full_damping_depth)
+    return force

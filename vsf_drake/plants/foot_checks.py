@@ -1,0 +1,36 @@
+"""What must hold before a foot is added to a plant."""
+
+from __future__ import annotations
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import SIDES, FootParameters
+
+
+def check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
+    """Raises InputError unless a foot `name` can be added to `parent_frame` of `plant`."""
+    if plant.is_finalized():
+        raise InputError("is finalised, so nothing can be added to it", where="plant",
+                         right="Call add_foot before plant.Finalize()")
+    try:
+        owned = plant.get_frame(parent_frame.index()) is parent_frame
+    except RuntimeError:
+        owned = False
+    if not owned:
+        raise InputError(f"{parent_frame.name()!r} belongs to another plant", where="parent_frame",
+                         right="Take a frame of the plant that the foot is added to")
+    if plant.HasModelInstanceNamed(name):
+        raise InputError(f"the plant has a model instance {name!r} already", where="name",
+                         right="Give every foot a name of its own")
+
+
+def checked_side(parameters: FootParameters, side: str | None) -> str:
+    """The foot's side, "either" where nobody said; raises InputError for parameters of the other one."""
+    if side is not None and side not in SIDES:
+        raise InputError(f"{side!r} is no side", where="side", right=f"It is one of {', '.join(SIDES)}, or None")
+    if side is not None and parameters.side not in ("either", side):
+        raise InputError(f"the parameters are for the {parameters.side} side", where="side",
+                         right="Use mirrored(parameters), or add the foot to the other leg")
+    return side or parameters.side

@@ -1,0 +1,206 @@
+"""`_foot_values.foot_values` for float, compiled: the same numbers in a twentieth of the time.
+
+Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vector that `slices` cuts up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.ground import SERIES_ITERATIONS
+from vsf_drake.laws.scalar import friction_per_speed, normal_force
+
+SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness", "fulcrum_damping", "carriage_gain",
+           "carriage_rate_gain")
+SITE_COLUMNS = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "dissipation")
+PATCH_COLUMNS = ("ground_reference_x", "ground_height", "ground_slope", "ground_bank", "ground_compliance",
+                 "mu_static", "mu_kinetic")
+SMOOTH, HUNT_CROSSLEY = 1, 2
+HEAD = 15
+"""Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
+
+
+def slices(joints: int, sites: int) -> dict[str, slice]:
+    """Where each output lies in the vector of `foot_vector`."""
+    sizes = {"wrench": 6, "carriage": 1, "support_force": 1, "grf": 3, "cop": 3, "free_moment": 1, "moment": joints,
+             "joint_moment": joints, "normal_force": sites, "depth": sites, "depth_rate": sites,
+             "friction_force": 3 * sites}
+    ends = np.cumsum(list(sizes.values()))
+    return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+
+@internal
+def _rounded(x, width):
+    if x >= width:
+        return x
+    if x <= -width:
+        return 0.0
+    t = x / width + 1.0
+    return width / 16.0 * t * t * t * (4.0 - t)
+
+
+@internal
+def _foam(depth, stiffness, exponent, compliance):
+    """Depth of the foam alone, and its share of the depth rate; see `laws.ground.foam_depth`."""
+    if compliance == 0.0 or depth <= 0.0:
+        return depth, 1.0
+    d, slope = depth, 1.0
+    for _ in range(SERIES_ITERATIONS):
+        soft = compliance * stiffness * d**exponent
+        slope = 1.0 + exponent * soft / d
+        step = (d + soft - depth) / slope
+        d = max(d - step, 1e-300)
+        if abs(step) < 1e-15 * depth:
+            break
+    return d, 1.0 / (1.0 + exponent * compliance * stiffness * d**exponent / d)
+
+
+@internal
+def _press(law, signed, rate, site, compliance, depth_width, rate_width):
+    """Normal force (N) of one sphere."""
+    depth, share = _foam(max(signed, 0.0), site[1], site[2], compliance)
+    rate = share * rate
+    if law == SMOOTH:
+        depth = _rounded(depth + min(signed, 0.0), depth_width)
+        return normal_force(depth, _rounded(rate, rate_width), site[1], site[2], site[3], site[4])[0]
+    if law == HUNT_CROSSLEY:
+        return site[1] * max(depth, 0.0)**site[2] * max(1.0 + site[5] * rate, 0.0)
+    return normal_force(depth, rate, site[1], site[2], site[3], site[4])[0]
+
+
+@internal
+def _stick(law, speed, mu_static, mu_kinetic, threshold):
+    """mu(V) / V (s/m)."""
+    if law != SMOOTH:
+        return friction_per_speed(speed, mu_static, mu_kinetic, threshold)[0]
+    u = speed / threshold
+    if u < 1.0:
+        return mu_static * (1.5 - 0.5 * u * u) / threshold
+    w = min(2.0 * (u - 1.0), 1.0)
+    return (mu_static - (mu_static - mu_kinetic) * w * w * (3.0 - 2.0 * w)) / speed
+
+
+@internal
+def _patch(x, y, bounds, patches):
+    """Highest patch over x, y, and its height; -1 where there is none."""
+    best, top = -1, -math.inf
+    for i in range(len(patches)):
+        if bounds[i, 0] <= x < bounds[i, 1] and bounds[i, 2] <= y < bounds[i, 3]:
+            z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
+            if z > top:
+                best, top = i, z
+    return best, top
+
+
+@compiled
+def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, scalars, X, V, state, at, position):
+    """All outputs of one foot, see `slices`.
+
+    Args:
+        law: index into CONTACT_LAWS. starts, site_keel: see `FootLayout`. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
+        patches: (M, PATCH_COLUMNS). bounds: (M, 4). joints: (m, 2) stiffness and damping. scalars: SCALARS.
+        X, V: (3, 4) and (6,) of the frame. state: of the plant. at: (2, m + 1) keel joints and carriage in it.
+        position: of the fulcrum (m from A).
+    """
+    m, count = len(starts), len(site_keel)
+    out = np.zeros(HEAD + 2 * m + 6 * count)
+    sin, cos, rates = np.empty(m), np.empty(m), np.empty(m)
+    place, moving = np.zeros((m, 2)), np.zeros((m, 2))  # x and z in K of the joints, and their velocities
+    moment, spring = out[HEAD:HEAD + m], out[HEAD + m:HEAD + 2 * m]
+    angle = rate = 0.0
+    for i in range(m):
+        if i == 0:
+            place[0, 0] = starts[0]
+        else:
+            length = starts[i] - starts[i - 1]
+            place[i, 0], place[i, 1] = place[i - 1, 0] + length * cos[i - 1], place[i - 1, 1] + length * sin[i - 1]
+            moving[i, 0] = moving[i - 1, 0] - length * rates[i - 1] * sin[i - 1]
+            moving[i, 1] = moving[i - 1, 1] + length * rates[i - 1] * cos[i - 1]
+        q, v = state[at[0, i]], state[at[1, i]]
+        angle, rate = angle + q, rate + v
+        sin[i], cos[i], rates[i] = math.sin(angle), math.cos(angle), rate
+        spring[i] = -(joints[i, 0] * q + joints[i, 1] * v)
+        moment[i] = spring[i]
+    i = min(max(np.searchsorted(starts, position, side="right") - 1, 0), m - 1)
+    arm = position - starts[i]
+    height, rise = place[i, 1] + arm * sin[i], moving[i, 1] + arm * rates[i] * cos[i]
+    support = -(scalars[3] * height + scalars[4] * rise)
+    x = place[i, 0] + arm * cos[i]
+    for j in range(i + 1):
+        moment[j] += (x - place[j, 0]) * support
+    out[6] = scalars[5] * (position - state[at[0, m]]) - scalars[6] * state[at[1, m]]
+    out[7] = support
+    load = mx = my = mz = ux = uy = uz = wx = wy = wz = 0.0  # weighted sums: contact point, normal; moment about Fo
+    for s in range(count):
+        k = site_keel[s]
+        px, py, pz, vx, vz, spin = p_BS[s, 0], p_BS[s, 1], p_BS[s, 2], 0.0, 0.0, 0.0
+        if k >= 0:
+            dx, dz = px * cos[k] - pz * sin[k], px * sin[k] + pz * cos[k]
+            px, pz, spin = place[k, 0] + dx, place[k, 1] + dz, rates[k]
+            vx, vz = moving[k, 0] - spin * dz, moving[k, 1] + spin * dx
+        rx = X[0, 0] * px + X[0, 1] * py + X[0, 2] * pz
+        ry = X[1, 0] * px + X[1, 1] * py + X[1, 2] * pz
+        rz = X[2, 0] * px + X[2, 1] * py + X[2, 2] * pz
+        patch, ground = _patch(X[0, 3] + rx, X[1, 3] + ry, bounds, patches)
+        if patch < 0:
+            patch, ground = len(patches) - 1, -math.inf
+        slope, bank = patches[patch, 2], patches[patch, 3]
+        nz = 1.0 / math.sqrt(1.0 + slope * slope + bank * bank)
+        nx, ny = -slope * nz, -bank * nz
+        radius = sites[s, 0]
+        signed = radius - (X[2, 3] + rz - ground) * nz if ground > -math.inf else -1.0
+        wfx = V[3] + V[1] * rz - V[2] * ry + X[0, 0] * vx + X[0, 2] * vz
+        wfy = V[4] + V[2] * rx - V[0] * rz + X[1, 0] * vx + X[1, 2] * vz
+        wfz = V[5] + V[0] * ry - V[1] * rx + X[2, 0] * vx + X[2, 2] * vz
+        approach = -(nx * wfx + ny * wfy + nz * wfz)
+        force = _press(law, signed, approach, sites[s], patches[patch, 4], scalars[1], scalars[2])
+        first = HEAD + 2 * m
+        out[first + s], out[first + count + s], out[first + 2 * count + s] = force, max(signed, 0.0), approach
+        if force == 0.0:
+            continue
+        ox, oy, oz = V[0] - spin * X[0, 1], V[1] - spin * X[1, 1], V[2] - spin * X[2, 1]
+        cx = wfx - radius * (oy * nz - oz * ny)
+        cy = wfy - radius * (oz * nx - ox * nz)
+        cz = wfz - radius * (ox * ny - oy * nx)
+        lift = nx * cx + ny * cy + nz * cz
+        cx, cy, cz = cx - lift * nx, cy - lift * ny, cz - lift * nz
+        grip = -force * _stick(law, math.sqrt(cx * cx + cy * cy + cz * cz), patches[patch, 5], patches[patch, 6],
+                               scalars[0])
+        f = out[first + 3 * count + 3 * s:first + 3 * count + 3 * s + 3]
+        f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
+        fx, fy, fz = f[0] + force * nx, f[1] + force * ny, f[2] + force * nz
+        rx, ry, rz = rx - radius * nx, ry - radius * ny, rz - radius * nz
+        wx, wy, wz = wx + ry * fz - rz * fy, wy + rz * fx - rx * fz, wz + rx * fy - ry * fx
+        out[8], out[9], out[10] = out[8] + fx, out[9] + fy, out[10] + fz
+        depth = max(signed, 0.0)
+        load, ux, uy, uz = load + force, ux + force * nx, uy + force * ny, uz + force * nz
+        mx, my, mz = mx + force * (rx + depth * nx), my + force * (ry + depth * ny), mz + force * (rz + depth * nz)
+        if k >= 0:
+            kx = X[0, 0] * rx + X[1, 0] * ry + X[2, 0] * rz
+            kz = X[0, 2] * rx + X[1, 2] * ry + X[2, 2] * rz
+            gx = X[0, 0] * fx + X[1, 0] * fy + X[2, 0] * fz
+            gz = X[0, 2] * fx + X[1, 2] * fy + X[2, 2] * fz
+            for j in range(k + 1):
+                moment[j] += (kx - place[j, 0]) * gz - (kz - place[j, 1]) * gx
+    out[0], out[1], out[2] = wx, wy, wz
+    out[3], out[4], out[5] = out[8], out[9], out[10]
+    if load > 0.0:
+        _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz)
+    return out
+
+
+@internal
+def _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz):
+    """Centre of pressure and free moment, see `_foot_values`, from sums weighted by the normal forces."""
+    px, py, pz = mx / load, my / load, mz / load
+    size = math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux / size, uy / size, uz / size
+    fx, fy, fz = out[8], out[9], out[10]
+    ax, ay, az = out[0] - (py * fz - pz * fy), out[1] - (pz * fx - px * fz), out[2] - (px * fy - py * fx)
+    across = fx * ux + fy * uy + fz * uz
+    tx, ty, tz = (uy * az - uz * ay) / across, (uz * ax - ux * az) / across, (ux * ay - uy * ax) / across
+    out[11], out[12], out[13] = X[0, 3] + px + tx, X[1, 3] + py + ty, X[2, 3] + pz + tz
+    out[14] = ux * (ax - (ty * fz - tz * fy)) + uy * (ay - (tz * fx - tx * fz)) + uz * (az - (tx * fy - ty * fx))

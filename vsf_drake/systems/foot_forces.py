@@ -1,0 +1,211 @@
+"""All forces on one foot in one system: contact, friction, fulcrum support, keel springs, carriage."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
+from vsf_drake.systems._foot_values import CONTACT_LAWS, FootLayout, foot_values
+from vsf_drake.systems._parameters import NamedParameters
+from vsf_drake.systems._sites import (
+    ForcePacker,
+    declare_body_poses,
+    declare_body_spatial_velocities,
+    model_spatial_forces,
+)
+
+PER_JOINT = ("joint_stiffness", "joint_damping")
+FORCES = ("support_force", "joint_moment")
+GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
+
+
+@TemplateSystem.define("FootForces_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+def FootForces_(T):
+    class Impl(NamedParameters, LeafSystem_[T]):
+        """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into.
+
+        In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`,
+        `KeelElasticity` and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane
+        patches. The keel is planar and its joint angles are in the state, so of the plant's poses and velocities only
+        those of the rigid frame F are read, and the plant gets one spatial force on F beside moments in the keel's
+        joints. Laws and sources: `vsf_drake.laws` (kelvin_voigt, smooth_contact or hunt_crossley, as `law` says;
+        stick_slip, with its smooth variant where the law is "smooth"; ground), McGeehan 2021 (doi 10.1115/1.4050456).
+
+        The sphere touches the highest patch below its centre S. Depth, depth rate and slip are taken along and across
+        that patch's normal n, friction acts at C, a radius from S against n. The centre of pressure is the point about
+        which the moment has no component across the mean normal, in the plane through the mean contact point; for a
+        level ground that is what `GroundReaction` computes.
+
+        .. pydrake_system::
+
+            name: FootForces
+            input_ports:
+            - body_poses
+            - body_spatial_velocities
+            - state
+            - fulcrum_position
+            output_ports:
+            - spatial_forces
+            - generalized_force
+            - support_force
+            - joint_moment
+            - grf
+            - cop
+            - free_moment
+            - normal_force
+            - depth
+            - depth_rate
+            - friction_force
+
+        Inputs: state (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
+        posterior end A, where it is not connected the parameter fulcrum_m holds. Outputs: spatial_forces on F;
+        generalized_force (num_velocities,), zero outside keel and carriage; support_force (1,) N of the fulcrum on the
+        keel along z_K; joint_moment (m,) N m of the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,)
+        m in W; free_moment (1,) N m about the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of
+        foam and ground together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N rows in W, N.
+        Without load grf, cop and free_moment are zero. With `law` None there is no contact and no output from grf on.
+
+        Wiring: `wire_foot` does it. body_poses, body_spatial_velocities and state from MultibodyPlant; spatial_forces
+        to its applied_spatial_force and generalized_force to its applied_generalized_force, see `share_forces`.
+
+        Args:
+            num_positions, num_velocities: of the plant.
+            position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in q and v.
+            frame_body_index: body F.
+            keel_starts: (m,) distances (m) of the keel's joints from A.
+            site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
+            law: one of CONTACT_LAWS, or None.
+            constants: values of the parameters below by name; a scalar stands for equal values.
+
+        Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
+        fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m;
+        and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of
+        `laws.kelvin_voigt`, dissipation (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of
+        `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
+        ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
+
+        Raises:
+            ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
+        """
+
+        def _construct(
+            self,
+            *,
+            num_positions: int,
+            num_velocities: int,
+            position_indices: Sequence[int],
+            velocity_indices: Sequence[int],
+            frame_body_index: int,
+            keel_starts: np.ndarray,
+            site_keel: Sequence[int],
+            law: str | None,
+            constants: dict[str, Any],
+            converter=None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            if law is not None and law not in CONTACT_LAWS:
+                raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")
+            self._arguments = {
+                "num_positions": num_positions, "num_velocities": num_velocities,
+                "position_indices": list(position_indices), "velocity_indices": list(velocity_indices),
+                "frame_body_index": int(frame_body_index), "keel_starts": keel_starts, "site_keel": list(site_keel),
+                "law": law, "constants": dict(constants),
+            }
+            self._frame, self._count = int(frame_body_index), num_velocities
+            self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
+            self._layout = FootLayout(
+                starts=np.array(keel_starts, dtype=float), law=law or CONTACT_LAWS[0],
+                site_keel=np.array(site_keel if law else [], dtype=np.int64))
+            m, sites = len(self._layout.starts), len(self._layout.site_keel)
+            if self._at.shape != (2, m + 1):
+                raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
+            self._slices, self._packer = slices(m, sites), ForcePacker([self._frame], T)
+            self._poses_port = declare_body_poses(self, T)
+            self._velocities_port = declare_body_spatial_velocities(self, T)
+            self._state_port = self.DeclareVectorInputPort("state", num_positions + num_velocities)
+            self._fulcrum_port = self.DeclareVectorInputPort("fulcrum_position", 1)
+            self._declare_parameters(T, **_shaped(constants, m, sites, contact=law is not None))
+            self._packed = self._declare_cached("packed", self._pack_constants, {self.all_parameters_ticket()})
+            self._values = self._declare_inputs_cache("values", self._calc_values)
+            self.DeclareAbstractOutputPort("spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+            self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
+            for name in FORCES + (GROUND if law else ()):
+                part = self._slices[name]
+                self.DeclareVectorOutputPort(
+                    name, part.stop - part.start,
+                    lambda context, out, name=name: out.SetFromVector(self._part(context, name)))
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def _pack_constants(self, context) -> tuple:
+            c = self._full_constants(context)
+            columns = [np.column_stack([c[name] for name in names])
+                       for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT)]
+            return (CONTACT_LAWS.index(self._layout.law), self._layout.starts, self._layout.site_keel, c["p_BS"],
+                    columns[0], columns[1], c["ground_bounds"], columns[2], np.array([c[name] for name in SCALARS]))
+
+        def _full_constants(self, context) -> dict[str, Any]:
+            constants = self._constants(context)
+            return constants if "p_BS" in constants else {**_NO_CONTACT, **constants}
+
+        def _calc_values(self, context) -> Any:
+            X_WF = self._poses_port.Eval(context)[self._frame].GetAsMatrix34()
+            V_WF = self._velocities_port.Eval(context)[self._frame].get_coeffs()
+            state = self._state_port.Eval(context)
+            if self._fulcrum_port.HasValue(context):
+                position = self._fulcrum_port.Eval(context)[0]
+            else:
+                position = self._constants(context)["fulcrum_m"]
+            if T is float:
+                return foot_vector(*self._packed.Eval(context), X_WF, V_WF, state, self._at, position)
+            return foot_values(self._layout, self._full_constants(context), X_WF, V_WF, state[self._at[0]],
+                               state[self._at[1]], position)
+
+        def _part(self, context, name: str) -> np.ndarray:
+            values = self._values.Eval(context)
+            return values[self._slices[name]] if T is float else np.atleast_1d(values[name])
+
+        def _calc_spatial_forces(self, context, output) -> None:
+            output.set_value([self._packer.pack(self._frame, self._part(context, "wrench"))])
+
+        def _calc_generalized_force(self, context, output) -> None:
+            force = np.zeros(self._count, dtype=T if T is float else object)
+            at = self._arguments["velocity_indices"]
+            force[at[:-1]], force[at[-1:]] = self._part(context, "moment"), self._part(context, "carriage")
+            output.SetFromVector(force)
+
+    return Impl
+
+
+_NO_CONTACT = {
+    "p_BS": np.zeros((0, 3)), "ground_bounds": np.zeros((1, 4)),
+    **dict.fromkeys(SITE_COLUMNS, np.zeros(0)), **dict.fromkeys(PATCH_COLUMNS, np.zeros(1)),
+    **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), 1.0),
+}
+
+
+def _shaped(constants: dict[str, Any], joints: int, sites: int, *, contact: bool) -> dict[str, tuple]:
+    """name: (value, shape) of all parameters, after a check that each is there."""
+    shapes: dict[str, tuple] = dict.fromkeys(PER_JOINT, (joints,))
+    shapes |= dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain",
+                             "carriage_rate_gain"), ())
+    if contact:
+        patches = (len(np.atleast_1d(constants.get("ground_height", 0.0))),)
+        shapes |= {"p_BS": (sites, 3), **dict.fromkeys(SITE_COLUMNS, (sites,))}
+        shapes |= {"ground_bounds": (*patches, 4), **dict.fromkeys(PATCH_COLUMNS, patches)}
+        shapes |= dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), ())
+    wrong = shapes.keys() ^ constants.keys()
+    if wrong:
+        raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(shapes)}")
+    return {name: (constants[name], shape) for name, shape in shapes.items()}
+
+
+FootForces = FootForces_[float]
