@@ -7,12 +7,12 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
+from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.simulation.sagittal.smooth_laws import (
     IMAGINARY_STEP,
     Smoothing,
     friction_coefficient,
     normal_force,
-    positive_part,
     positive_part_integral,
 )
 from vsf_drake.simulation.sagittal.springs import STOP_WIDTH, TENSION_WIDTH, spring_forces
@@ -28,15 +28,15 @@ def slope(law, x):
 
 def test_corner_is_convex_exact_beyond_its_width_and_largest_off_in_its_middle():
     width = 0.7
-    y = positive_part(X, width)
+    y = rounded_positive_part(X, width)
     error = y - np.maximum(X, 0.0)
     assert error.min() >= 0.0
     assert error.max() == pytest.approx(3.0 / 16.0 * width, rel=1e-12)
     np.testing.assert_array_equal(error[np.abs(X) >= width], 0.0)
-    assert np.diff(slope(lambda x: positive_part(x, width), X)).min() >= -1e-15
+    assert np.diff(slope(lambda x: rounded_positive_part(x, width), X)).min() >= -1e-15
 
 
-@pytest.mark.parametrize("law", [positive_part, positive_part_integral])
+@pytest.mark.parametrize("law", [rounded_positive_part, positive_part_integral])
 def test_corner_has_two_continuous_derivatives(law):
     """Second derivatives by differences of slopes change by no more than the third's 3 / (2 width^2) over a step."""
     width, h = 0.7, X[1] - X[0]
@@ -45,7 +45,8 @@ def test_corner_has_two_continuous_derivatives(law):
 
 
 def test_integral_is_that_of_the_corner():
-    np.testing.assert_allclose(slope(lambda x: positive_part_integral(x, 0.7), X), positive_part(X, 0.7), atol=1e-15)
+    np.testing.assert_allclose(
+        slope(lambda x: positive_part_integral(x, 0.7), X), rounded_positive_part(X, 0.7), atol=1e-15)
     assert positive_part_integral(np.array([-0.7]), 0.7)[0] == 0.0
 
 
