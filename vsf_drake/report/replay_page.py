@@ -32,15 +32,31 @@ def finish_page(page: str, result: WalkResult, legend: Sequence[tuple[RGB, str]]
         ValueError: `page` has no title or no body.
     """
     title = f"{result.trial_name}: {kind(result)}"
+    return with_caption(page, title, *_facts(result, legend))
+
+
+def with_caption(page: str, title: str, text: str, extra: str = "") -> str:
+    """Meshcat's static `page` with `title`, and a caption along its lower edge.
+
+    Args:
+        page: what `Meshcat.StaticHtml` returns.
+        title: above `text`; both are escaped.
+        extra: a last line, as HTML.
+
+    Raises:
+        ValueError: `page` has no title or no body.
+    """
     page, titles = re.subn(r"<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>", page, count=1,
                            flags=re.DOTALL)
     head, tag, tail = page.rpartition("</body>")
     if not titles or not tag:
         raise ValueError("Meshcat's page has no title or no body to write into")
-    return f"{head}{_caption(result, title, legend)}\n{tag}{tail}"
+    lines = "<br>".join(line for line in (f"<b>{html.escape(title)}</b>", html.escape(text), extra) if line)
+    return f'{head}<div id="caption" style="{_STYLE}">{lines}</div>\n{tag}{tail}'
 
 
-def _caption(result: WalkResult, title: str, legend: Sequence[tuple[RGB, str]]) -> str:
+def _facts(result: WalkResult, legend: Sequence[tuple[RGB, str]]) -> tuple[str, str]:
+    """What is said of the walk, and the legend as HTML."""
     lowest, highest = float(result.fulcrum_m.min()), float(result.fulcrum_m.max())
     fulcrum = condition_label(round(lowest, 6))
     if highest - lowest > 1e-6:
@@ -49,10 +65,9 @@ def _caption(result: WalkResult, title: str, legend: Sequence[tuple[RGB, str]]) 
     if not result.converged:
         facts.append(f"{result.unconverged_steps} STEPS NOT CONVERGED")
     facts.append("Open Controls, Animations: pause, time, speed (timeScale)")
-    text = html.escape("; ".join(facts))
     swatches = "".join(f'<span style="white-space:nowrap;margin-right:2em"><span style="color:{_css(colour)}">&#9632;'
                        f"</span> {html.escape(name)}</span> " for colour, name in legend)
-    return f'<div id="caption" style="{_STYLE}"><b>{html.escape(title)}</b><br>{text}<br>{swatches}</div>'
+    return "; ".join(facts), swatches
 
 
 def _css(colour: RGB) -> str:
