@@ -20,7 +20,8 @@ from vsf_drake.subject import SIDES, Subject
 
 __all__ = (
     "FOAM_DAMPING_TIME_S", "GRAVITY", "SIDES", "ActuatorParameters", "BushingAxis", "ContactZone", "FootParameters",
-    "FrictionParameters", "FulcrumParameters", "IntactFootParameters", "KeelParameters", "ModelParameters", "SocketParameters", "Subject",
+    "FrictionParameters", "FulcrumParameters", "IntactFootParameters", "KeelParameters", "ModelParameters",
+    "SocketParameters", "Subject",
 )
 
 _PAPER = "McGeehan 2021"

@@ -1,0 +1,181 @@
+"""A lead screw turned by a geared direct-current motor: torques, efficiencies, self-locking, acceleration, power.
+
+Screw (Shigley, Mechanical Engineering Design, power screws; with the friction mu / cos(flank angle) of an inclined
+thread flank, collar friction left out). The thread of lead p and mean diameter d_m climbs at the lead angle lambda,
+tan(lambda) = p / (pi d_m); with u = mu / cos(flank angle) the torque that moves an axial load F is
+
+    against the load     T = F d_m/2 · (tan(lambda) + u) / (1 - u tan(lambda)),
+    with the load        T = F d_m/2 · (u - tan(lambda)) / (1 + u tan(lambda)),     needed when u > tan(lambda):
+
+then the screw locks itself, and no load, however large, turns it. Without friction T = F p / (2 pi).
+
+Motor (a text-book line): current i = (V - k ω) / R, torque k i - friction. The winding's inductance is left out: its
+time constant, some tenths of a millisecond, is short against the milliseconds in which the carriage gets under way.
+
+The friction of rail, thread and motor opposes motion by the factor tanh(v / creep speed) instead of sign(v), so that
+everything is smooth: what a locked screw holds, it holds by creeping, always slower than `locked_creep_speed`.
+The two branches (load against or with the motion) make the friction force continuous, with a kink where the load
+changes sign. SI units throughout; x along the keel to the toe, forces on the carriage along +x.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Values = Any  # a float or an AutoDiffXd
+
+
+def lead_angle_tangent(lead: Values, mean_diameter: Values) -> Values:
+    """tan(lambda) = lead / (pi · mean diameter)."""
+    return lead / (math.pi * mean_diameter)
+
+
+def flank_friction(friction: Values, flank_angle: Values) -> Values:
+    """u = friction / cos(flank angle), of a thread whose flank is inclined by the angle (rad)."""
+    return friction / np.cos(flank_angle)
+
+
+def is_self_locking(tangent: Values, friction: Values) -> bool:
+    """Whether no axial load can turn the screw: tan(lambda) < u."""
+    return bool(tangent < friction)
+
+
+def driving_efficiency(tangent: Values, friction: Values) -> Values:
+    """Work on the load / work of the torque while the screw moves against the load, 1 without friction.
+
+    Raises:
+        ValueError: u tan(lambda) >= 1: no torque can turn such a screw.
+    """
+    if not friction * tangent < 1.0:
+        raise ValueError(f"friction {friction} times the tangent {tangent} of the lead angle is 1 or more: "
+                         "no torque turns this screw; take a smaller lead or less friction")
+    return tangent * (1.0 - friction * tangent) / (tangent + friction)
+
+
+def returning_efficiency(tangent: Values, friction: Values) -> Values:
+    """Work that the load gives to the shaft / work of the load, while the load drives; negative if it cannot."""
+    return (tangent - friction) / (tangent * (1.0 + friction * tangent))
+
+
+def screw_torque(force: Values, *, lead: Values, tangent: Values, friction: Values, against: bool) -> Values:
+    """Torque (N m) in the direction of motion that moves an axial load `force` >= 0 (N) steadily.
+
+    Args:
+        against: the load opposes the motion; else it pushes along, and the torque of a locking screw stays positive.
+    """
+    if against:
+        return force * lead / (2.0 * math.pi) / driving_efficiency(tangent, friction)
+    return -force * lead / (2.0 * math.pi) * returning_efficiency(tangent, friction)
+
+
+def screw_force(torque: Values, *, lead: Values, tangent: Values, friction: Values) -> Values:
+    """Axial load (N) that `torque` (N m) moves steadily against its direction."""
+    return torque * (2.0 * math.pi) / lead * driving_efficiency(tangent, friction)
+
+
+def motor_current(voltage: Values, speed: Values, *, torque_constant: Values, resistance: Values) -> Values:
+    """(voltage - torque constant · speed) / resistance (A); speed of the rotor in rad/s."""
+    return (voltage - torque_constant * speed) / resistance
+
+
+def no_load_speed(voltage: Values, *, torque_constant: Values, resistance: Values, friction: Values) -> Values:
+    """Rotor speed (rad/s) at which the torque only overcomes the motor's own friction (N m)."""
+    return (voltage - resistance * friction / torque_constant) / torque_constant
+
+
+def direction(speed: Values, creep_speed: Values) -> Values:
+    """The regularised sign of the speed, tanh(speed / creep speed)."""
+    return np.tanh(speed / creep_speed)
+
+
+def locked_creep_speed(tangent: Values, friction: Values, creep_speed: Values) -> Values:
+    """Speed (m/s) that no axial load exceeds with the motor off: creep speed · artanh(1 / (1 - returning efficiency)).
+
+    Raises:
+        ValueError: the screw does not lock itself.
+    """
+    if not is_self_locking(tangent, friction):
+        raise ValueError("the screw gives way under load: its friction is not above the tangent of its lead angle")
+    return creep_speed * np.arctanh(1.0 / (1.0 - returning_efficiency(tangent, friction)))
+
+
+def servo_voltage(error: Values, *, limit: Values, band: Values, tolerance: Values) -> Values:
+    """Voltage limit · tanh(e / band), e the error (m) beyond the tolerance, zero within it."""
+    beyond = error - tolerance if error > tolerance else error + tolerance if error < -tolerance else 0.0 * error
+    return limit * np.tanh(beyond / band)
+
+
+def limited_voltage(supply: Values, speed_limit: Values, *, lead: Values, gear_ratio: Values,
+                    torque_constant: Values) -> Values:
+    """The supply's voltage, or that whose motor without any load moves the carriage at `speed_limit` (m/s), if less."""
+    limit = torque_constant * gear_ratio * speed_limit * (2.0 * math.pi) / lead
+    return limit if limit < supply else supply
+
+
+def stop_force(position: Values, velocity: Values, *, low: Values, high: Values, stiffness: Values,
+               dissipation: Values) -> Values:
+    """Force (N) of the stops at the ends of travel, stiffness · depth · (1 + dissipation · rate of the depth), pushing
+    only. It has no jump on touching: the damping grows with the depth (Hunt & Crossley 1975, exponent 1).
+    """
+    if position < low:
+        depth, rate, sign = low - position, -velocity, 1.0
+    elif position > high:
+        depth, rate, sign = position - high, velocity, -1.0
+    else:
+        return 0.0 * position
+    factor = 1.0 + dissipation * rate
+    return sign * stiffness * depth * factor if factor > 0.0 else 0.0 * position
+
+
+class CarriageMotion(NamedTuple):
+    """What `carriage_motion` finds.
+
+    acceleration: of the carriage (m/s²). nut_force: the screw's force on the carriage (N).
+    thread_loss: force lost in the thread (N), in the direction of motion.
+    """
+
+    acceleration: Values
+    nut_force: Values
+    thread_loss: Values
+
+
+def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_mass: Values, carriage_mass: Values,
+                    tangent: Values, friction: Values) -> CarriageMotion:
+    """Solves the screw's and the carriage's equations of motion together.
+
+        rotor_mass · a = drive - F - D(F),     carriage_mass · a = F - resistance,
+
+    with F the nut's force on the carriage and D = sense · |F| · (1 / driving efficiency - 1) where F acts in the
+    direction of motion, sense · |F| · (1 - returning efficiency) where it acts against it. Derived from the torques
+    above; each branch is linear in a, and the one that holds follows from the sign of F.
+
+    Args:
+        drive: the motor's torque as a force at the carriage, torque · gear ratio · 2 pi / lead (N).
+        resistance: all else that holds the carriage back: rail friction, stops, axial load (N, along -x).
+        sense: `direction` of motion, in [-1, 1].
+        rotor_mass: inertia of rotor and screw as a mass at the carriage (kg).
+        carriage_mass: kg, > 0.
+    """
+    forward = drive * carriage_mass + rotor_mass * resistance >= 0.0  # the sign of F, from the equations without D
+    along = 1.0 / driving_efficiency(tangent, friction) - 1.0
+    against = 1.0 - returning_efficiency(tangent, friction)
+    factor = along if (sense >= 0.0) == bool(forward) else against
+    transmitted = 1.0 + sense * factor if forward else 1.0 - sense * factor
+    acceleration = (drive - resistance * transmitted) / (rotor_mass + carriage_mass * transmitted)
+    nut_force = carriage_mass * acceleration + resistance
+    return CarriageMotion(acceleration, nut_force, nut_force * (transmitted - 1.0))
+
+
+def steady_speed(voltage: float, load: float, *, lead: float, tangent: float, friction: float, gear_ratio: float,
+                 torque_constant: float, resistance: float, motor_friction: float) -> float:
+    """Speed (m/s) at which the motor at `voltage` moves the carriage against an axial `load` (N); 0 if it cannot.
+
+    The motor's line at the torque screw_torque(load) / gear_ratio + motor_friction, times lead / (2 pi gear ratio).
+    """
+    torque = screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True) / gear_ratio
+    speed = no_load_speed(voltage, torque_constant=torque_constant, resistance=resistance,
+                          friction=torque + motor_friction)
+    return max(0.0, speed * lead / (2.0 * math.pi * gear_ratio))

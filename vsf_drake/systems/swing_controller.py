@@ -1,0 +1,160 @@
+"""Lets the fulcrum move in swing only."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake.errors import InputError
+from vsf_drake.systems._parameters import NamedParameters
+
+SIGNALS = ("contact", "shank", "both")
+"""What tells the controller of swing: the ground's force, the shank's angle and rate, or both at once."""
+STANCE, UNCONFIRMED, SWING = 0.0, 1.0, 2.0
+"""Values of the output `phase`."""
+
+
+@TemplateSystem.define("SwingController_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+def SwingController_(T):
+    class Impl(NamedParameters, LeafSystem_[T]):
+        """Enables the fulcrum's motor in swing and holds, from the onset of each swing, the position to go to.
+
+        Sampled at a fixed period, as a microcontroller. What says that the foot is in the air:
+
+        - contact: the vertical force on the foot falls below unload_force; stance again above load_force.
+        - shank: the shank swings forward, its angle falling faster than swing_rate from a lean of at least
+          least_lean; stance again once it falls slower than stop_rate. So it is in walking: the shank's rate changes
+          sign after toe-off and again at or just before initial contact (gait phases by shank gyroscopes,
+          PMC6545278, Figure 3; Catalfamo 2010, doi 10.3390/s100605683), and in stance it only leans further forward.
+          The first sixth or so of swing, in which the shank still leans further, is not used. The lean keeps a
+          person who rocks back from the motor.
+        - both: swing needs both; either ends it.
+
+        The sign must last for the debounce time before the phase is swing; stance follows at once, at the next
+        sample. All thresholds are choices. A period after touch-down at the latest the motor is off.
+
+        .. pydrake_system::
+
+            name: SwingController
+            input_ports:
+            - desired_position
+            - grf
+            - shank_angle
+            output_ports:
+            - enabled
+            - phase
+            - commanded_position
+
+        Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up;
+        shank_angle (2,) rad and rad/s, leaning forward positive. Of grf and shank_angle only those that the signal
+        needs are read, the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0
+        stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states,
+        without feedthrough: phase, time (s) for which the sign has lasted, commanded position. AutoDiffXd works; the
+        thresholds' derivatives are zero, as the phase is.
+
+        Wiring: grf from the foot or shank_angle from `ShankAngle`; enabled and commanded_position to
+        `FulcrumActuator`.
+
+        Args:
+            signal: one of SIGNALS.
+            initial_position: commanded until the first swing (m from A).
+            period: s.
+            unload_force, load_force: N.
+            swing_rate, stop_rate: rad/s, of the angle's fall.
+            least_lean: rad.
+            debounce: s.
+
+        Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce.
+
+        Raises:
+            InputError: the signal is unknown, the period is not above 0, or load_force is not above unload_force or
+                swing_rate not above stop_rate, so that there is no hysteresis.
+        """
+
+        def _construct(
+            self,
+            *,
+            signal: str = "contact",
+            initial_position: float = 0.108,
+            period: float = 5e-3,
+            unload_force: float = 20.0,
+            load_force: float = 30.0,
+            swing_rate: float = 1.0,
+            stop_rate: float = 0.3,
+            least_lean: float = math.radians(20.0),
+            debounce: float = 0.02,
+            converter=None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
+                         "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce}
+            _check(signal, period, constants)
+            self._arguments = {"signal": signal, "initial_position": initial_position, "period": period, **constants}
+            self._signal, self._period = signal, float(period)
+            self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
+            self._grf_port = self.DeclareVectorInputPort("grf", 3)
+            self._shank_port = self.DeclareVectorInputPort("shank_angle", 2)
+            self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
+            self.DeclareDiscreteState(BasicVector_[T](np.array([STANCE, 0.0, initial_position])))
+            self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
+            outputs = {"enabled": lambda state: T(1.0 if state[0] == SWING else 0.0), "phase": lambda state: state[0],
+                       "commanded_position": lambda state: state[2]}
+            for name, calc in outputs.items():
+                self.DeclareVectorOutputPort(
+                    name, 1, lambda context, out, calc=calc: out.SetFromVector(np.array([calc(_state(context))])),
+                    {self.xd_ticket()})
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def _update(self, context, discrete) -> None:
+            phase, held, commanded = _state(context)
+            begins, ends = self._sign(context)
+            if phase == SWING:
+                phase, held = (T(STANCE), T(0.0)) if ends else (phase, held + self._period)
+            elif phase == STANCE or ends:
+                phase, held = T(UNCONFIRMED if begins else STANCE), T(0.0)
+            else:
+                held = held + self._period
+            if phase == UNCONFIRMED and held >= self._constants(context)["debounce"] - 1e-9:
+                phase, held, commanded = T(SWING), T(0.0), self._desired_port.Eval(context)[0]
+            discrete.set_value(np.array([phase, held, commanded]))
+
+        def _sign(self, context) -> tuple[bool, bool]:
+            """Whether a swing would begin, and whether one would end, at what the inputs are now."""
+            c, begins, ends = self._constants(context), [], []
+            if self._signal != "shank":
+                load = self._grf_port.Eval(context)[2]
+                begins.append(bool(load < c["unload_force"]))
+                ends.append(bool(load > c["load_force"]))
+            if self._signal != "contact":
+                angle, rate = self._shank_port.Eval(context)
+                begins.append(bool(-rate > c["swing_rate"]) and bool(angle > c["least_lean"]))
+                ends.append(bool(-rate < c["stop_rate"]))
+            return all(begins), any(ends)
+
+    return Impl
+
+
+def _state(context) -> Any:
+    return context.get_discrete_state_vector().CopyToVector()
+
+
+def _check(signal: str, period: float, constants: dict[str, float]) -> None:
+    if signal not in SIGNALS:
+        raise InputError(f"{signal!r} is not known", where="signal", right=f"Known are: {', '.join(SIGNALS)}")
+    if not period > 0.0:
+        raise InputError(f"{period} s is no sampling period", where="period", right="It must be above 0 s")
+    for low, high in (("unload_force", "load_force"), ("stop_rate", "swing_rate")):
+        if not constants[low] < constants[high]:
+            raise InputError(f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
+                             where=high, right=f"It must be above {low}")
+
+
+SwingController = SwingController_[float]
