@@ -54,8 +54,9 @@ def chromium() -> str | None:
                 None)
 
 
-def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot: Path | None = None) -> Seen:
-    """Opens `page` in a frame `width` pixels wide; `folder` is an empty one to work in."""
+def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot: Path | None = None,
+         budget_ms: int = 8000) -> Seen:
+    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its own time; `folder` is an empty one to work in."""
     text = page.read_text(encoding="utf-8")
     (folder / "page.html").write_text(text.replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
     (folder / "frame.html").write_text(_FRAME.format(width=width, height=height), encoding="utf-8")
@@ -63,7 +64,7 @@ def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot:
     command = [chromium(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
                "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
                "--disable-default-apps", "--disable-extensions", "--hide-scrollbars", "--enable-logging=stderr",
-               f"--user-data-dir={folder / 'profile'}", f"--log-net-log={log}", "--virtual-time-budget=8000",
+               f"--user-data-dir={folder / 'profile'}", f"--log-net-log={log}", f"--virtual-time-budget={budget_ms}",
                f"--window-size={max(width, 500)},{height + 40}", f"file://{folder / 'frame.html'}"]
     ended = subprocess.run([*command, "--dump-dom"], capture_output=True, text=True, timeout=120, check=True)
     seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', ended.stdout, re.DOTALL)[1]))

@@ -1,0 +1,171 @@
+"""A shown model stands where its controls say, and its sliders lead it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.report.show.scene import platen_travel
+from vsf_drake.report.show.serve import KINDS, make_scene, open_meshcat
+from vsf_drake.report.show.viewer import RESET, RISE, STOP, SUPPORT, Viewer, frame_button
+from vsf_drake.simulation.keel_shape import keel_shape
+
+MODEL = ModelParameters()
+SUBJECT = Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side="right")
+
+
+class Clicked(Meshcat):
+    """A Meshcat whose buttons a test presses."""
+
+    clicks: dict[str, int]
+
+    def GetButtonClicks(self, name):
+        return self.clicks.get(name, 0)
+
+
+@pytest.fixture(scope="module")
+def meshcat():
+    return open_meshcat()
+
+
+def scene_of(meshcat, what, **options):
+    meshcat.Delete()
+    meshcat.DeleteAddedControls()
+    return make_scene(meshcat, what, MODEL, SUBJECT if what == "person" else None, **options)
+
+
+def position(scene, body):
+    return body.EvalPoseInWorld(scene.plant_context).translation()
+
+
+def bottoms(scene, sites):
+    context = scene.plant_context
+    return [(scene.plant.get_body(body).EvalPoseInWorld(context) @ centre)[2] - radius
+            for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
+
+
+@pytest.mark.parametrize("what", ["foot", "person"])
+def test_the_unloaded_sole_stands_on_the_ground(meshcat, what):
+    scene = scene_of(meshcat, what)
+    scene.place(scene.rest)
+    # the slider of pelvis_ty has steps of 0.1 mm
+    assert min(bottoms(scene, scene.foot.sites)) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_platen_presses_the_foam_by_what_the_load_asks(meshcat):
+    scene = scene_of(meshcat, "bench")
+    loaded = scene.rest | {"fulcrum": 66.0, "load at the toe": 600.0}
+    shape = scene.place(loaded)
+    rise = keel_shape(MODEL.foot, fulcrum_m=0.066, load_n=600.0).load_point_K[1]
+    assert shape.load_point_K[1] == rise
+    travel = position(scene, scene.platen.child_body())[2] + MODEL.foot.build_height_m
+    assert travel == pytest.approx(platen_travel(MODEL.foot, shape, 600.0))
+    assert travel - rise == pytest.approx(600.0 / MODEL.foot.series_stiffness_n_per_m)
+
+
+@pytest.mark.parametrize("what", KINDS)
+def test_every_joint_of_the_model_has_a_control_or_is_bent_by_the_load(meshcat, what):
+    scene = scene_of(meshcat, what)
+    joints = [scene.plant.get_joint(i) for i in scene.plant.GetJointIndices()]
+    moving = {joint.name() for joint in joints if joint.num_positions()}
+    named = {control.name for control in scene.controls}
+    assert moving - named - set(scene.foot.keel_joint_names) == ({"platen"} if what == "bench" else set())
+    assert named - moving == {"load at the toe"}
+    single = scene_of(meshcat, what, keel_joints=True)
+    assert {c.name for c in single.controls} - named == set(scene.foot.keel_joint_names)
+    assert all(c.low <= c.rest <= c.high and c.step > 0 for c in single.controls)
+
+
+def test_sliders_lead_the_person_in_their_units(meshcat):
+    scene = scene_of(meshcat, "person")
+    viewer = Viewer(meshcat, scene, pytest.fail)
+    for label, value in (("knee_angle_l (deg)", 60.0), ("socket_tz (mm)", -8.0), ("fulcrum (mm from A)", 140.0),
+                         ("pelvis_tx (m)", 0.25), ("load at the toe (N)", 400.0)):
+        meshcat.SetSliderValue(label, value)
+    assert viewer.poll()
+    plant, context = scene.plant, scene.plant_context
+    assert plant.GetJointByName("knee_angle_l").get_angle(context) == pytest.approx(math.radians(60.0))
+    assert plant.GetJointByName("socket_tz").get_translation(context) == pytest.approx(-0.008)
+    assert plant.GetJointByName("fulcrum").get_translation(context) == pytest.approx(0.140)
+    assert plant.GetJointByName("pelvis_tx").get_translation(context) == pytest.approx(0.25)
+    expected = keel_shape(MODEL.foot, fulcrum_m=0.140, load_n=400.0)
+    angles = [plant.GetJointByName(name).get_angle(context) for name in scene.foot.keel_joint_names]
+    np.testing.assert_allclose(angles, expected.angles, atol=1e-12)
+
+
+def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says_how_much(meshcat):
+    scene = scene_of(meshcat, "foot", keel_joints=True)
+    viewer = Viewer(meshcat, scene, pytest.fail)
+    meshcat.SetSliderValue("load at the toe (N)", 500.0)
+    tips = {}
+    for fulcrum_mm in (151.0, 66.0):
+        meshcat.SetSliderValue("fulcrum (mm from A)", fulcrum_mm)
+        viewer.poll()
+        tips[fulcrum_mm] = position(scene, scene.foot.keel[-1])[2]
+        expected = keel_shape(MODEL.foot, fulcrum_m=1e-3 * fulcrum_mm, load_n=500.0)
+        assert meshcat.GetSliderValue(RISE) == pytest.approx(1e3 * expected.load_point_K[1], abs=0.005)
+        assert meshcat.GetSliderValue(SUPPORT) == pytest.approx(expected.support_force_n, abs=0.5)
+    assert tips[66.0] - tips[151.0] > 0.02
+    meshcat.SetSliderValue(RISE, 3.0)
+    viewer.poll()
+    assert meshcat.GetSliderValue(RISE) > 30.0, "a number that is shown was moved by hand and stayed there"
+    meshcat.SetSliderValue("keel_8 (deg added)", 10.0)
+    viewer.poll()
+    assert position(scene, scene.foot.keel[-1])[2] == pytest.approx(tips[66.0])  # a joint does not move its own place
+    last = keel_shape(MODEL.foot, fulcrum_m=0.066, load_n=500.0).angles[8] + math.radians(10.0)
+    assert scene.plant.GetJointByName("keel_8").get_angle(scene.plant_context) == pytest.approx(last)
+
+
+def test_buttons_reset_hide_and_end():
+    meshcat = Clicked()
+    meshcat.clicks = {}
+    scene = make_scene(meshcat, "foot", MODEL)
+    viewer = Viewer(meshcat, scene, pytest.fail)
+    meshcat.SetSliderValue("load at the toe (N)", 300.0)
+    viewer.poll()
+    assert viewer.values() != scene.rest
+    meshcat.clicks[RESET] = 1
+    assert viewer.poll()
+    assert viewer.values() == scene.rest
+    assert meshcat.GetSliderValue(SUPPORT) == 0.0
+    hidden = []
+    meshcat.SetProperty = lambda path, name, value: hidden.append((path, name, value))
+    meshcat.clicks[frame_button("K")] = 1
+    viewer.poll()
+    meshcat.clicks[frame_button("K")] = 2
+    viewer.poll()
+    assert hidden == [("/frames/K", "visible", False), ("/frames/K", "visible", True)]
+    meshcat.clicks[STOP] = 1
+    assert not viewer.poll()
+
+
+def test_two_viewers_do_not_know_of_each_other(meshcat):
+    first = Viewer(meshcat, scene_of(meshcat, "foot"), pytest.fail)
+    other = open_meshcat()
+    second = Viewer(other, make_scene(other, "foot", MODEL), pytest.fail)
+    meshcat.SetSliderValue("fulcrum (mm from A)", 70.0)
+    first.poll()
+    second.poll()
+    carriages = [position(v.scene, v.scene.plant.GetBodyByName("vsf_carriage"))[0] for v in (first, second)]
+    at_rest = second.scene.rest["fulcrum"]
+    assert carriages[0] - carriages[1] == pytest.approx(1e-3 * (70.0 - at_rest))
+
+
+@pytest.mark.parametrize(("what", "subject", "said"), [
+    ("leg", None, "foot, bench, person"), ("foot", SUBJECT, "--subject"), ("person", None, "--subject")])
+def test_what_cannot_be_shown_is_refused(meshcat, what, subject, said):
+    with pytest.raises(InputError, match=said):
+        make_scene(meshcat, what, MODEL, subject)
+
+
+def test_a_port_that_cannot_be_had_is_refused(meshcat):
+    with pytest.raises(InputError, match=f"port {meshcat.port()} could not be opened"):
+        open_meshcat(meshcat.port())
+    for port in (80, 70000):
+        with pytest.raises(InputError, match="between 1024 and 65535"):
+            open_meshcat(port)
