@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 BESIDE_LAWS = ("errors", "files", "resources", "schema", "subject", "ground", "parameters", "model_file", "bench_file",
-                "contact_file", "fitted_model", "bench_curves", "motion")
+               "contact_file", "fitted_model", "bench_curves", "motion", "scenario")
 LAYERS = ("laws", "systems", "plants", "simulation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (

@@ -21,7 +21,7 @@ class BenchDiagram:
     """A finished bench.
 
     Inputs: `fulcrum_position` (1, m from A), `platen` (2, height in W in m and velocity in m/s).
-    Outputs: `state`, `load` (1, N), `depth` (sites, m).
+    Outputs: `state`, `load` (1, N), `depth` (sites, m), `support_force` (1, N).
 
     Attributes:
         machine_bodies: body of each site that the platen presses.
@@ -62,6 +62,7 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
     for name in ("load", "depth"):
         builder.ExportOutput(machine.GetOutputPort(name), name)
     builder.ExportOutput(plant.get_state_output_port(), "state")
+    builder.ExportOutput(device.fulcrum.GetOutputPort("support_force"), "support_force")
     diagram = builder.Build()
     context = plant.CreateDefaultContext()
     heights = [

@@ -42,7 +42,7 @@ class GaitDiagram:
     Inputs: `fulcrum_position` (1, m from A); `desired_state` (2 p: positions, then velocities of the
     prescribed coordinates). Outputs: `state`; `grf` (3, N in W), `cop` (3, m in W), `free_moment`
     (1, N m), `normal_force`, `depth`, `friction_force` of the prosthetic foot, the same with the
-    prefix `intact_`; `socket_wrench` (6); `driver_force` (n).
+    prefix `intact_`; `support_force` (1, N); `socket_wrench` (6); `driver_force` (n).
 
     Attributes:
         prescribed: names of the coordinates that follow `desired_state`, in its order.
@@ -80,15 +80,10 @@ def make_gait(
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     person = add_person(plant, subject, model)
     plant.Finalize()
-    if isinstance(free, str):
-        raise ValueError(f"free must be a list of names; did you mean ({free!r},)?")
-    unknown = set(free) - set(person.coordinate_names)
-    if unknown:
-        raise ValueError(f"no such coordinate: {', '.join(sorted(unknown))}")
-    prescribed = tuple(name for name in person.coordinate_names if name not in free)
+    prescribed = prescribed_coordinates(person, free)
     device = add_device(builder, plant, person.foot)
-    bushing = builder.AddNamedSystem("bushing", _bushing(plant, person.socket))
-    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, _servo_inertia(plant, prescribed)))
+    bushing = builder.AddNamedSystem("bushing", socket_bushing(plant, person.socket))
+    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, servo_inertia(plant, prescribed)))
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
     ground = {
         "prosthetic": add_foot_ground(builder, "", person.foot.sites, model.foot.friction, ground_height),
@@ -105,11 +100,26 @@ def make_gait(
         *device.generalized_ports, bushing.GetOutputPort("generalized_force"),
         driver.GetOutputPort("generalized_force")])
     builder.ExportOutput(plant.get_state_output_port(), "state")
+    builder.ExportOutput(device.fulcrum.GetOutputPort("support_force"), "support_force")
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
     diagram = builder.Build()
     return GaitDiagram(diagram=diagram, plant=plant, person=person, prescribed=prescribed, device=device,
                        bushing=bushing, driver=driver, ground=ground)
+
+
+def prescribed_coordinates(person: PersonHandles, free: Sequence[str]) -> tuple[str, ...]:
+    """The person's coordinates without those in `free`.
+
+    Raises:
+        ValueError: `free` names a coordinate that the person does not have, or is one name instead of a list.
+    """
+    if isinstance(free, str):
+        raise ValueError(f"free must be a list of names; did you mean ({free!r},)?")
+    unknown = set(free) - set(person.coordinate_names)
+    if unknown:
+        raise ValueError(f"no such coordinate: {', '.join(sorted(unknown))}")
+    return tuple(name for name in person.coordinate_names if name not in free)
 
 
 def add_foot_ground(
@@ -137,7 +147,8 @@ def add_foot_ground(
     return FootGround(sites=sites, contact=contact, friction=slip, reaction=reaction)
 
 
-def _bushing(plant: MultibodyPlant, socket: SocketHandles) -> SocketBushing:
+def socket_bushing(plant: MultibodyPlant, socket: SocketHandles) -> SocketBushing:
+    """The bushing between the residual shank and `socket`."""
     fields = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
     arrays = {name: np.array([getattr(axis, name) for axis in socket.axes]) for name in fields}
     return SocketBushing(
@@ -145,7 +156,7 @@ def _bushing(plant: MultibodyPlant, socket: SocketHandles) -> SocketBushing:
         stop_ratio=socket.parameters.stop_ratio, **arrays)
 
 
-def _servo_inertia(plant: MultibodyPlant, names: tuple[str, ...]) -> np.ndarray:
+def servo_inertia(plant: MultibodyPlant, names: tuple[str, ...]) -> np.ndarray:
     """Diagonal of the mass matrix in the upright pose for the joints `names`, with a floor."""
     M = plant.CalcMassMatrix(plant.CreateDefaultContext())
     return np.maximum(np.diag(M)[velocity_indices(plant, names)], SERVO_INERTIA_FLOOR)

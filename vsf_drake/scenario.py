@@ -1,0 +1,205 @@
+"""A scenario: which station to build, out of which files, on which ground. Schema only; `plants.station` builds it.
+
+    kind: leg                                   # bench, person, or leg: a foot, or several, under any model
+    directives:                                 # Drake's model directives; or `robot`, a file for Drake's Parser
+      - add_model: {name: leg, file: package://vsf_drake/leg.urdf}
+      - add_weld: {parent: world, child: "leg::hip", X_PC: {translation: [0, 0, 0.84]}}
+    feet:
+      - {name: vsf, parent_frame: "leg::pylon_end", side: right}
+    ground: {patches: [{slope_deg: 5.0}]}
+    fulcrum_mm: 108
+
+A file's own paths are relative to its folder, or `package://vsf_drake/...` for what ships with this package.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, check_ground, load_ground
+from vsf_drake.parameters import GRAVITY, SIDES, Subject
+from vsf_drake.resources import resource
+from vsf_drake.schema import check, choice, load_yaml, quantity
+
+KINDS = ("bench", "person", "leg")
+CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")
+"""As `plants.foot.CONTACTS`."""
+INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler", "runge_kutta2", "runge_kutta3",
+               "runge_kutta5", "bogacki_shampine3", "explicit_euler", "semi_explicit_euler")
+PACKAGE = "package://vsf_drake/"
+_CHOICE = "a description of the set-up"
+_PATHS = ("robot", "model", "contact_file", "subject", "ground")
+_KINDS_OF = {"heel": ("bench",), "subject": ("person",), "free": ("person",), "robot": ("leg",), "directives": ("leg",),
+             "feet": ("leg",), "guides": ("leg",), "gravity_m_per_s2": ("leg",), "contact": ("leg",),
+             "time_step_s": ("leg",), "ground": ("person", "leg")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioFoot:
+    """One foot of a leg. What is None is as in the scenario.
+
+    Attributes:
+        parent_frame: frame of the model that the foot's mount is welded to, `instance::frame` or a name that stands
+            once; None: the model has the foot already (package://vsf_drake/vsf_foot.sdf) as the instance `name`.
+        model: parameter file.
+    """
+
+    name: str = "vsf"
+    parent_frame: str | None = None
+    side: str | None = choice(None, options=SIDES, source=_CHOICE)
+    model: str | None = None
+    contact: str | None = choice(None, options=CONTACTS, source=_CHOICE)
+    fulcrum_mm: float | None = quantity(None, unit="mm", low=0.0, high=1000.0, source=_CHOICE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioGuide:
+    """A spring and damper that pull a joint of one degree of freedom along the input `desired_state`."""
+
+    joint: str
+    stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_CHOICE)
+    damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=_CHOICE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioSimulation:
+    """How Drake's Simulator is to advance the station; `Station.simulator_config` passes it on."""
+
+    integrator: str = choice("implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff")
+    accuracy: float = quantity(1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE)
+    max_step_s: float = quantity(5e-3, unit="s", low=1e-9, high=1.0, source=_CHOICE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """Everything that `plants.station.make_station` needs.
+
+    Attributes:
+        kind: one of KINDS.
+        model: parameter file of the devices; None: the nominal ones.
+        contact_file: fitted contact to write into them.
+        fulcrum_mm: from A, where nothing is connected to the input `fulcrum_position`.
+        heel: (bench) press the heel instead of the forefoot.
+        subject: (person) the person, or the file or trial manifest that has them.
+        free: (person) coordinates that are not prescribed.
+        ground: (person, leg) patches, or the file that has them; None: the plane z = 0.
+        contact: (leg) what the feet meet the ground by.
+        robot: (leg) a file for Drake's Parser: URDF, SDF, MJCF, model directives.
+        directives: (leg) Drake's model directives; those of `robot`, if it is a file of such, come before.
+        feet: (leg) at least one.
+        guides: (leg) joints that follow the input `desired_state`, in its order.
+        gravity_m_per_s2: (leg) along -z. A bench is tared and has none, a person has GRAVITY.
+        time_step_s: (leg) of the plant; 0 is a continuous one.
+    """
+
+    kind: str = choice(options=KINDS, source=_CHOICE)
+    name: str = "station"
+    model: str | None = None
+    contact_file: str | None = None
+    fulcrum_mm: float = quantity(108.0, unit="mm", low=0.0, high=1000.0,
+                                 source="McGeehan 2021: the middle of five published positions")
+    heel: bool = False
+    subject: Subject | str | None = None
+    free: tuple[str, ...] = ()
+    ground: Ground | str | None = None
+    contact: str = choice("kelvin_voigt", options=CONTACTS, source=_CHOICE)
+    robot: str | None = None
+    directives: tuple[Any, ...] = ()
+    feet: tuple[ScenarioFoot, ...] = ()
+    guides: tuple[ScenarioGuide, ...] = ()
+    gravity_m_per_s2: float = quantity(GRAVITY, unit="m/s^2", low=0.0, high=100.0, source="as in Drake")
+    time_step_s: float = quantity(0.0, unit="s", low=0.0, high=0.1, source=_CHOICE)
+    simulation: ScenarioSimulation = field(default_factory=ScenarioSimulation)
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Reads a scenario; its paths come back absolute.
+
+    Raises:
+        InputError: see `schema.load_yaml` and `check_scenario`; a file that it names is missing.
+    """
+    path = Path(path)
+    scenario = load_yaml(path, Scenario)
+    found = {name: _absolute(getattr(scenario, name), path.parent) for name in _PATHS}
+    feet = tuple(replace(foot, model=_absolute(foot.model, path.parent)) for foot in scenario.feet)
+    return check_scenario(replace(scenario, feet=feet, **found), file=path)
+
+
+def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Scenario:
+    """Returns `scenario` after checking it: every number, and that its keys belong together.
+
+    Raises:
+        InputError: a number is out of range; a key is not for this kind, or one is missing; a name stands twice; a
+            file does not exist.
+    """
+    def refuse(what: str, where: str, right: str | None = None) -> InputError:
+        return InputError(what, file=file, where=where, right=right)
+
+    check(scenario, file=file)
+    for item in fields(Scenario):
+        given = getattr(scenario, item.name) not in (item.default, ())
+        if given and scenario.kind not in _KINDS_OF.get(item.name, KINDS):
+            raise refuse(f"is not for the kind {scenario.kind!r}", item.name,
+                         f"It is for {' and '.join(_KINDS_OF[item.name])}")
+    if scenario.kind == "person" and scenario.subject is None:
+        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
+    if scenario.kind == "leg":
+        if not scenario.robot and not scenario.directives:
+            raise refuse("there is no model", "robot", "Name a file for Drake's Parser, or give directives")
+        if scenario.robot and scenario.directives and not scenario.robot.endswith((".dmd.yaml", ".dmd.yml")):
+            raise refuse("beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
+                         f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
+        if not scenario.feet:
+            raise refuse("there is no foot", "feet", "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
+    for key, names in (("feet", [foot.name for foot in scenario.feet]), ("guides", [g.joint for g in scenario.guides])):
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise refuse(f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
+    if isinstance(scenario.ground, Ground):
+        check_ground(scenario.ground, file=file)
+    named = {name: getattr(scenario, name) for name in _PATHS}
+    named |= {f"feet[{i}].model": foot.model for i, foot in enumerate(scenario.feet)}
+    for key, value in named.items():
+        if isinstance(value, str):
+            _existing(value, key, file)
+    return scenario
+
+
+def scenario_ground(scenario: Scenario) -> Ground | None:
+    """The ground, read where it is a file.
+
+    Raises:
+        InputError: see `load_ground`.
+    """
+    return load_ground(file_of(scenario.ground)) if isinstance(scenario.ground, str) else scenario.ground
+
+
+def file_of(value: str) -> Path:
+    """The file that a path or `package://vsf_drake/...` names.
+
+    Raises:
+        InputError: the package has no such file.
+    """
+    return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else Path(value).expanduser()
+
+
+def _absolute(value: Any, folder: Path) -> Any:
+    if not isinstance(value, str) or "://" in value:
+        return value
+    return str((folder / Path(value).expanduser()).resolve())
+
+
+def _existing(value: str, key: str, file: str | Path | None) -> None:
+    if "://" in value and not value.startswith(PACKAGE):
+        raise InputError(f"{value!r} is in a package that is not known here", file=file, where=key,
+                         right=f"Give a path, or one below {PACKAGE}")
+    try:
+        found = file_of(value).is_file()
+    except InputError:
+        found = False
+    if not found:
+        raise InputError(f"there is no file {value}", file=file, where=key,
+                         right=f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")
