@@ -1,4 +1,4 @@
-"""Named numeric parameters and cached Python values for the LeafSystems of this package."""
+"""Named numeric parameters for the LeafSystems of this package."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector_, CacheEntry, Context, ValueProducer
+from pydrake.systems.framework import BasicVector_, Context
+
+from vsf_drake.systems._lifetime import Cached, Collectable
 
 
-class NamedParameters:
+class NamedParameters(Collectable):
     """Mixin for a LeafSystem whose physical constants are numeric parameters in the Context.
 
     Each named constant is one numeric parameter group, stored row by row. Values can so be
@@ -81,14 +82,6 @@ class NamedParameters:
         """All constants by name; scalars as scalars. Read once per change of a parameter."""
         return self._constants_entry.Eval(context)
 
-    def _declare_cached(self, name: str, calc: Callable[[Context], Any], prerequisites: set) -> CacheEntry:
-        """A cache entry that holds whatever Python object `calc(context)` returns."""
-        producer = ValueProducer(
-            allocate=lambda: AbstractValue.Make(None),
-            calc=lambda context, value: value.set_value(calc(context)),
-        )
-        return self.DeclareCacheEntry(name, producer, prerequisites)
-
-    def _declare_inputs_cache(self, name: str, calc: Callable[[Context], Any]) -> CacheEntry:
+    def _declare_inputs_cache(self, name: str, calc: Callable[[Context], Any]) -> Cached:
         """A cache entry that depends on the input ports and parameters declared so far."""
         return self._declare_cached(name, calc, {self.all_input_ports_ticket(), self.all_parameters_ticket()})

@@ -11,6 +11,7 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -50,6 +51,8 @@ def AdjustmentRecorder_(T):
         Raises:
             InputError: the period or `reached` is not above 0.
         """
+
+        __slots__ = (PEERS, "_inputs")
 
         def _construct(self, *, period: float = 5e-3, reached: float = 1e-3, converter=None) -> None:
             LeafSystem_[T].__init__(self, converter=converter)

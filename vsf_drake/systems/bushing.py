@@ -11,6 +11,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.bushing import axis_force
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -52,6 +53,8 @@ def SocketBushing_(T):
             ValueError: there are not six indices, or an array has the wrong shape.
         """
 
+        __slots__ = (PEERS, "_state_port")
+
         def _construct(
             self,
             *,
@@ -79,8 +82,7 @@ def SocketBushing_(T):
             shapes = dict.fromkeys(constants, (6,)) | {"stop_ratio": ()}
             self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
             self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
-            self.DeclareVectorOutputPort(
-                "wrench", 6, lambda context, out: out.SetFromVector(self._calc_wrench(context)))
+            self._declare_value("wrench", 6, self._calc_wrench)
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)

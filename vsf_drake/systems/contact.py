@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -11,6 +12,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
 
@@ -58,6 +60,8 @@ def KelvinVoigtContact_(T):
             ValueError: an array has the wrong shape, or `unloading` is unknown.
         """
 
+        __slots__ = (PEERS, "_poses_port", "_velocities_port")
+
         def _construct(
             self,
             *,
@@ -88,8 +92,7 @@ def KelvinVoigtContact_(T):
             self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
             self._contact = self._declare_inputs_cache("contact", self._calc_contact)
             for name in ("normal_force", "depth", "depth_rate"):
-                self.DeclareVectorOutputPort(
-                    name, count, lambda context, out, name=name: out.SetFromVector(self._contact.Eval(context)[name]))
+                self._declare_value(name, count, partial(self._part, name))
             self.DeclareAbstractOutputPort(
                 "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
 
@@ -114,6 +117,9 @@ def KelvinVoigtContact_(T):
                 unloading=self._unloading,
             )
             return {"normal_force": force, "depth": depth, "depth_rate": depth_rate, "p_BoS_W": p_BoS_W}
+
+        def _part(self, name: str, context) -> np.ndarray:
+            return self._contact.Eval(context)[name]
 
         def _calc_spatial_forces(self, context, output) -> None:
             contact = self._contact.Eval(context)

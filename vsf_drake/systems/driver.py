@@ -10,6 +10,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -47,6 +48,8 @@ def GaitDriver_(T):
         Raises:
             ValueError: an array has the wrong shape.
         """
+
+        __slots__ = (PEERS, "_state_port", "_desired_port")
 
         def _construct(
             self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
 from vsf_drake.systems._foot_values import CONTACT_LAWS, FootLayout, foot_values
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import (
     ForcePacker,
@@ -95,6 +97,8 @@ def FootForces_(T):
             ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
         """
 
+        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
+
         def _construct(
             self,
             *,
@@ -138,9 +142,7 @@ def FootForces_(T):
             self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
             for name in FORCES + (GROUND if law else ()):
                 part = self._slices[name]
-                self.DeclareVectorOutputPort(
-                    name, part.stop - part.start,
-                    lambda context, out, name=name: out.SetFromVector(self._part(context, name)))
+                self._declare_value(name, part.stop - part.start, partial(self._part, name))
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)
@@ -169,17 +171,17 @@ def FootForces_(T):
             return foot_values(self._layout, self._full_constants(context), X_WF, V_WF, state[self._at[0]],
                                state[self._at[1]], position)
 
-        def _part(self, context, name: str) -> np.ndarray:
+        def _part(self, name: str, context) -> np.ndarray:
             values = self._values.Eval(context)
             return values[self._slices[name]] if T is float else np.atleast_1d(values[name])
 
         def _calc_spatial_forces(self, context, output) -> None:
-            output.set_value([self._packer.pack(self._frame, self._part(context, "wrench"))])
+            output.set_value([self._packer.pack(self._frame, self._part("wrench", context))])
 
         def _calc_generalized_force(self, context, output) -> None:
             force = np.zeros(self._count, dtype=T if T is float else object)
             at = self._arguments["velocity_indices"]
-            force[at[:-1]], force[at[-1:]] = self._part(context, "moment"), self._part(context, "carriage")
+            force[at[:-1]], force[at[-1:]] = self._part("moment", context), self._part("carriage", context)
             output.SetFromVector(force)
 
     return Impl

@@ -11,6 +11,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.stick_slip import friction_force
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
 
@@ -54,6 +55,8 @@ def StickSlipFriction_(T):
         Raises:
             ValueError: an array has the wrong shape.
         """
+
+        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_normal_force_port")
 
         def _construct(
             self,

@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import (
     ForcePacker,
@@ -69,6 +70,8 @@ def FulcrumSupport_(T):
             ValueError: the starts do not increase, or do not match the bodies.
         """
 
+        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_position_port")
+
         def _construct(
             self,
             *,
@@ -98,8 +101,7 @@ def FulcrumSupport_(T):
             self._support = self._declare_inputs_cache("support", self._calc_support)
             self.DeclareAbstractOutputPort(
                 "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
-            self.DeclareVectorOutputPort(
-                "support_force", 1, lambda context, out: out.SetFromVector([self._support.Eval(context)["force"]]))
+            self._declare_value("support_force", 1, self._support_force)
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)
@@ -121,6 +123,9 @@ def FulcrumSupport_(T):
             v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
             force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
             return {"force": force, "f_P_W": force * z_K_W, "body": body, "p_BoP_W": p_BoP_W, "p_FoP_W": p_FoP_W}
+
+        def _support_force(self, context) -> list:
+            return [self._support.Eval(context)["force"]]
 
         def _calc_spatial_forces(self, context, output) -> None:
             support = self._support.Eval(context)

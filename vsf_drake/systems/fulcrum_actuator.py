@@ -16,6 +16,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
+from vsf_drake.systems._lifetime import PEERS, weakly
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -92,6 +93,8 @@ def FulcrumActuator_(T):
                 inertia is too small for its friction, or the carriage would start outside its travel.
         """
 
+        __slots__ = (PEERS, "_desired_port", "_enabled_port", "_support_port", "_axial_port")
+
         def _construct(
             self,
             *,
@@ -122,7 +125,7 @@ def FulcrumActuator_(T):
             for i, (name, ticket) in enumerate((("fulcrum_position", self.q_ticket()),
                                                 ("carriage_velocity", self.v_ticket()))):
                 self._declare_output(name, lambda context, i=i: _state(context)[i], {ticket})
-            self._declare_output("motor_current", lambda context: self._drive.Eval(context).current, entry)
+            self._declare_output("motor_current", self._current, entry)
             for i, name in enumerate(("energy", "work", "losses")):
                 self._declare_output(name, lambda context, i=i: _state(context)[2 + i], {self.z_ticket()})
             self._declare_output("position_error", self._error, {
@@ -144,8 +147,11 @@ def FulcrumActuator_(T):
             context.SetContinuousState(state)
 
         def _declare_output(self, name: str, calc, prerequisites: set) -> None:
-            self.DeclareVectorOutputPort(
-                name, 1, lambda context, out: out.SetFromVector(np.array([calc(context)])), prerequisites)
+            value = weakly(calc)
+            self._declare_value(name, 1, lambda context: np.array([value(context)]), prerequisites)
+
+        def _current(self, context) -> Any:
+            return self._drive.Eval(context).current
 
         def _error(self, context) -> Any:
             constants, desired = self._constants(context), self._desired_port.Eval(context)[0]

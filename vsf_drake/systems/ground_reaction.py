@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, cross, declare_body_poses
 
@@ -63,6 +65,8 @@ def GroundReaction_(T):
             ValueError: an array has the wrong shape.
         """
 
+        __slots__ = (PEERS, "_poses_port", "_normal_force_port", "_friction_force_port")
+
         def _construct(
             self,
             *,
@@ -84,11 +88,13 @@ def GroundReaction_(T):
                 T, p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
             self._reaction = self._declare_inputs_cache("reaction", self._calc_reaction)
             for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
-                self.DeclareVectorOutputPort(
-                    name, size, lambda context, out, i=i: out.SetFromVector(self._reaction.Eval(context)[i]))
+                self._declare_value(name, size, partial(self._part, i))
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)
+
+        def _part(self, i: int, context) -> np.ndarray:
+            return self._reaction.Eval(context)[i]
 
         def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             constants = self._constants(context)

@@ -10,6 +10,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -50,6 +51,8 @@ def KeelElasticity_(T):
             ValueError: an array has the wrong shape.
         """
 
+        __slots__ = (PEERS, "_state_port")
+
         def _construct(
             self,
             *,
@@ -69,8 +72,7 @@ def KeelElasticity_(T):
             self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
             self._declare_parameters(T, stiffness=(stiffness, (joints,)), damping=(damping, (joints,)))
             self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
-            self.DeclareVectorOutputPort(
-                "joint_moment", joints, lambda context, out: out.SetFromVector(self._calc_moment(context)))
+            self._declare_value("joint_moment", joints, self._calc_moment)
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)

@@ -10,12 +10,13 @@ from pydrake.math import arctan2
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS, Collectable
 from vsf_drake.systems._sites import cross, declare_body_poses, declare_body_spatial_velocities
 
 
 @TemplateSystem.define("ShankAngle_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def ShankAngle_(T):
-    class Impl(LeafSystem_[T]):
+    class Impl(Collectable, LeafSystem_[T]):
         """Sagittal inclination of a body B against the vertical, and its rate, without noise, bias or drift.
 
         With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright,
@@ -40,6 +41,8 @@ def ShankAngle_(T):
         Args:
             body_index: the body B that bears the sensor.
         """
+
+        __slots__ = (PEERS, "_poses_port", "_velocities_port")
 
         def _construct(self, *, body_index: int, converter=None) -> None:
             LeafSystem_[T].__init__(self, converter=converter)

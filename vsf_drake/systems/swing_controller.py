@@ -12,6 +12,7 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 SIGNALS = ("contact", "shank", "both")
@@ -76,6 +77,8 @@ def SwingController_(T):
             InputError: the signal is unknown, the period is not above 0, or load_force is not above unload_force or
                 swing_rate not above stop_rate, so that there is no hysteresis.
         """
+
+        __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
 
         def _construct(
             self,

@@ -11,6 +11,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.kelvin_voigt import normal_force, penetration_depth
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
 
@@ -57,6 +58,8 @@ def TestingMachine_(T):
         """
 
         __test__ = False  # not a test class, whatever pytest thinks of its name
+
+        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_platen_port")
 
         def _construct(
             self,

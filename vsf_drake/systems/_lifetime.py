@@ -1,0 +1,86 @@
+"""What lets Python free the LeafSystems of this package, and with them the diagrams that hold them.
+
+Drake keeps a system's callbacks in C++, where Python's garbage collector does not see that they refer to the system: a
+bound method, or a lambda that names `self`, would keep it for ever (RobotLocomotion/drake#22515, #24162). So callbacks
+here refer to their system weakly; whoever owns the diagram keeps the system.
+
+A port refers to its system and the system to its ports. pydrake stores that where the collector sees it, in the
+attribute PEERS; but Python 3.11 and 3.12 count what is in the `__dict__` of a Python class under a pybind11 class
+twice, and then never free it. So PEERS and the attributes that hold ports are slots: every system begins with
+`__slots__ = (PEERS, "_some_port", ...)`. If pydrake renames its attribute, systems live longer than they should, and
+nothing else happens.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from functools import partial
+from types import MethodType
+from typing import Any
+
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import CacheIndex, Context, DependencyTicket, OutputPort, ValueProducer
+
+PEERS = "_pydrake_internal_ref_cycle_peers"
+
+
+def weakly(callback: Callable[..., Any]) -> Callable[..., Any]:
+    """A method, or a `functools.partial` of one, as a callable that does not own the method's object.
+
+    Anything else is returned as it is.
+    """
+    method, first = (callback.func, callback.args) if isinstance(callback, partial) else (callback, ())
+    if not isinstance(method, MethodType):
+        return callback
+    function, owner = method.__func__, weakref.ref(method.__self__)
+    return lambda *args: function(owner(), *first, *args)
+
+
+class Cached:
+    """A cache entry of a system, held without owning the system as Drake's CacheEntry does."""
+
+    def __init__(self, system: Any, index: CacheIndex, ticket: DependencyTicket) -> None:
+        self._system, self._index, self._ticket = weakref.ref(system), index, ticket
+
+    def Eval(self, context: Context) -> Any:
+        """Its value, computed if what it depends on has changed."""
+        return self._system().get_cache_entry(self._index).Eval(context)
+
+    def ticket(self) -> DependencyTicket:
+        """What others that depend on it declare as prerequisite."""
+        return self._ticket
+
+
+class Collectable:
+    """Mixin, before LeafSystem, for systems that end with the last reference to them. Callbacks are methods."""
+
+    def DeclareVectorOutputPort(self, name: str, model: Any, calc: Callable[..., None], *more: Any) -> OutputPort:
+        """As Drake's, without owning the system that the method `calc` belongs to."""
+        return super().DeclareVectorOutputPort(name, model, weakly(calc), *more)  # type: ignore[misc]
+
+    def DeclareAbstractOutputPort(
+        self, name: str, alloc: Callable[[], AbstractValue], calc: Callable[..., None], *more: Any
+    ) -> OutputPort:
+        """As Drake's, without owning the system that the method `calc` belongs to."""
+        return super().DeclareAbstractOutputPort(name, alloc, weakly(calc), *more)  # type: ignore[misc]
+
+    def DeclarePeriodicDiscreteUpdateEvent(
+        self, period_sec: float, offset_sec: float, update: Callable[..., Any]
+    ) -> None:
+        """As Drake's, without owning the system that the method `update` belongs to."""
+        super().DeclarePeriodicDiscreteUpdateEvent(period_sec, offset_sec, weakly(update))  # type: ignore[misc]
+
+    def _declare_value(self, name: str, size: int, calc: Callable[[Context], Any], *more: Any) -> OutputPort:
+        """An output port (size,) whose value is what the method `calc(context)` returns."""
+        value = weakly(calc)
+        return self.DeclareVectorOutputPort(
+            name, size, lambda context, out: out.SetFromVector(value(context)), *more)
+
+    def _declare_cached(self, name: str, calc: Callable[[Context], Any], prerequisites: set) -> Cached:
+        """A cache entry that holds whatever Python object the method `calc(context)` returns."""
+        compute = weakly(calc)
+        entry = self.DeclareCacheEntry(  # type: ignore[attr-defined]
+            name, ValueProducer(allocate=lambda: AbstractValue.Make(None),
+                                calc=lambda context, value: value.set_value(compute(context))), prerequisites)
+        return Cached(self, entry.cache_index(), entry.ticket())
