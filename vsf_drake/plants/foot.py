@@ -27,6 +27,7 @@ from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
+    MultibodyConstraintId,
     PrismaticJoint,
     RevoluteJoint,
     RigidBody,
@@ -37,13 +38,18 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
+from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ContactZone, FootParameters, KeelParameters
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
+from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.foot_checks import check_place, checked_side
 from vsf_drake.plants.inertia import box
 from vsf_drake.plants.joints import FORWARD, RIGHTWARD
 
-CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")
+CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
 """What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""
+FULCRUM_M = 0.108
+"""Of a foot that nobody sets: the middle of the five published positions (McGeehan 2021)."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,8 @@ class FootHandles:
         joint_stiffness, joint_damping: (len(keel),) N m/rad and N m s/rad; zero for the pin.
         carriage_joint_name: slide of the fulcrum carriage, coordinate = distance from A (m).
         sites: contact spheres.
+        fulcrum_m: fulcrum position (m from A) where no other is commanded.
+        support: in a plant with a time step, the constraint that is the fulcrum's support; else None.
     """
 
     parameters: FootParameters
@@ -107,6 +115,8 @@ class FootHandles:
     joint_damping: np.ndarray
     carriage_joint_name: str
     sites: ContactSites
+    fulcrum_m: float = FULCRUM_M
+    support: MultibodyConstraintId | None = None
 
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
@@ -162,7 +172,7 @@ def mirrored(parameters: FootParameters) -> FootParameters:
 
 def add_foot(
     plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf",
-    side: str | None = None, contact: str = "kelvin_voigt"
+    side: str | None = None, contact: str = "kelvin_voigt", fulcrum_m: float | None = None
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
@@ -174,17 +184,27 @@ def add_foot(
         name: of the foot's model instance, in which its joints' names are unique.
         side: "left" or "right"; nothing but a check that `parameters` are not for the other one. The nominal foot is
             symmetric about its x-z plane and serves both.
-        contact: one of CONTACTS.
+        contact: one of CONTACTS. "drake_point" and "hydroelastic" need a plant with a SceneGraph, and geometry on the
+            ground (`add_ground_geometry`).
+        fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or where the carriage
+            comes closest to it.
+
+    In a plant with a time step, springs, carriage and support are actuators and a constraint (`discrete_foot`).
 
     Raises:
         InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are
-            for the other side, or there is no such contact.
+            for the other side, there is no such contact, the plant cannot have it, or its time step is too long for
+            it; the carriage cannot reach the position.
         ValueError: keel and carriage weigh more than the whole foot.
     """
     check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
     if contact not in CONTACTS:
         raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
+    reach = parameters.fulcrum.rearmost_m, parameters.fulcrum.foremost_m
+    fulcrum_m = float(np.clip(FULCRUM_M, *reach)) if fulcrum_m is None else check_fulcrum(fulcrum_m, parameters)
+    if contact in DRAKE_CONTACTS:
+        check_scene_graph(plant, contact)
     instance = plant.AddModelInstance(name)
     keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
     frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
@@ -203,12 +223,16 @@ def add_foot(
         f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
     plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
-    return FootHandles(
+    foot = FootHandles(
         parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,
         keel=keel, keel_starts=starts,
         keel_joint_names=joint_names, joint_stiffness=stiffness,
         joint_damping=stiffness * parameters.keel.damping_time_s, carriage_joint_name="fulcrum",
-        sites=_foot_sites(parameters, frame, keel, starts))
+        sites=_foot_sites(parameters, frame, keel, starts), fulcrum_m=fulcrum_m)
+    if contact in DRAKE_CONTACTS:
+        add_contact_geometry(plant, foot, contact)
+    check_step(plant.time_step(), foot)
+    return replace(foot, support=add_implicit_device(plant, foot, fulcrum_m)) if plant.time_step() > 0.0 else foot
 
 
 def _keel_volume(keel: KeelParameters) -> float:

@@ -5,24 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
-from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import check_fulcrum
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
-from vsf_drake.plants.foot import ContactSites, FootHandles
+from vsf_drake.plants.foot import FULCRUM_M, FootHandles  # noqa: F401 (others know the default from here)
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces, share_spatial_forces
-from vsf_drake.systems.foot_forces import CONTACT_LAWS, FootForces
+from vsf_drake.systems.drake_reaction import DrakeReaction
+from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
+from vsf_drake.systems.fulcrum_command import FulcrumCommand
 
-FULCRUM_M = 0.108
-"""Of a foot that nobody sets: the middle of the five published positions (McGeehan 2021)."""
-MATCHED_DEPTH_M = 6e-3
-"""Depth to which the Hunt-Crossley law loses what the paper's law loses; about that of the nominal foot's spheres under
-body weight (a choice)."""
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
 """Corners of the smooth law (choices)."""
 
@@ -33,15 +29,25 @@ class WiredFoot:
 
     Attributes:
         forces: the system that exerts them; its constants change in its Context.
+        reaction: what the ground does to a foot with contact of Drake's own; else None.
+        device: in a plant with a time step, the system that only tells what springs and support bear, for there the
+            plant exerts that; else None.
+        command: in a plant with a time step, what sends the carriage to the fulcrum position; else None.
     """
 
     foot: FootHandles
     forces: FootForces
+    reaction: DrakeReaction | None = None
+    device: FootForces | None = None
+    command: FulcrumCommand | None = None
 
     @property
     def fulcrum_position(self) -> InputPort:
-        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of `forces` holds."""
-        return self.forces.GetInputPort("fulcrum_position")
+        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of its system holds.
+
+        In a plant with a time step it moves the carriage; the support follows by `follow_fulcrum`.
+        """
+        return (self.command or self.forces).GetInputPort("fulcrum_position")
 
     def GetOutputPort(self, name: str) -> OutputPort:
         """An output of the foot by its name, see `FootForces`.
@@ -49,50 +55,112 @@ class WiredFoot:
         Raises:
             InputError: there is none of that name.
         """
-        if not self.forces.HasOutputPort(name):
-            ports = [self.forces.get_output_port(i).get_name() for i in range(self.forces.num_output_ports())]
+        ports = {port.get_name(): port for port in _outputs(self.forces)}
+        if self.reaction:
+            ports |= {port.get_name(): port for port in _outputs(self.reaction)}
+        if self.device:
+            ports |= {port.get_name(): port for port in _outputs(self.device) if port.get_name() in FORCES}
+        if name not in ports:
             raise InputError(f"there is no output {name!r}", where=self.forces.get_name(),
                              right=f"There are {', '.join(ports)}")
-        return self.forces.GetOutputPort(name)
+        return ports[name]
 
 
 def wire_foot(
     builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, *, ground: Ground | None = None,
-    fulcrum_m: float = FULCRUM_M
+    fulcrum_m: float | None = None
 ) -> WiredFoot:
     """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the carriage's servo.
 
     Adds the system `FootForces` under the name `<foot>_forces`. The plant's force ports are shared with whatever else
-    uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported.
+    uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported. With contact of Drake's own
+    `DrakeReaction` is added beside it as `<foot>_reaction`, and in a plant with a time step `FulcrumCommand` as
+    `<foot>_command`, see `discrete_foot`.
 
     Args:
         plant: finalised, and in `builder`.
         ground: by default the plane z = 0 of W with the foot's friction.
-        fulcrum_m: position (m from A) where no `fulcrum_position` is connected.
+        fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
 
     Raises:
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; ground or
             position cannot be.
     """
-    name = f"{foot.name}_forces"
-    _check_wiring(builder, plant, foot, name)
-    check_fulcrum(fulcrum_m, foot.parameters)
-    ground = check_ground(ground or Ground())
+    _check_wiring(builder, plant, foot, f"{foot.name}_forces")
+    fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
+    _check_suits(foot, ground, fulcrum_m)
+    law = foot.contact if foot.contact in CONTACT_LAWS else None
+    device = _device_constants(foot, fulcrum_m)
+    contact = _contact_constants(foot, check_ground(ground or Ground())) if law else {}
+    reaction = _add_reaction(builder, plant, foot) if foot.contact in DRAKE_CONTACTS else None
+    if foot.support is None:
+        forces = _add_forces(builder, plant, foot, "forces", law, device | contact)
+        _apply(builder, plant, forces)
+        return WiredFoot(foot=foot, forces=forces, reaction=reaction)
+    command = _add_command(builder, plant, foot, fulcrum_m)
+    if law:
+        without = dict.fromkeys(device, 0.0) | {"fulcrum_m": fulcrum_m}
+        forces = _add_forces(builder, plant, foot, "forces", law, without | contact)
+        _apply(builder, plant, forces)
+        told = _add_forces(builder, plant, foot, "device", None, device)
+    else:
+        forces = told = _add_forces(builder, plant, foot, "forces", None, device)
+    builder.Connect(command.GetOutputPort("position"), told.GetInputPort("fulcrum_position"))
+    return WiredFoot(foot=foot, forces=forces, reaction=reaction, device=told, command=command)
+
+
+def _add_forces(
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str, law: str | None,
+    constants: dict[str, Any]
+) -> FootForces:
     names = (*foot.keel_joint_names, foot.carriage_joint_name)
     joints = [plant.GetJointByName(joint, foot.instance) for joint in names]
-    law = foot.contact if foot.contact in CONTACT_LAWS else None
-    constants = _device_constants(foot, fulcrum_m) | (_contact_constants(foot, ground) if law else {})
     keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
-    forces = builder.AddNamedSystem(name, FootForces(
+    forces = builder.AddNamedSystem(f"{foot.name}_{name}", FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(),
         position_indices=[joint.position_start() for joint in joints],
         velocity_indices=[joint.velocity_start() for joint in joints], frame_body_index=foot.frame.index(),
         keel_starts=foot.keel_starts, law=law, constants=constants,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices]))
     connect_kinematics(builder, plant, [forces])
+    return forces
+
+
+def _apply(builder: DiagramBuilder, plant: MultibodyPlant, forces: FootForces) -> None:
     share_spatial_forces(builder, plant, forces.GetOutputPort("spatial_forces"))
     share_generalized_forces(builder, plant, forces.GetOutputPort("generalized_force"))
-    return WiredFoot(foot=foot, forces=forces)
+
+
+def _add_reaction(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DrakeReaction:
+    part_own_geometry(builder, plant, foot)
+    reaction = builder.AddNamedSystem(f"{foot.name}_reaction", DrakeReaction(
+        body_indices=[body.index() for body in (foot.frame, *foot.keel)],
+        geometry_ids=own_geometry(plant, foot)))
+    builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
+    return reaction
+
+
+def _add_command(
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float
+) -> FulcrumCommand:
+    joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
+    command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
+        num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
+    builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
+    return command
+
+
+def _outputs(system: LeafSystem) -> list[OutputPort]:
+    return [system.get_output_port(i) for i in range(system.num_output_ports())]
+
+
+def _check_suits(foot: FootHandles, ground: Ground | None, fulcrum_m: float) -> None:
+    if ground is not None and foot.contact in DRAKE_CONTACTS:
+        raise InputError(f"is geometry of the plant for contact {foot.contact}", where="ground",
+                         right="Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here")
+    if foot.support is not None and abs(fulcrum_m - foot.fulcrum_m) > 1e-9:
+        raise InputError(f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step",
+                         where="fulcrum_m", right=f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
 
 
 def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str) -> None:
@@ -128,10 +196,3 @@ def _contact_constants(foot: FootHandles, ground: Ground) -> dict[str, Any]:
         "threshold_velocity": friction.threshold_velocity_m_per_s,
         **ground_arrays(ground, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic),
     }
-
-
-def dissipation(sites: ContactSites) -> np.ndarray:
-    """(N,) s/m of the Hunt-Crossley law that loses what the paper's law loses in a stroke to MATCHED_DEPTH_M."""
-    rows = zip(sites.stiffness, sites.exponent, sites.damping, strict=True)
-    return np.array([matched_dissipation(stiffness=k, exponent=n, damping=b, depth=MATCHED_DEPTH_M)
-                     for k, n, b in rows])

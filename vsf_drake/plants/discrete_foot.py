@@ -1,0 +1,150 @@
+"""The foot in a plant with a time step: springs and support where the step's own solver takes them implicitly.
+
+A discrete MultibodyPlant takes forces on its ports, and the springs of its joints, as they are at the start of a step.
+Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do not survive that. Implicit are PD-controlled actuators and
+constraints, so
+
+    keel springs       PD actuators that want the keel straight, gains the joints' stiffness and damping
+    carriage           PD actuator that wants the fulcrum position
+    fulcrum support    a compliant distance constraint: a rod of ROD_M along z_K from the frame to the keel's point at
+                       the fulcrum, with the support's stiffness and damping
+
+The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel there
+over ROD_M, so as a support it is exact to 1e-5. Its place belongs to the plant's Context, not to a port:
+`place_fulcrum` moves it, and `follow_fulcrum` does so in every step of a Simulator.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.multibody.plant import DiscreteContactSolver, DistanceConstraintParams, MultibodyPlant
+from pydrake.multibody.tree import MultibodyConstraintId, PdControllerGains
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
+
+from vsf_drake.errors import InputError
+from vsf_drake.model_file import check_fulcrum
+
+if TYPE_CHECKING:
+    from vsf_drake.plants.foot import FootHandles
+    from vsf_drake.plants.foot_wiring import WiredFoot
+
+ROD_M = 10.0
+"""Length of the rod that stands for the support's direction (a choice)."""
+CARRIAGE_FREQUENCY = 2 * np.pi * 100.0
+"""Natural frequency (rad/s) of the carriage's actuator, critically damped (a choice)."""
+STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
+"""Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at 0.15 ms and 0.1 ms."""
+MOVED_M = 1e-9
+
+
+def largest_step(foot: FootHandles) -> float:
+    """The longest time step (s) at which the foot's own contact law stays stable in a discrete plant; inf without.
+
+    Our laws act there as forces from the start of the step. What they must not do in one is reverse the speed of the
+    piece they act on: the bound is STABLE_STEPS times the least mass over damping of a keel piece, which lets through
+    what stayed smooth in drops of the nominal foot and little else.
+    """
+    if foot.contact not in STABLE_STEPS:
+        return np.inf
+    damping: dict[int, float] = {}
+    for body, value in zip(foot.sites.body_indices, foot.sites.damping, strict=True):
+        damping[int(body)] = damping.get(int(body), 0.0) + float(value)
+    times = [body.default_mass() / damping[int(body.index())] for body in foot.keel
+             if damping.get(int(body.index()), 0.0) > 0.0]
+    return STABLE_STEPS[foot.contact] * min(times, default=np.inf)
+
+
+def check_step(time_step_s: float, foot: FootHandles) -> None:
+    """Raises InputError if the foot's contact cannot be had in a plant with this time step."""
+    longest = largest_step(foot)
+    if time_step_s > longest:
+        raise InputError(
+            f"contact {foot.contact} is an explicit force in a plant with a time step, and {1e3 * time_step_s:g} ms is "
+            f"too long for this foot", where="time_step",
+            right=f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant")
+
+
+def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float) -> MultibodyConstraintId:
+    """Adds springs, carriage and support of `foot` to a plant with a time step, before Finalize.
+
+    Returns:
+        The support, which `place_fulcrum` moves.
+
+    Raises:
+        InputError: the carriage cannot reach `fulcrum_m` (m from A), or the plant's solver knows no constraints.
+    """
+    check_fulcrum(fulcrum_m, foot.parameters)
+    if plant.get_discrete_contact_solver() != DiscreteContactSolver.kSap:
+        raise InputError("the plant's contact approximation knows neither constraints nor implicit actuators",
+                         where="plant", right="Take kSap, kSimilar or kLagged (Drake's default), or a continuous plant")
+    for name, stiffness, damping in zip(
+            foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True):
+        if stiffness > 0.0:
+            _actuate(plant, foot, name, stiffness, damping)
+    mass = foot.parameters.fulcrum.carriage_mass_kg
+    _actuate(plant, foot, foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
+    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
+    rod = _rod(foot, fulcrum_m)
+    return plant.AddDistanceConstraint(
+        plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
+        rod.stiffness(), rod.damping())
+
+
+def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float) -> None:
+    """Puts the support of `foot` at `fulcrum_m` (m from A) in the plant's Context; the carriage stays where it is.
+
+    Raises:
+        InputError: the carriage cannot reach it, or the plant has no time step.
+    """
+    check_fulcrum(fulcrum_m, foot.parameters)
+    plant.SetDistanceConstraintParams(plant_context, _support(foot), _rod(foot, fulcrum_m))
+
+
+def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
+    """Makes the supports of `feet` follow their fulcrum positions: sets the simulator's monitor.
+
+    In a plant with a time step a support has its place in the Context, so somebody must move it between steps. A
+    monitor of your own goes on working if it is set before this: it is called first, and what it returns counts.
+
+    Raises:
+        InputError: a foot is not in a plant with a time step.
+    """
+    for wired in feet:
+        _support(wired.foot)
+    earlier, at = simulator.get_monitor(), {}
+
+    def monitor(root: Context) -> EventStatus | None:
+        status = earlier(root) if earlier else None
+        for wired in feet:
+            own = wired.command.GetMyContextFromRoot(root)
+            wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
+            if abs(wanted - at.get(wired.foot.name, np.inf)) > MOVED_M:
+                place_fulcrum(plant, plant.GetMyMutableContextFromRoot(root), wired.foot, wanted)
+                at[wired.foot.name] = wanted
+        return status
+
+    simulator.set_monitor(monitor)
+    monitor(simulator.get_mutable_context())
+
+
+def _support(foot: FootHandles) -> MultibodyConstraintId:
+    if foot.support is None:
+        raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
+                         right="There the support follows its port by itself: leave this call out")
+    return foot.support
+
+
+def _rod(foot: FootHandles, fulcrum_m: float) -> DistanceConstraintParams:
+    piece, fulcrum = foot.keel_body_at(fulcrum_m), foot.parameters.fulcrum
+    return DistanceConstraintParams(
+        bodyA=foot.keel[piece].index(), p_AP=[fulcrum_m - foot.keel_starts[piece], 0.0, 0.0],
+        bodyB=foot.frame.index(), p_BQ=[fulcrum_m, 0.0, ROD_M], distance=ROD_M,
+        stiffness=fulcrum.stiffness_n_per_m, damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s)
+
+
+def _actuate(plant: MultibodyPlant, foot: FootHandles, joint: str, stiffness: float, damping: float) -> None:
+    actuator = plant.AddJointActuator(f"{foot.name}_{joint}", plant.GetJointByName(joint, foot.instance))
+    actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))

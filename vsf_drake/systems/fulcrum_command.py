@@ -1,0 +1,70 @@
+"""The desired states of a foot's actuators, in a plant with a time step."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake.systems._parameters import NamedParameters
+
+
+@TemplateSystem.define("FulcrumCommand_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+def FulcrumCommand_(T):
+    class Impl(NamedParameters, LeafSystem_[T]):
+        """Sends the carriage to the fulcrum position and the keel's joints to straight.
+
+        For a foot whose springs and carriage are PD-controlled actuators of its model instance: q_d = 0 in the keel's
+        joints, the fulcrum position in the carriage, v_d = 0.
+
+        .. pydrake_system::
+
+            name: FulcrumCommand
+            input_ports:
+            - fulcrum_position
+            output_ports:
+            - desired_state
+            - position
+
+        Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
+        desired_state (2 num_actuators,), [q_d; v_d]; position (1,) m, that fulcrum position.
+
+        Wiring: `wire_foot` does it. desired_state to MultibodyPlant's desired_state port of the foot's instance.
+
+        Args:
+            num_actuators: of the foot's instance.
+            carriage: index of the carriage's actuator among them.
+            fulcrum_m: m from A.
+
+        Parameters in the Context: fulcrum_m.
+        """
+
+        def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float, converter=None) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            self._arguments = {"num_actuators": num_actuators, "carriage": carriage, "fulcrum_m": fulcrum_m}
+            self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
+            self._declare_parameters(T, fulcrum_m=(fulcrum_m, ()))
+            self.DeclareVectorOutputPort("desired_state", 2 * num_actuators, self._calc_desired_state)
+            self.DeclareVectorOutputPort(
+                "position", 1, lambda context, out: out.SetFromVector([self._position(context)]))
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def _position(self, context):
+            if self._position_port.HasValue(context):
+                return self._position_port.Eval(context)[0]
+            return self._constants(context)["fulcrum_m"]
+
+        def _calc_desired_state(self, context, output) -> None:
+            desired = np.zeros(2 * self._arguments["num_actuators"], dtype=T if T is float else object)
+            desired[self._arguments["carriage"]] = self._position(context)
+            output.SetFromVector(desired)
+
+    return Impl
+
+
+FulcrumCommand = FulcrumCommand_[float]
