@@ -56,7 +56,7 @@ def chromium() -> str | None:
 
 def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot: Path | None = None,
          budget_ms: int = 8000) -> Seen:
-    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its own time; `folder` is an empty one to work in."""
+    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time; `folder` is an empty one to work in."""
     text = page.read_text(encoding="utf-8")
     (folder / "page.html").write_text(text.replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
     (folder / "frame.html").write_text(_FRAME.format(width=width, height=height), encoding="utf-8")
