@@ -1,14 +1,19 @@
 """Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a person."""
 
+from vsf_drake.plants.discrete_foot import follow_fulcrum, place_fulcrum
 from vsf_drake.plants.foot import FootHandles, add_foot, mirrored
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
+from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces
 
 __all__ = [
     "FootHandles",
     "WiredFoot",
     "add_foot",
+    "add_ground_geometry",
+    "follow_fulcrum",
     "mirrored",
+    "place_fulcrum",
     "share_generalized_forces",
     "share_spatial_forces",
     "wire_foot",

@@ -88,7 +88,7 @@ def wire_foot(
     """
     _check_wiring(builder, plant, foot, f"{foot.name}_forces")
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
-    _check_suits(foot, ground, fulcrum_m)
+    _check_suits(plant, foot, ground, fulcrum_m)
     law = foot.contact if foot.contact in CONTACT_LAWS else None
     device = _device_constants(foot, fulcrum_m)
     contact = _contact_constants(foot, check_ground(ground or Ground())) if law else {}
@@ -154,7 +154,10 @@ def _outputs(system: LeafSystem) -> list[OutputPort]:
     return [system.get_output_port(i) for i in range(system.num_output_ports())]
 
 
-def _check_suits(foot: FootHandles, ground: Ground | None, fulcrum_m: float) -> None:
+def _check_suits(plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float) -> None:
+    if plant.time_step() > 0.0 and foot.support is None:
+        raise InputError(f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it",
+                         where="plant", right="Add the foot with add_foot, or take a continuous plant")
     if ground is not None and foot.contact in DRAKE_CONTACTS:
         raise InputError(f"is geometry of the plant for contact {foot.contact}", where="ground",
                          right="Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here")
