@@ -41,6 +41,7 @@ foot:
   foam_thickness_m: 0.02
   length_m: 0.25
   pylon_x_m: 0.05
+  side: left
 socket:
   tx: &axis {stiffness: 3e4, stiffness_negative: 2e4, damping: 300, limit: 0.01, rate_limit: 0.4}
   ty: *axis
