@@ -135,29 +135,18 @@ def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Sce
         InputError: a number is out of range; a key is not for this kind, or one is missing; a name stands twice; a
             file does not exist.
     """
-    def refuse(what: str, where: str, right: str | None = None) -> InputError:
-        return InputError(what, file=file, where=where, right=right)
-
     check(scenario, file=file)
     for item in fields(Scenario):
         given = getattr(scenario, item.name) not in (item.default, ())
         if given and scenario.kind not in _KINDS_OF.get(item.name, KINDS):
-            raise refuse(f"is not for the kind {scenario.kind!r}", item.name,
-                         f"It is for {' and '.join(_KINDS_OF[item.name])}")
-    if scenario.kind == "person" and scenario.subject is None:
-        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
-    if scenario.kind == "leg":
-        if not scenario.robot and not scenario.directives:
-            raise refuse("there is no model", "robot", "Name a file for Drake's Parser, or give directives")
-        if scenario.robot and scenario.directives and not scenario.robot.endswith((".dmd.yaml", ".dmd.yml")):
-            raise refuse("beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
-                         f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
-        if not scenario.feet:
-            raise refuse("there is no foot", "feet", "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
+            raise InputError(f"is not for the kind {scenario.kind!r}", file=file, where=item.name,
+                             right=f"It is for {' and '.join(_KINDS_OF[item.name])}")
+    _check_parts(scenario, file)
     for key, names in (("feet", [foot.name for foot in scenario.feet]), ("guides", [g.joint for g in scenario.guides])):
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise refuse(f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
+                raise InputError(f"{name!r} stands twice", file=file, where=f"{key}[{i}]",
+                                 right="Every one needs a name of its own")
     if isinstance(scenario.ground, Ground):
         check_ground(scenario.ground, file=file)
     named = {name: getattr(scenario, name) for name in _PATHS}
@@ -166,6 +155,24 @@ def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Sce
         if isinstance(value, str):
             _existing(value, key, file)
     return scenario
+
+
+def _check_parts(scenario: Scenario, file: str | Path | None) -> None:
+    """Whether a person has a subject, a leg a model and feet."""
+    def refuse(what: str, where: str, right: str) -> InputError:
+        return InputError(what, file=file, where=where, right=right)
+
+    if scenario.kind == "person" and scenario.subject is None:
+        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
+    if scenario.kind != "leg":
+        return
+    if not scenario.robot and not scenario.directives:
+        raise refuse("there is no model", "robot", "Name a file for Drake's Parser, or give directives")
+    if scenario.robot and scenario.directives and not scenario.robot.endswith((".dmd.yaml", ".dmd.yml")):
+        raise refuse("beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
+                     f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
+    if not scenario.feet:
+        raise refuse("there is no foot", "feet", "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
 
 
 def scenario_ground(scenario: Scenario) -> Ground | None:

@@ -62,7 +62,7 @@ def test_ports_are_the_documented_ones(gait):
     assert output_names(gait("right").diagram) == OUTPUTS
     bench = make_bench(ModelParameters().foot).diagram
     assert input_names(bench) == {"fulcrum_position", "platen"}
-    assert output_names(bench) == {"load", "depth", "state"}
+    assert output_names(bench) == {"load", "depth", "state", "support_force"}
 
 
 def test_free_coordinates_are_not_driven(subject):

@@ -41,6 +41,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import InputError
 from vsf_drake.fitted_model import model_with
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.subject_file import load_subject

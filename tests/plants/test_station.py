@@ -1,0 +1,224 @@
+"""Stations: the same forces as the parts they are made of, alone, twice, converted and under Simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_scenario import one_of_everything
+from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.bench import make_bench
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.plants.gait_over_ground import make_gait_over
+from vsf_drake.plants.station import make_station
+from vsf_drake.resources import resource
+from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
+
+KINDS = ("bench", "person", "leg")
+SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
+FOOT = {"grf", "cop", "free_moment", "normal_force", "depth", "friction_force"}
+PORTS = {
+    "bench": ({"fulcrum_position", "platen"}, {"state", "load", "depth", "support_force"}),
+    "person": ({"fulcrum_position", "desired_state"},
+               {"state", "support_force", "joint_moment", "socket_wrench", "driver_force", *FOOT,
+                *(f"intact_{name}" for name in FOOT)}),
+    "leg": ({"fulcrum_position", "desired_state", "generalized_force"},
+            {"state", "support_force", "joint_moment", "body_poses", "body_spatial_velocities", "query", *FOOT}),
+}
+LEG = "package://vsf_drake/leg.urdf"
+STANDING_M = 0.93
+"""Pelvis height at which the prosthetic foot of SUBJECT is in the ground."""
+
+
+def names(diagram):
+    inputs = {diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())}
+    return inputs, {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
+
+
+def values(diagram, context, ports=("state", "support_force", "depth")):
+    return {name: diagram.GetOutputPort(name).Eval(context) for name in ports}
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return make_station(load_scenario(resource("models/scenarios/leg.yaml")))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shipped_scenarios_build_with_the_ports_that_the_module_lists(kind):
+    scenario = load_scenario(resource(f"models/scenarios/{kind}.yaml"))
+    assert names(make_station(scenario).diagram) == PORTS[kind]
+    drawn = make_station(scenario, visual=True)
+    inputs, outputs = PORTS[kind]
+    assert names(drawn.diagram) == (inputs, outputs | {"query"})
+    query = drawn.diagram.GetOutputPort("query").Eval(drawn.diagram.CreateDefaultContext())
+    assert query.inspector().num_geometries() > 20
+
+
+def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it():
+    station = make_station(Scenario(kind="bench", fulcrum_mm=87.0))
+    bench = make_bench(ModelParameters().foot)
+    contexts = [station.diagram.CreateDefaultContext(), bench.diagram.CreateDefaultContext()]
+    bench.diagram.GetInputPort("fulcrum_position").FixValue(contexts[1], 0.087)
+    q = np.linspace(-0.01, 0.02, 20)
+    for diagram, plant, context in ((station.diagram, station.plant, contexts[0]),
+                                    (bench.diagram, bench.plant, contexts[1])):
+        diagram.GetInputPort("platen").FixValue(context, [bench.contact_height + 0.002, 0.01])
+        plant.SetPositionsAndVelocities(plant.GetMyContextFromRoot(context), q)
+    one, two = (values(d, c, ("state", "support_force", "depth", "load")) for d, c in
+                ((station.diagram, contexts[0]), (bench.diagram, contexts[1])))
+    for name, value in one.items():
+        np.testing.assert_array_equal(value, two[name])
+    assert one["load"][0] > 0.0
+    carriage = station.plant.GetJointByName("fulcrum").get_translation(
+        station.plant_context(station.diagram.CreateDefaultContext()))
+    assert carriage == pytest.approx(0.087)
+
+
+def standing(gait):
+    """A moving person with both feet in the ground, fulcrum and prescribed coordinates at rest."""
+    context, random = gait.diagram.CreateDefaultContext(), np.random.default_rng(8)
+    plant, plant_context = gait.plant, gait.plant_context(context)
+    nq = plant.num_positions()
+    plant.SetPositionsAndVelocities(plant_context, random.uniform(-1, 1, 2 * nq) * np.repeat([0.01, 0.05], nq))
+    for name, value in (("pelvis_ty", STANDING_M), ("fulcrum", 0.1)):
+        plant.GetJointByName(name).set_translation(plant_context, value)
+    gait.diagram.GetInputPort("fulcrum_position").FixValue(context, 0.1)
+    gait.diagram.GetInputPort("desired_state").FixValue(context, np.zeros(2 * len(gait.prescribed)))
+    return context
+
+
+def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_systems():
+    ports = tuple(sorted(FOOT | {f"intact_{name}" for name in FOOT} | {"support_force", "socket_wrench"}))
+    plane, patches = make_gait(SUBJECT, ModelParameters()), make_gait_over(SUBJECT, ModelParameters(), Ground())
+    contexts = standing(plane), standing(patches)
+    one, two = values(plane.diagram, contexts[0], ports), values(patches.diagram, contexts[1], ports)
+    assert one["grf"][2] > 100.0
+    assert one["intact_grf"][2] > 100.0
+    for name, value in one.items():
+        np.testing.assert_allclose(two[name], value, rtol=1e-9, atol=1e-9, err_msg=name)
+    rates = [gait.diagram.EvalTimeDerivatives(context).CopyToVector() for gait, context in
+             zip((plane, patches), contexts, strict=True)]
+    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-6, atol=1e-6 * np.abs(rates[0]).max())
+
+
+def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone():
+    ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
+    level, kerb = (make_gait_over(SUBJECT, ModelParameters(), g) for g in (Ground(), ground))
+    one, two = (values(g.diagram, standing(g), ("grf", "intact_grf")) for g in (level, kerb))
+    assert two["intact_grf"][2] > one["intact_grf"][2] + 50.0
+    np.testing.assert_array_equal(one["grf"], two["grf"])
+
+
+def test_two_stations_in_one_diagram_have_the_forces_of_one_alone(leg):
+    builder = DiagramBuilder()
+    both = [make_station(replace(leg.scenario, name=name)) for name in "ab"]
+    for station in both:
+        builder.AddSystem(station.diagram)
+    whole = builder.Build()
+    root, alone = whole.CreateDefaultContext(), leg.diagram.CreateDefaultContext()
+    ports = ("grf", "cop", "depth", "support_force")
+    for station in both:
+        own = station.own_context(root)
+        for name, value in values(station.diagram, own, ports).items():
+            np.testing.assert_array_equal(value, leg.diagram.GetOutputPort(name).Eval(alone))
+    both[0].plant.GetJointByName("hip_flexion").set_angle(both[0].plant_context(root), 0.2)
+    np.testing.assert_array_equal(both[1].diagram.GetOutputPort("grf").Eval(both[1].own_context(root)),
+                                  leg.diagram.GetOutputPort("grf").Eval(alone))
+    rates = whole.EvalTimeDerivatives(root).CopyToVector()
+    np.testing.assert_allclose(rates[len(rates) // 2:], leg.diagram.EvalTimeDerivatives(alone).CopyToVector())
+
+
+def test_a_leg_converts_and_its_derivatives_are_central_differences(leg):
+    converted = leg.diagram.ToAutoDiffXd()
+    context, plain = converted.CreateDefaultContext(), leg.diagram.CreateDefaultContext()
+    x = plain.get_continuous_state_vector().CopyToVector()
+    x[0] += 0.01
+    i = leg.plant.GetJointByName("knee_flexion").position_start()
+    seeds = np.zeros((len(x), 1))
+    seeds[i] = 1.0
+    context.SetContinuousState(InitializeAutoDiff(x, gradient=seeds).ravel())
+    grf = converted.GetOutputPort("grf").Eval(context)
+    assert all(isinstance(force, AutoDiffXd) for force in grf)
+
+    def at(step):
+        plain.SetContinuousState(x + step * seeds[:, 0])
+        return leg.diagram.GetOutputPort("grf").Eval(plain)
+
+    slope = (at(1e-6) - at(-1e-6)) / 2e-6
+    np.testing.assert_allclose([force.derivatives()[0] for force in grf], slope, rtol=1e-4, atol=1.0)
+    assert abs(slope[2]) > 100.0
+
+
+def test_several_feet_have_their_names_before_their_ports(tmp_path):
+    station = make_station(load_scenario(one_of_everything(tmp_path)))
+    inputs, outputs = names(station.diagram)
+    assert {"left_fulcrum_position", "right_fulcrum_position"} <= inputs
+    assert {f"{side}_{name}" for side in ("left", "right") for name in FOOT} <= outputs
+    assert station.feet["right"].parameters.mass_kg == 0.7
+    assert (station.feet["left"].contact, station.feet["right"].contact) == ("smooth", "hunt_crossley")
+    context = station.diagram.CreateDefaultContext()
+    for name, place in (("left", 0.066), ("right", 0.087)):
+        joint = station.plant.GetJointByName("fulcrum", station.feet[name].instance)
+        assert joint.get_translation(station.plant_context(context)) == pytest.approx(place)
+        assert station.diagram.GetOutputPort(f"{name}_grf").Eval(context)[2] > 100.0
+
+
+def test_a_leg_held_over_the_floor_comes_to_rest_on_it_under_simulator(leg):
+    simulator = Simulator(leg.diagram)
+    ApplySimulatorConfig(leg.simulator_config(), simulator)
+    simulator.AdvanceTo(0.4)
+    context = simulator.get_context()
+    assert simulator.get_integrator().get_num_steps_taken() > 10
+    grf = leg.diagram.GetOutputPort("grf").Eval(context)
+    assert grf[2] > 50.0
+    assert np.hypot(grf[0], grf[1]) <= 0.5 * grf[2]
+    rates = leg.diagram.EvalTimeDerivatives(context).CopyToVector()
+    v, acceleration = np.split(rates, 2)
+    hip, knee = (leg.plant.GetJointByName(name).velocity_start() for name in ("hip_flexion", "knee_flexion"))
+    assert np.abs(v[[hip, knee]]).max() < 0.05
+    assert np.abs(acceleration[[hip, knee]]).max() < 5.0
+
+
+def test_drakes_own_contact_in_a_plant_with_a_time_step_bears_the_same_load(leg):
+    """Guides hold the hip and knee, so the load follows from the stiffness of the foot, which is matched."""
+    scenario = replace(leg.scenario, robot=None, ground=None, directives=(
+        {"add_model": {"name": "leg", "file": LEG}}, *leg.scenario.directives),
+        feet=(ScenarioFoot(parent_frame="leg::pylon_end"),))
+    loads = []
+    for changes in ({}, {"contact": "drake_point", "time_step_s": 1e-3}):
+        station = make_station(replace(scenario, **changes))
+        simulator = Simulator(station.diagram)
+        if not changes:
+            ApplySimulatorConfig(station.simulator_config(), simulator)
+        simulator.AdvanceTo(0.2)
+        loads.append(station.diagram.GetOutputPort("grf").Eval(simulator.get_context())[2])
+    assert loads[0] > 200.0
+    assert loads[1] == pytest.approx(loads[0], rel=0.03)
+
+
+WRONG = (
+    ({"feet": (ScenarioFoot(parent_frame="pylon_fin"),)}, r"feet\[0\].parent_frame: 'pylon_fin' is not in the model"),
+    ({"feet": (ScenarioFoot(name="vsf"),)}, "has no model instance 'vsf'"),
+    ({"feet": (ScenarioFoot(parent_frame="pylon_end", fulcrum_mm=300.0),)}, r"feet\[0\].fulcrum_mm: .*reach"),
+    ({"robot": None, "directives": ({"add_wedl": {}},)}, "directives: Drake cannot follow them"),
+)
+
+
+@pytest.mark.parametrize(("changes", "words"), WRONG)
+def test_what_is_not_in_the_model_is_refused_by_its_key(changes, words):
+    right = {"robot": LEG, "feet": (ScenarioFoot(parent_frame="pylon_end"),)}
+    with pytest.raises(InputError, match=words):
+        make_station(Scenario(kind="leg", **(right | changes)))
+
+
+def test_a_coordinate_that_the_person_lacks_is_refused():
+    with pytest.raises(InputError, match="free: no such coordinate: tail"):
+        make_station(Scenario(kind="person", subject=SUBJECT, free=("tail",)))
