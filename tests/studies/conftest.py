@@ -1,10 +1,11 @@
-"""The studies are scripts, not a package: their folder goes on the path."""
+"""The studies and the examples are scripts, not packages: their folders go on the path."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-STUDIES = str(Path(__file__).resolve().parents[2] / "studies")
-if STUDIES not in sys.path:
-    sys.path.insert(0, STUDIES)
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+for folder in (str(STUDIES / "examples"), str(STUDIES)):
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
