@@ -1,0 +1,179 @@
+"""The foot's MJCF, compiled by MuJoCo: the same rigid parts as `add_foot` in Drake, the same keel, and a support."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pressed_keel import keel_names, last_before, rise_in_mujoco
+from pydrake.multibody.plant import MultibodyPlant
+
+from vsf_drake.errors import InputError
+from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import add_foot
+from vsf_drake.plants.export import foot_mjcf
+from vsf_drake.simulation.keel_statics import KeelStatics
+
+mujoco = pytest.importorskip("mujoco")
+
+NOMINAL = FootParameters()
+UNUSUAL = replace(
+    NOMINAL, pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11,
+    keel=replace(NOMINAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007))
+FULCRUMS_M = (0.066, 0.108, 0.151)
+
+
+def compiled(parameters, fulcrum_m, weight=False):
+    model = mujoco.MjModel.from_xml_string(foot_mjcf(parameters, fulcrum_m=fulcrum_m))
+    if not weight:
+        model.opt.gravity[:] = 0.0
+    return model
+
+
+@pytest.fixture(params=[NOMINAL, UNUSUAL], ids=["nominal", "unusual"])
+def posed(request):
+    """(model, data, plant, context, names): one foot in MuJoCo and in Drake at the same random coordinates."""
+    plant = MultibodyPlant(0.0)
+    handles = add_foot(plant, plant.world_frame(), request.param)
+    plant.Finalize()
+    context, model = plant.CreateDefaultContext(), compiled(request.param, 0.108)
+    data, rng, q = mujoco.MjData(model), np.random.default_rng(3), np.zeros(plant.num_positions())
+    names = (*handles.keel_joint_names, handles.carriage_joint_name)
+    for name, value in zip(names, [*rng.uniform(-0.3, 0.3, len(names) - 1), 0.141], strict=True):
+        q[plant.GetJointByName(name).position_start()] = value
+        data.qpos[model.joint(name).qposadr[0]] = value
+    plant.SetPositions(context, q)
+    mujoco.mj_forward(model, data)
+    return model, data, plant, context, names
+
+
+def test_frames_are_where_drake_has_them(posed):
+    _, data, plant, context, names = posed
+    for name in ("vsf_frame", "vsf_carriage", *(f"keel_body_{i}" for i in range(len(names) - 1))):
+        X_WB = plant.GetBodyByName(name).EvalPoseInWorld(context)
+        found = data.body(name)
+        np.testing.assert_allclose(found.xpos, X_WB.translation(), atol=1e-11, err_msg=name)
+        np.testing.assert_allclose(found.xmat.reshape(3, 3), X_WB.rotation().matrix(), atol=1e-11, err_msg=name)
+    np.testing.assert_allclose(data.site("vsf_mount").xpos, 0.0, atol=1e-11)
+
+
+def test_masses_and_inertias_are_those_of_drake(posed):
+    """Body by body the mass and its centre; and as the joints feel all of it together."""
+    model, data, plant, context, names = posed
+    for i in plant.GetBodyIndices(plant.GetModelInstanceByName("vsf")):
+        body = plant.get_body(i)
+        inertia = body.default_spatial_inertia()
+        assert model.body(body.name()).mass[0] == pytest.approx(inertia.get_mass(), rel=1e-11)
+        np.testing.assert_allclose(model.body(body.name()).ipos, inertia.get_com(), atol=1e-12)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    at = [model.joint(name).dofadr[0] for name in names]
+    order = [plant.GetJointByName(name).velocity_start() for name in names]
+    known = plant.CalcMassMatrix(context)[np.ix_(order, order)]
+    np.testing.assert_allclose(full[np.ix_(at, at)], known, rtol=1e-8, atol=1e-12)
+
+
+def test_frame_has_the_moments_of_inertia_of_drake():
+    """It moves with no joint of this file, so the mass matrix does not show them."""
+    plant = MultibodyPlant(0.0)
+    handles = add_foot(plant, plant.world_frame(), NOMINAL)
+    inertia = handles.frame.default_spatial_inertia()
+    moments = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    frame = compiled(NOMINAL, 0.108).body("vsf_frame")
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, frame.iquat)
+    R = R.reshape(3, 3)
+    np.testing.assert_allclose(R @ np.diag(frame.inertia) @ R.T, moments, atol=1e-14)
+
+
+def test_keel_is_damped_in_proportion_to_its_stiffness():
+    model = compiled(NOMINAL, 0.108)
+    names, _ = keel_names(NOMINAL)
+    stiffness = np.array([np.ravel(model.joint(name).stiffness)[0] for name in names])
+    damping = np.array([np.ravel(model.joint(name).damping)[0] for name in names])
+    assert stiffness[0] == damping[0] == 0.0, "the pin at A is free"
+    assert np.all(stiffness[1:] > 0)
+    np.testing.assert_allclose(damping, NOMINAL.keel.damping_time_s * stiffness, rtol=1e-10)
+
+
+@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
+def test_small_loads_meet_the_stiffness_of_the_chain(fulcrum_m):
+    known = lumped_stiffness(
+        bending_stiffness=NOMINAL.keel.flexural_modulus_pa * section_inertia(
+            NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
+        element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
+        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
+    assert 1e-2 / rise_in_mujoco(compiled(NOMINAL, fulcrum_m), NOMINAL, 1e-2) == pytest.approx(known, rel=1e-7)
+
+
+@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
+def test_large_loads_lift_the_toe_as_on_the_bench(fulcrum_m):
+    """Between them is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
+    loads = np.array([200.0, 600.0])
+    known, _ = KeelStatics(NOMINAL, loads, 0.5).press(
+        fulcrum_m, NOMINAL.keel.flexural_modulus_pa, NOMINAL.fulcrum.stiffness_n_per_m)
+    model = compiled(NOMINAL, fulcrum_m)
+    np.testing.assert_allclose([rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4)
+
+
+def test_loaded_keel_comes_to_rest_at_the_files_own_step():
+    """400 N on the load point for half a second from the keyframe: many times the keel's and the support's damping."""
+    model = compiled(NOMINAL, 0.108)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("rest").id)
+    _, starts = keel_names(NOMINAL)
+    i, point = last_before(starts, NOMINAL.load_point_m)
+    body, heights = model.body(f"keel_body_{i}").id, []
+    for _ in range(500):
+        mujoco.mj_kinematics(model, data)
+        at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
+        heights.append(at[2])
+        data.qfrc_applied[:] = 0.0
+        mujoco.mj_applyFT(model, data, np.array([0.0, 0.0, 400.0]), np.zeros(3), at, body, data.qfrc_applied)
+        mujoco.mj_step(model, data)
+    assert heights[-1] - heights[0] == pytest.approx(rise_in_mujoco(model, NOMINAL, 400.0), rel=1e-3)
+    assert data.joint("fulcrum").qpos[0] == pytest.approx(0.108, abs=1e-4), "the actuator holds the carriage"
+
+
+def test_spheres_meet_the_floor_and_not_one_another():
+    """The foot free in a world with a floor 87 mm below the mount, less 1 mm: all spheres of the flat sole touch."""
+    spec = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
+    spec.delete(spec.key("rest"))  # without the free joint's coordinates
+    spec.body("vsf_frame").add_freejoint()
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1],
+                            pos=[0, 0, -NOMINAL.build_height_m + 1e-3])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    floor = model.geom("floor").id
+    pairs = {tuple(contact.geom) for contact in data.contact}
+    assert all(floor in pair for pair in pairs)
+    assert len(pairs) == sum(len(zone.x_mm) for zone in NOMINAL.zones)
+
+
+def test_foams_numbers_are_in_the_file():
+    model = compiled(NOMINAL, 0.108)
+    known = [zone.stiffness for zone in NOMINAL.zones for _ in zone.x_mm]
+    np.testing.assert_allclose(model.numeric("sphere_stiffness").data, known, rtol=1e-11)
+
+
+def test_foot_can_be_attached_to_another_model():
+    """Below a body that is 1 m up, the mount comes to the frame that it is attached to."""
+    leg = mujoco.MjSpec()
+    leg.option.timestep, leg.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    shank = leg.worldbody.add_body(name="shank", pos=[0, 0, 1], mass=1.0, inertia=[1, 1, 1])
+    shank.add_freejoint()
+    foot = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
+    shank.add_frame(pos=[0, 0, -0.2]).attach_body(foot.body("vsf_frame"), "left_", "")
+    model = leg.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.site("left_vsf_mount").xpos, [0, 0, 0.8], atol=1e-11)
+    assert model.ntendon == 1
+
+
+def test_fulcrum_out_of_reach_is_refused():
+    with pytest.raises(InputError, match="20 mm is out of the carriage's reach"):
+        foot_mjcf(NOMINAL, fulcrum_m=0.02)

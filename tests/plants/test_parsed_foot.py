@@ -1,0 +1,231 @@
+"""A foot from a file under wire_foot: moves as one that was added, counts nothing twice, must be the right one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.geometry import Box, Role
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.plants.export import foot_sdf
+from vsf_drake.plants.model_package import add_model_package
+from vsf_drake.plants.parsed_foot import find_foot
+
+FOOT = FootParameters()
+LEG = "package://vsf_drake/leg.urdf"
+FOOT_UNDER_LEG = "package://vsf_drake/foot_under_leg.dmd.yaml"
+
+
+def leg_plant(builder, url):
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    parser = Parser(plant)
+    add_model_package(parser)
+    parser.AddModels(url=url)
+    return plant
+
+
+def parsed(text, plant=None):
+    """A plant with the foot of this SDF."""
+    plant = plant or MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(text, "sdf")
+    return plant
+
+
+@pytest.fixture(scope="module")
+def both():
+    """(diagram, plant, wired) of the foot under the leg: from the directives, and by add_foot."""
+    made = []
+    for from_file in (True, False):
+        builder = DiagramBuilder()
+        plant = leg_plant(builder, FOOT_UNDER_LEG if from_file else LEG)
+        foot = None if from_file else add_foot(plant, plant.GetFrameByName("pylon_end"), FOOT)
+        plant.Finalize()
+        wired = wire_foot(builder, plant, find_foot(plant, "vsf", FOOT) if from_file else foot)
+        made.append((builder.Build(), plant, wired))
+    return made
+
+
+def put(plant, context, seed):
+    """Random coordinates and velocities by name, the foot some millimetres in the ground and sliding."""
+    rng = np.random.default_rng(seed)
+    hip = plant.GetBodyByName("hip")
+    plant.SetFreeBodyPose(context, hip, RigidTransform(RollPitchYaw(*rng.uniform(-0.03, 0.03, 3)), [0, 0, 0.843]))
+    V_WH = SpatialVelocity(rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3))
+    plant.SetFreeBodySpatialVelocity(context, hip, V_WH)
+    q, v = plant.GetPositions(context), plant.GetVelocities(context)
+    for name in ("hip_flexion", "knee_flexion", "keel_pin", *(f"keel_{i}" for i in range(1, 9)), "fulcrum"):
+        joint = plant.GetJointByName(name)
+        q[joint.position_start()] = 0.11 if name == "fulcrum" else rng.uniform(-0.03, 0.03)
+        v[joint.velocity_start()] = rng.uniform(-0.5, 0.5)
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+
+
+def order(plant):
+    names = ("hip_flexion", "knee_flexion", "keel_pin", *(f"keel_{i}" for i in range(1, 9)), "fulcrum")
+    base = plant.GetBodyByName("hip").floating_velocities_start_in_v()
+    return [*range(base, base + 6), *(plant.GetJointByName(name).velocity_start() for name in names)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_parsed_foot_moves_as_an_added_one(both, seed):
+    """Twelve digits in the file, a mass matrix whose condition is some 1e6."""
+    accelerations, forces = [], []
+    for diagram, plant, wired in both:
+        context = diagram.CreateDefaultContext()
+        put(plant, plant.GetMyMutableContextFromRoot(context), seed)
+        derivatives = plant.EvalTimeDerivatives(plant.GetMyContextFromRoot(context)).CopyToVector()
+        accelerations.append(derivatives[plant.num_positions():][order(plant)])
+        forces.append(wired.GetOutputPort("grf").Eval(wired.forces.GetMyContextFromRoot(context)))
+    assert forces[1][2] > 100.0, "the foot stands on the ground"
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8)
+    found, known = accelerations
+    np.testing.assert_allclose(found, known, rtol=1e-5, atol=1e-5 * np.abs(known).max())
+
+
+def test_springs_of_the_file_are_left_out_of_the_wired_forces(both):
+    (_, _, from_file), (_, _, by_hand) = both
+    assert not from_file.foot.joint_stiffness.any()
+    assert not from_file.foot.joint_damping.any()
+    np.testing.assert_allclose(by_hand.foot.joint_stiffness[1:], 27.146 / np.array(FOOT.keel.element_lengths_m),
+                               rtol=1e-4)
+
+
+def test_file_without_springs_leaves_them_to_the_wired_forces():
+    foot = find_foot(parsed(foot_sdf(FOOT, springs=False)), "vsf", FOOT)
+    known = add_foot(plant := MultibodyPlant(0.0), plant.world_frame(), FOOT)
+    np.testing.assert_array_equal(foot.joint_stiffness, known.joint_stiffness)
+    np.testing.assert_array_equal(foot.joint_damping, known.joint_damping)
+
+
+def test_two_parsed_feet_are_told_apart():
+    plant = MultibodyPlant(0.0)
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    for _ in range(2):
+        parser.AddModelsFromString(foot_sdf(FOOT), "sdf")
+    feet = [find_foot(plant, name, FOOT) for name in ("vsf", "vsf_1")]
+    assert [foot.name for foot in feet] == ["vsf", "vsf_1"]
+    assert feet[0].frame.index() != feet[1].frame.index()
+    assert set(feet[1].sites.body_indices) <= {body.index() for body in (feet[1].frame, *feet[1].keel)}
+
+
+@pytest.fixture
+def with_floor():
+    """(builder, plant, scene_graph): the SDF's foot over a floor, its mount a little lower than it stands."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    parsed(foot_sdf(FOOT), plant)
+    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform([0, 0, -0.5]), Box(10, 10, 1), "floor",
+                                    CoulombFriction(0.5, 0.3))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("vsf_mount"), RigidTransform([0, 0, 0.085]))
+    plant.Finalize()
+    return builder, plant, scene_graph
+
+
+def test_collision_spheres_do_not_act_beside_a_law_of_the_model(with_floor):
+    builder, plant, scene_graph = with_floor
+    foot = find_foot(plant, "vsf", FOOT, contact="kelvin_voigt", scene_graph=scene_graph)
+    wired = wire_foot(builder, plant, foot)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
+    assert touching.num_point_pair_contacts() == 0
+    grf = wired.GetOutputPort("grf").Eval(wired.forces.GetMyContextFromRoot(context))
+    stiffness = sum(zone.stiffness * len(zone.x_mm) for zone in FOOT.zones)
+    np.testing.assert_allclose(grf, [0, 0, 2e-3 * stiffness], rtol=1e-9, atol=1e-9)
+    assert scene_graph.model_inspector().NumGeometriesWithRole(Role.kProximity) == 1
+
+
+def test_collision_spheres_are_drakes_contact_where_nobody_asks_for_another(with_floor):
+    builder, plant, _ = with_floor
+    foot = find_foot(plant, "vsf", FOOT)
+    assert foot.contact == "drake_point"
+    wire_foot(builder, plant, foot)
+    context = builder.Build().CreateDefaultContext()
+    touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
+    assert touching.num_point_pair_contacts() == 21, "all but the three of the frame, which is welded to the world"
+
+
+def test_a_law_beside_collision_spheres_is_refused(with_floor):
+    _, plant, _ = with_floor
+    with pytest.raises(InputError, match=r"24 collision spheres.*Give scene_graph"):
+        find_foot(plant, "vsf", FOOT, contact="smooth")
+
+
+def changed_keel(**changes):
+    return replace(FOOT, keel=replace(FOOT.keel, **changes))
+
+
+@pytest.mark.parametrize(("parameters", "message"), [
+    (replace(FOOT, mass_kg=0.7), r"vsf: vsf_frame: weighs 0.364992 kg, by the parameters 0.415992 kg"),
+    (replace(FOOT, pylon_x_m=0.06), r"vsf: vsf_mount: is at .* by the parameters at"),
+    (changed_keel(flexural_modulus_pa=20e9), r"keel_1: has a stiffness of 411.306 N m/rad, by the parameters 442.265"),
+    (changed_keel(damping_time_s=0.01), r"keel_1: has a damping of 2.50897 N m s/rad, by the parameters 4.11306"),
+    (changed_keel(element_lengths_m=(0.0229,) * 10), "has no body keel_body_9|weighs|has its centre of mass"),
+    (changed_keel(element_lengths_m=(0.066, 0.0466, *FOOT.keel.element_lengths_m[3:])), "weighs|centre of mass"),
+])
+def test_foot_of_other_parameters_is_refused_and_the_difference_named(parameters, message):
+    with pytest.raises(InputError, match=message):
+        find_foot(parsed(foot_sdf(FOOT)), "vsf", parameters)
+
+
+def test_keel_with_fewer_elements_in_the_parameters_is_refused():
+    """All of its bodies are there by name; the file's keel has one more."""
+    short = FOOT.keel.element_lengths_m[:-1]
+    with pytest.raises(InputError, match=r"keel_body_7.*weighs|weighs"):
+        find_foot(parsed(foot_sdf(FOOT)), "vsf", replace(FOOT, keel=replace(FOOT.keel, element_lengths_m=short)))
+
+
+def test_support_in_the_file_is_refused():
+    with pytest.raises(InputError, match=r"support in the file already.*vsf_foot.sdf"):
+        find_foot(parsed(foot_sdf(FOOT, fulcrum_m=0.108)), "vsf", FOOT)
+
+
+def test_unknown_instance_and_a_thing_that_is_no_foot_are_refused():
+    plant = leg_plant(DiagramBuilder(), LEG)
+    with pytest.raises(InputError, match=r"no model instance 'foot'. It has leg"):
+        find_foot(plant, "foot", FOOT)
+    with pytest.raises(InputError, match=r"leg: has no body vsf_frame. It must be a foot written by vsf-drake export"):
+        find_foot(plant, "leg", FOOT)
+
+
+@pytest.mark.parametrize(("contact", "message"), [
+    ("hertz", "'hertz' is not known"), ("hydroelastic", "not what the file's collision spheres are made for"),
+    ("drake_point", "has 0 collision spheres of the foot, the parameters 24")])
+def test_contacts_that_the_file_cannot_give_are_refused(contact, message):
+    with pytest.raises(InputError, match=message):
+        find_foot(parsed(foot_sdf(FOOT)), "vsf", FOOT, contact=contact)
+
+
+def discrete(text):
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 1e-3)
+    return parsed(text, plant)
+
+
+def test_plant_with_a_time_step_gets_springs_and_support_as_of_add_foot():
+    plant = discrete(foot_sdf(FOOT, springs=False))
+    foot = find_foot(plant, "vsf", FOOT, fulcrum_m=0.12)
+    plant.Finalize()
+    assert plant.num_actuators() == 9, "eight springs and the carriage"
+    assert plant.num_constraints() == 1
+    assert foot.support is not None
+    assert plant.GetJointByName("fulcrum").get_translation(plant.CreateDefaultContext()) == 0.12
+
+
+def test_plant_with_a_time_step_refuses_explicit_springs_and_late_calls():
+    with pytest.raises(InputError, match=r"explicit with a time step.*--no-springs"):
+        find_foot(discrete(foot_sdf(FOOT)), "vsf", FOOT)
+    plant = discrete(foot_sdf(FOOT, springs=False))
+    plant.Finalize()
+    with pytest.raises(InputError, match=r"find_foot before plant.Finalize"):
+        find_foot(plant, "vsf", FOOT)

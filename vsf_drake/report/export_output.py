@@ -1,0 +1,60 @@
+"""The files that `vsf-drake export` leaves: the foot as SDFormat and MJCF, and what they were made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import sha256
+from vsf_drake.model_file import check_fulcrum
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.export import foot_mjcf, foot_sdf
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import result_folder
+from vsf_drake.simulation.provenance import provenance
+
+FORMATS = ("sdf", "mjcf", "both")
+MOVABLE = "vsf_foot.sdf"
+"""The foot whose support `wire_foot` brings."""
+FIXED = "vsf_foot_at_{:g}mm"
+"""The foot whose support stands still, without ending."""
+SIDECAR = "export.yaml"
+
+
+def write_export(
+    foot: FootParameters, out: str | Path, *, fulcrum_m: float, form: str = "both", springs: bool = True,
+    collision: bool = True, inputs: dict[str, str] | None = None
+) -> dict[str, Any]:
+    """Writes the models and their sidecar to the folder `out`, all or nothing; returns the sidecar.
+
+    Args:
+        fulcrum_m: where the support stands (m from A) in the files in which it stands still.
+        form: one of FORMATS.
+        springs: whether MOVABLE has the keel's springs.
+        collision: whether the SDF files have collision spheres.
+        inputs: SHA-256 by name of the files that the parameters come from.
+
+    Raises:
+        InputError: there is no such format, the fulcrum is out of reach, or `out` cannot be written.
+    """
+    if form not in FORMATS:
+        raise InputError(f"{form!r} is not known", where="format", right=f"Known are {', '.join(FORMATS)}")
+    check_fulcrum(fulcrum_m, foot, where="fulcrum")
+    texts = {}
+    if form in ("sdf", "both"):
+        texts[MOVABLE] = foot_sdf(foot, springs=springs, collision=collision)
+        texts[FIXED.format(1e3 * fulcrum_m) + ".sdf"] = foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision)
+    if form in ("mjcf", "both"):
+        texts[FIXED.format(1e3 * fulcrum_m) + ".xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
+    with result_folder(out) as folder:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        sidecar = {
+            "kind": "export", "fulcrum_m": fulcrum_m, "springs": springs, "collision_spheres": collision,
+            "files_sha256": {name: sha256(folder / name) for name in texts},
+            "foot": to_plain(foot), "provenance": provenance(inputs)}
+        (folder / SIDECAR).write_text(yaml.safe_dump(sidecar, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    return sidecar
