@@ -1,8 +1,9 @@
 """A lead screw turned by a geared direct-current motor: torques, efficiencies, self-locking, acceleration, power.
 
-Screw (Shigley, Mechanical Engineering Design, power screws; with the friction mu / cos(flank angle) of an inclined
-thread flank, collar friction left out). The thread of lead p and mean diameter d_m climbs at the lead angle lambda,
-tan(lambda) = p / (pi d_m); with u = mu / cos(flank angle) the torque that moves an axial load F is
+Screw (Mott, Machine Elements in Mechanical Design, 4th ed., eqs. 17-7, 17-10 and 17-11, divided by the cosine of the
+flank angle; friction of a collar is left out). The thread of lead p and mean diameter d_m climbs at the lead angle
+lambda, tan(lambda) = p / (pi d_m). With u = mu / cos(flank angle), what friction is on an inclined flank, the torque
+that moves an axial load F is
 
     against the load     T = F d_m/2 · (tan(lambda) + u) / (1 - u tan(lambda)),
     with the load        T = F d_m/2 · (u - tan(lambda)) / (1 + u tan(lambda)),     needed when u > tan(lambda):

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ActuatorParameters
-from vsf_drake.plants.foot_wiring import FULCRUM_M, WiredFoot
+from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.plants.wiring import connect_kinematics
 from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
@@ -80,7 +80,7 @@ def add_fulcrum_drive(
     signal: str = "contact",
     shank: RigidBody | None = None,
     grf: OutputPort | None = None,
-    initial_m: float = FULCRUM_M,
+    initial_m: float | None = None,
     period_s: float = PERIOD_S,
 ) -> FulcrumDrive:
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
@@ -93,21 +93,20 @@ def add_fulcrum_drive(
         shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame,
             which has no ankle and turns with the shank.
         grf: (3,) N on the foot, z_W up; by default that of the foot's own contact.
-        initial_m: where the carriage starts (m from A).
+        initial_m: where the carriage starts (m from A); by default where `add_foot` put it. Give the plant's carriage
+            joint the same position.
         period_s: sampling period of controller and recorder.
 
     Raises:
-        InputError: the fulcrum is moved by something else already, the foot has no contact force of its own and
-            none is given, the signal is unknown, or a number cannot be (see `FulcrumActuator`, `SwingController`).
+        InputError: the fulcrum is moved by something else already, the signal is unknown, or a number cannot be (see
+            `FulcrumActuator`, `SwingController`).
     """
     foot, name = wired.foot, wired.foot.name
     if builder.IsConnectedOrExported(wired.fulcrum_position):
         raise InputError("is connected or exported already", where=f"{name}'s fulcrum_position",
                          right="A fulcrum has one master: leave the port free, and give the drive a desired position")
+    initial_m = foot.fulcrum_m if initial_m is None else initial_m
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
-    if signal != "shank" and grf is None and not wired.forces.HasOutputPort("grf"):
-        raise InputError(f"the contact {foot.contact!r} of {name} is Drake's and has no grf here", where="signal",
-                         right='Take signal="shank", or give grf a port with the force on the foot')
     actuator = FulcrumActuator(
         parameters=parameters, carriage_mass=foot.parameters.fulcrum.carriage_mass_kg,
         rearmost=foot.parameters.fulcrum.rearmost_m, foremost=foot.parameters.fulcrum.foremost_m,

@@ -38,7 +38,8 @@ def SwingController_(T):
         - both: swing needs both; either ends it.
 
         The sign must last for the debounce time before the phase is swing; stance follows at once, at the next
-        sample. All thresholds are choices. A period after touch-down at the latest the motor is off.
+        sample, and lasts for least_stance, for a heel may bounce. So a period after touch-down at the latest the
+        motor is off. All thresholds are choices.
 
         .. pydrake_system::
 
@@ -56,8 +57,8 @@ def SwingController_(T):
         shank_angle (2,) rad and rad/s, leaning forward positive. Of grf and shank_angle only those that the signal
         needs are read, the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0
         stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states,
-        without feedthrough: phase, time (s) for which the sign has lasted, commanded position. AutoDiffXd works; the
-        thresholds' derivatives are zero, as the phase is.
+        without feedthrough: phase; time (s) for which stance or the sign of swing has lasted; commanded position.
+        AutoDiffXd works; the thresholds' derivatives are zero, as the phase is.
 
         Wiring: grf from the foot or shank_angle from `ShankAngle`; enabled and commanded_position to
         `FulcrumActuator`.
@@ -69,9 +70,9 @@ def SwingController_(T):
             unload_force, load_force: N.
             swing_rate, stop_rate: rad/s, of the angle's fall.
             least_lean: rad.
-            debounce: s.
+            debounce, least_stance: s.
 
-        Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce.
+        Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
 
         Raises:
             InputError: the signal is unknown, the period is not above 0, or load_force is not above unload_force or
@@ -92,11 +93,13 @@ def SwingController_(T):
             stop_rate: float = 0.3,
             least_lean: float = math.radians(20.0),
             debounce: float = 0.02,
+            least_stance: float = 0.2,
             converter=None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
-                         "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce}
+                         "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,
+                         "least_stance": least_stance}
             _check(signal, period, constants)
             self._arguments = {"signal": signal, "initial_position": initial_position, "period": period, **constants}
             self._signal, self._period = signal, float(period)
@@ -104,7 +107,7 @@ def SwingController_(T):
             self._grf_port = self.DeclareVectorInputPort("grf", 3)
             self._shank_port = self.DeclareVectorInputPort("shank_angle", 2)
             self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
-            self.DeclareDiscreteState(BasicVector_[T](np.array([STANCE, 0.0, initial_position])))
+            self.DeclareDiscreteState(BasicVector_[T](np.array([STANCE, least_stance, initial_position])))
             self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
             outputs = {"enabled": lambda state: T(1.0 if state[0] == SWING else 0.0), "phase": lambda state: state[0],
                        "commanded_position": lambda state: state[2]}
@@ -119,13 +122,14 @@ def SwingController_(T):
         def _update(self, context, discrete) -> None:
             phase, held, commanded = _state(context)
             begins, ends = self._sign(context)
-            if phase == SWING:
-                phase, held = (T(STANCE), T(0.0)) if ends else (phase, held + self._period)
-            elif phase == STANCE or ends:
-                phase, held = T(UNCONFIRMED if begins else STANCE), T(0.0)
-            else:
-                held = held + self._period
-            if phase == UNCONFIRMED and held >= self._constants(context)["debounce"] - 1e-9:
+            c, held = self._constants(context), held + self._period
+            if phase == SWING and ends:
+                phase, held = T(STANCE), T(0.0)
+            elif phase == STANCE and begins and held > c["least_stance"] - 1e-9:
+                phase, held = T(UNCONFIRMED), T(0.0)
+            elif phase == UNCONFIRMED and not begins:
+                phase, held = T(STANCE), T(c["least_stance"])
+            if phase == UNCONFIRMED and held > c["debounce"] - 1e-9:
                 phase, held, commanded = T(SWING), T(0.0), self._desired_port.Eval(context)[0]
             discrete.set_value(np.array([phase, held, commanded]))
 
