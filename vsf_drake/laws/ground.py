@@ -11,8 +11,8 @@ import numpy as np
 
 from vsf_drake.laws._elementwise import Array, Values, positive_part, power
 
-SERIES_ITERATIONS = 30
-"""Bisection-safeguarded Newton steps of `foam_depth`: enough for exponents up to 20."""
+SERIES_ITERATIONS = 10
+"""Newton steps of `foam_depth`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
 
 def patch_height(x: Values, y: Values, *, reference_x: Values, height: Values, slope: Values, bank: Values) -> Array:
@@ -62,8 +62,9 @@ def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance
     # One Newton step from the root in the full scalars carries derivatives by every argument exactly.
     soft = compliance * stiffness * power(safe, exponent)
     d = safe - (safe + soft - depth) / (1.0 + soft * exponent / safe)
+    d = np.where(touching, d, 0.0 * d + 1.0)
     slope = 1.0 / (1.0 + exponent * compliance * stiffness * power(d, exponent) / d)
-    return np.where(touching, d, 0.0 * depth), np.where(touching, slope, 0.0 * depth + 1.0)
+    return np.where(touching, d, 0.0 * d), np.where(touching, slope, 0.0 * slope + 1.0)
 
 
 def _values(x: Values) -> Values:
@@ -73,11 +74,17 @@ def _values(x: Values) -> Values:
 
 
 def _series_root(depth: Array, stiffness: Array, exponent: Array, compliance: Array) -> Array:
-    """d in [0, depth] with d + compliance stiffness d**exponent = depth: increasing and convex in d for exponents >= 1,
-    so that Newton's method from above never passes the root."""
-    d = positive_part(depth)
+    """d in [0, depth] with d + compliance stiffness d**exponent = depth.
+
+    Increasing and convex in d for exponents >= 1, so Newton's method from above never passes the root. It begins at
+    the smaller of the depths that foam alone and ground alone would allow, where each term is within the depth.
+    """
+    softness = compliance * stiffness
+    depth = positive_part(depth)
+    alone = (depth / np.where(softness > 0, softness, 1.0)) ** (1.0 / exponent)
+    d: Array = np.where(softness > 0, np.minimum(depth, alone), depth)
     for _ in range(SERIES_ITERATIONS):
-        soft = compliance * stiffness * d**exponent
-        slope = 1.0 + np.where(d > 0, exponent * soft / np.where(d > 0, d, 1.0), 0.0)
-        d = np.maximum(d - (d + soft - depth) / slope, 0.0)
-    return np.where(depth > 0, d, 0.0)
+        soft = softness * d**exponent
+        slope = 1.0 + exponent * soft / np.where(d > 0, d, 1.0)
+        d = d - (d + soft - depth) / slope
+    return d

@@ -3,7 +3,8 @@
 `kelvin_voigt.normal_force` with depth and closing rate replaced by rounded positive parts of the signed depth and of
 the depth rate. It is too large, by at most n k d**(n - 1) 3/16 depth_width with d 3/16 depth_width over the depth, and
 by its damping at 3/16 rate_width: a foot at rest is held by that as well, and a sphere feels the ground depth_width
-above it.
+above it. Above a ground that gives, the whole penetration is rounded before foam and ground share it, so that no new
+corner comes in.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.laws._elementwise import Array, Values, power
-from vsf_drake.laws.kelvin_voigt import smooth_step
+from vsf_drake.laws import kelvin_voigt
+from vsf_drake.laws._elementwise import Array, Values
+from vsf_drake.laws.ground import foam_depth
 
 
 def rounded_positive_part(x: Values, width: Values) -> Array:
@@ -30,7 +32,7 @@ def rounded_positive_part(x: Values, width: Values) -> Array:
 
 def normal_force(
     signed_depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, damping: Values,
-    full_damping_depth: Values, depth_width: Values, rate_width: Values
+    full_damping_depth: Values, depth_width: Values, rate_width: Values, compliance: Values = 0.0
 ) -> Array:
     """Force (N) of a sphere whose lowest point is `signed_depth` (m) below the ground, negative above it.
 
@@ -38,8 +40,10 @@ def normal_force(
         depth_rate: m/s, positive while the depth grows.
         stiffness, exponent, damping, full_damping_depth: as in `kelvin_voigt.normal_force`.
         depth_width, rate_width: half-widths of the rounded corners (m, m/s), > 0.
+        compliance: of the ground in series (m/N).
     """
-    depth = rounded_positive_part(signed_depth, depth_width)
-    closing = rounded_positive_part(depth_rate, rate_width)
-    force: Array = stiffness * power(depth, exponent) + damping * closing * smooth_step(depth / full_damping_depth)
-    return force
+    depth, share = foam_depth(rounded_positive_part(signed_depth, depth_width), stiffness=stiffness, exponent=exponent,
+                              compliance=compliance)
+    return kelvin_voigt.normal_force(
+        depth, rounded_positive_part(share * depth_rate, rate_width), stiffness=stiffness, exponent=exponent,
+        damping=damping, full_damping_depth=full_damping_depth)

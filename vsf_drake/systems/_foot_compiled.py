@@ -47,27 +47,27 @@ def _foam(depth, stiffness, exponent, compliance):
     """Depth of the foam alone, and its share of the depth rate; see `laws.ground.foam_depth`."""
     if compliance == 0.0 or depth <= 0.0:
         return depth, 1.0
-    d, slope = depth, 1.0
+    softness = compliance * stiffness
+    d = min(depth, (depth / softness) ** (1.0 / exponent)) if softness > 0.0 else depth
     for _ in range(SERIES_ITERATIONS):
-        soft = compliance * stiffness * d**exponent
-        slope = 1.0 + exponent * soft / d
-        step = (d + soft - depth) / slope
-        d = max(d - step, 1e-300)
+        soft = softness * d**exponent
+        step = (d + soft - depth) / (1.0 + exponent * soft / d)
+        d -= step
         if abs(step) < 1e-15 * depth:
             break
-    return d, 1.0 / (1.0 + exponent * compliance * stiffness * d**exponent / d)
+    return d, 1.0 / (1.0 + exponent * softness * d**exponent / d)
 
 
 @internal
 def _press(law, signed, rate, site, compliance, depth_width, rate_width):
     """Normal force (N) of one sphere."""
-    depth, share = _foam(max(signed, 0.0), site[1], site[2], compliance)
+    depth = _rounded(signed, depth_width) if law == SMOOTH else max(signed, 0.0)
+    depth, share = _foam(depth, site[1], site[2], compliance)
     rate = share * rate
     if law == SMOOTH:
-        depth = _rounded(depth + min(signed, 0.0), depth_width)
-        return normal_force(depth, _rounded(rate, rate_width), site[1], site[2], site[3], site[4])[0]
-    if law == HUNT_CROSSLEY:
-        return site[1] * max(depth, 0.0)**site[2] * max(1.0 + site[5] * rate, 0.0)
+        rate = _rounded(rate, rate_width)
+    elif law == HUNT_CROSSLEY:
+        return site[1] * depth**site[2] * max(1.0 + site[5] * rate, 0.0)
     return normal_force(depth, rate, site[1], site[2], site[3], site[4])[0]
 
 

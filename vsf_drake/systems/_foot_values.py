@@ -147,10 +147,8 @@ def _normal_force(law: str, constants: Constants, signed: Any, depth_rate: Any, 
     damped = {"damping": constants["damping"], "full_damping_depth": constants["full_damping_depth"]}
     if law == "smooth":
         widths = {"depth_width": constants["depth_width"], "rate_width": constants["rate_width"]}
-        gap = signed - positive_part(signed)
-        depth, share = foam_depth(positive_part(signed), stiffness=k, exponent=exponent, compliance=compliance)
         return smooth_contact.normal_force(
-            gap + depth, share * depth_rate, stiffness=k, exponent=exponent, **damped, **widths)
+            signed, depth_rate, stiffness=k, exponent=exponent, compliance=compliance, **damped, **widths)
     depth, share = foam_depth(positive_part(signed), stiffness=k, exponent=exponent, compliance=compliance)
     if law == "hunt_crossley":
         return hunt_crossley.normal_force(
