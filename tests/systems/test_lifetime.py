@@ -21,8 +21,10 @@ from vsf_drake.systems import (
     TestingMachine,
 )
 from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
+from vsf_drake.systems.drake_reaction import DrakeReaction
 from vsf_drake.systems.foot_forces import FootForces
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
+from vsf_drake.systems.fulcrum_command import FulcrumCommand
 from vsf_drake.systems.shank_angle import ShankAngle
 from vsf_drake.systems.swing_controller import SwingController
 
@@ -39,6 +41,8 @@ MAKERS = {
                                      rate_limit=1.0, stop_ratio=1.0),
     "contact": lambda: KelvinVoigtContact(**BALLS, **LAW),
     "controller": SwingController,
+    "command": lambda: FulcrumCommand(num_actuators=2, carriage=1, fulcrum_m=0.1),
+    "drake": lambda: DrakeReaction(body_indices=[1], geometry_ids=[]),
     "driver": lambda: GaitDriver(**JOINTS, position_gain=1.0, velocity_gain=1.0),
     "foot": lambda: FootForces(
         num_positions=2, num_velocities=2, position_indices=[0, 1], velocity_indices=[0, 1], frame_body_index=1,

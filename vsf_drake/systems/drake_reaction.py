@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -13,6 +14,7 @@ from pydrake.multibody.plant import ContactResults_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import cross
 
@@ -52,6 +54,8 @@ def DrakeReaction_(T):
         Parameters in the Context: ground_height.
         """
 
+        __slots__ = (PEERS, "_results_port")
+
         def _construct(
             self,
             *,
@@ -69,11 +73,13 @@ def DrakeReaction_(T):
             self._declare_parameters(T, ground_height=(ground_height, ()))
             self._reaction = self._declare_inputs_cache("reaction", self._calc_reaction)
             for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
-                self.DeclareVectorOutputPort(
-                    name, size, lambda context, out, i=i: out.SetFromVector(self._reaction.Eval(context)[i]))
+                self._declare_value(name, size, partial(self._part, i))
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)
+
+        def _part(self, i: int, context) -> np.ndarray:
+            return self._reaction.Eval(context)[i]
 
         def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             height = self._constants(context)["ground_height"]

@@ -9,6 +9,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
@@ -42,14 +43,15 @@ def FulcrumCommand_(T):
         Parameters in the Context: fulcrum_m.
         """
 
+        __slots__ = (PEERS, "_position_port")
+
         def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float, converter=None) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self._arguments = {"num_actuators": num_actuators, "carriage": carriage, "fulcrum_m": fulcrum_m}
             self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
             self._declare_parameters(T, fulcrum_m=(fulcrum_m, ()))
             self.DeclareVectorOutputPort("desired_state", 2 * num_actuators, self._calc_desired_state)
-            self.DeclareVectorOutputPort(
-                "position", 1, lambda context, out: out.SetFromVector([self._position(context)]))
+            self._declare_value("position", 1, self._calc_position)
 
         def _construct_copy(self, other, converter=None) -> None:
             Impl._construct(self, converter=converter, **other._arguments)
@@ -58,6 +60,9 @@ def FulcrumCommand_(T):
             if self._position_port.HasValue(context):
                 return self._position_port.Eval(context)[0]
             return self._constants(context)["fulcrum_m"]
+
+        def _calc_position(self, context) -> list:
+            return [self._position(context)]
 
         def _calc_desired_state(self, context, output) -> None:
             desired = np.zeros(2 * self._arguments["num_actuators"], dtype=T if T is float else object)
