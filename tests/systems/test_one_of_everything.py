@@ -4,41 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_systems import force_systems
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder
 
-from vsf_drake.systems import (
-    FulcrumSupport,
-    GaitDriver,
-    GroundReaction,
-    KeelElasticity,
-    KelvinVoigtContact,
-    SocketBushing,
-    StickSlipFriction,
-    TestingMachine,
-)
-
 SEED = 10
 PLANT_PORTS = {"body_poses", "body_spatial_velocities", "state"}
-
-
-def make_systems(rig, exponent=1.5):
-    sites = {"body_indices": rig.site_bodies, "p_BS": rig.p_BS, "radius": rig.radius}
-    law = {"stiffness": 3e4, "exponent": exponent, "damping": 50.0, "full_damping_depth": 0.05}
-    return {
-        "contact": KelvinVoigtContact(**sites, **law),
-        "friction": StickSlipFriction(**sites, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.2, smooth=True),
-        "reaction": GroundReaction(**sites),
-        "fulcrum": FulcrumSupport(frame_body_index=rig.frame, X_FK=rig.X_FK, keel_body_indices=rig.keel,
-                                  keel_body_starts=rig.keel_starts, stiffness=1e4, damping=20.0),
-        "bushing": SocketBushing(num_velocities=9, velocity_indices=range(6), stiffness=400.0, stiffness_negative=200.0,
-                                 damping=4.0, limit=0.05, rate_limit=0.2, stop_ratio=10.0),
-        "keel": KeelElasticity(num_velocities=9, velocity_indices=[6, 7, 8], stiffness=[0.0, 4.0, 11.0], damping=0.1),
-        "driver": GaitDriver(num_velocities=9, velocity_indices=[3, 5], position_gain=10.0, velocity_gain=1.0),
-        "machine": TestingMachine(body_indices=rig.site_bodies[-1:], p_BS=rig.p_BS[-1:], **law),
-    }
 
 
 @pytest.fixture
@@ -46,7 +19,7 @@ def everything(rig):
     """(diagram, systems, context): spheres on the way in, sliding; fulcrum off the joints, machine pressing."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(rig.plant)
-    systems = make_systems(rig)
+    systems = force_systems(rig)
     for name, system in systems.items():
         system.set_name(name)
         builder.AddSystem(system)
@@ -225,15 +198,3 @@ def test_two_contexts_are_independent(everything):
     assert not np.array_equal(diagram.EvalTimeDerivatives(other).CopyToVector(), before)
     np.testing.assert_array_equal(diagram.EvalTimeDerivatives(context).CopyToVector(), before)
     assert fulcrum.GetParameter(fulcrum.GetMyContextFromRoot(context), "stiffness") == 1e4
-
-
-def test_every_documented_port_and_parameter_exists(rig):
-    for system in make_systems(rig).values():
-        text = type(system).__doc__
-        block = text.split(".. pydrake_system::")[1].split("Inputs:")[0].split("Outputs:")[0]
-        documented = [line.strip()[2:] for line in block.splitlines() if line.strip().startswith("- ")]
-        actual = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
-        actual += [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
-        assert documented == actual
-        listed = text.split("Parameters in the Context:")[1].split(".")[0]
-        assert tuple(name.strip() for name in listed.replace("\n", " ").split(",")) == system.parameter_names

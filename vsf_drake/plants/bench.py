@@ -20,8 +20,21 @@ from vsf_drake.systems.testing_machine import TestingMachine
 class BenchDiagram:
     """A finished bench.
 
-    Inputs: `fulcrum_position` (1, m from A), `platen` (2, height in W in m and velocity in m/s).
-    Outputs: `state`, `load` (1, N), `depth` (sites, m), `support_force` (1, N).
+    .. pydrake_system::
+
+        name: Bench
+        input_ports:
+        - fulcrum_position
+        - platen
+        output_ports:
+        - load
+        - depth
+        - state
+        - support_force
+
+    Inputs: fulcrum_position (1, m from A); platen (2, height in W in m and velocity in m/s).
+    Outputs: load (1, N on the platen); depth (sites, m); state (nq + nv, [q; v] of the plant); support_force (1, N of
+    the fulcrum on the keel along z_K).
 
     Attributes:
         machine_bodies: body of each site that the platen presses.

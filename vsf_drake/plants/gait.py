@@ -39,10 +39,38 @@ class FootGround:
 class GaitDiagram:
     """A finished person on the ground.
 
-    Inputs: `fulcrum_position` (1, m from A); `desired_state` (2 p: positions, then velocities of the
-    prescribed coordinates). Outputs: `state`; `grf` (3, N in W), `cop` (3, m in W), `free_moment`
-    (1, N m), `normal_force`, `depth`, `friction_force` of the prosthetic foot, the same with the
-    prefix `intact_`; `support_force` (1, N); `socket_wrench` (6); `driver_force` (n).
+    .. pydrake_system::
+
+        name: Gait
+        input_ports:
+        - fulcrum_position
+        - desired_state
+        output_ports:
+        - grf
+        - cop
+        - free_moment
+        - normal_force
+        - depth
+        - friction_force
+        - intact_grf
+        - intact_cop
+        - intact_free_moment
+        - intact_normal_force
+        - intact_depth
+        - intact_friction_force
+        - state
+        - support_force
+        - socket_wrench
+        - driver_force
+
+    Inputs: fulcrum_position (1, m from A); desired_state (2 p: positions, then velocities of the prescribed
+    coordinates).
+    Outputs: grf (3, N in W, on the prosthetic foot); cop (3, m in W); free_moment (1, N m about +z_W, on the foot);
+    normal_force (N, N); depth (N, m); friction_force (3 N, N in W), of its N spheres; the same of the intact foot:
+    intact_grf (3, N in W); intact_cop (3, m in W); intact_free_moment (1, N m); intact_normal_force (I, N);
+    intact_depth (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the plant);
+    support_force (1, N of the fulcrum on the keel along z_K); socket_wrench (6, N and N m, see `SocketBushing`);
+    driver_force (nv, N or N m of the servos).
 
     Attributes:
         prescribed: names of the coordinates that follow `desired_state`, in its order.

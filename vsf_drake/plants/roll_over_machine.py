@@ -39,8 +39,24 @@ _SERVO_INERTIA = 0.5
 class RollOverDiagram:
     """A finished machine.
 
-    Inputs: `fulcrum_position` (1, m from A); `desired_state` (6: MOUNT_COORDINATES, then their rates).
-    Outputs: `state`; `grf` (3, N in W), `cop` (3, m in W), `free_moment`, `normal_force`, `depth`, `friction_force`.
+    .. pydrake_system::
+
+        name: RollOver
+        input_ports:
+        - fulcrum_position
+        - desired_state
+        output_ports:
+        - grf
+        - cop
+        - free_moment
+        - normal_force
+        - depth
+        - friction_force
+        - state
+
+    Inputs: fulcrum_position (1, m from A); desired_state (6: MOUNT_COORDINATES, then their rates).
+    Outputs: grf (3, N in W, on the foot); cop (3, m in W); free_moment (1, N m about +z_W, on the foot); normal_force
+    (N, N); depth (N, m); friction_force (3 N, N in W), of N spheres; state (nq + nv, [q; v] of the plant).
 
     Attributes:
         mount: body whose frame is the foot's mount M.

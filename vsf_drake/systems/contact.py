@@ -39,7 +39,8 @@ def KelvinVoigtContact_(T):
             - depth_rate
             - spatial_forces
 
-        Outputs: normal_force (N,) N, >= 0; depth (N,) m; depth_rate (N,) m/s, also without contact;
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs:
+        normal_force (N,) N, >= 0; depth (N,) m; depth_rate (N,) m/s, also without contact;
         spatial_forces, one per body.
 
         Wiring: both inputs from MultibodyPlant's ports of those names; spatial_forces to its

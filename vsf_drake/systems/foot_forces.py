@@ -66,13 +66,14 @@ def FootForces_(T):
             - depth_rate
             - friction_force
 
-        Inputs: state (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
-        posterior end A, where it is not connected the parameter fulcrum_m holds. Outputs: spatial_forces on F;
-        generalized_force (num_velocities,), zero outside keel and carriage; support_force (1,) N of the fulcrum on the
-        keel along z_K; joint_moment (m,) N m of the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,)
-        m in W; free_moment (1,) N m about the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of
-        foam and ground together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N rows in W, N.
-        Without load grf, cop and free_moment are zero. With `law` None there is no contact and no output from grf on.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions +
+        num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not
+        connected the parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero
+        outside keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of
+        the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the
+        mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,)
+        m/s, also without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are
+        zero. With `law` None there is no contact and no output from grf on.
 
         Wiring: `wire_foot` does it. body_poses, body_spatial_velocities and state from MultibodyPlant; spatial_forces
         to its applied_spatial_force and generalized_force to its applied_generalized_force, see `share_forces`.

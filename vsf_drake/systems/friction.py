@@ -37,8 +37,9 @@ def StickSlipFriction_(T):
             - friction_force
             - spatial_forces
 
-        Inputs: normal_force (N,) N. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on
-        the spheres; spatial_forces, one per body.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force
+        (N,) N. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the spheres;
+        spatial_forces, one per body.
 
         Wiring: poses and velocities from MultibodyPlant, normal_force from `KelvinVoigtContact`
         with the same sites; spatial_forces to MultibodyPlant's applied_spatial_force.

@@ -49,9 +49,9 @@ def FulcrumSupport_(T):
             - spatial_forces
             - support_force
 
-        Inputs: fulcrum_position (1,) m from A. Outputs: spatial_forces on the keel body that holds
-        P and on F; support_force (1,) N on the keel along z_K, negative while the ground bends the
-        toe up.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position
+        (1,) m from A. Outputs: spatial_forces on the keel body that holds P and on F; support_force
+        (1,) N on the keel along z_K, negative while the ground bends the toe up.
 
         Wiring: poses and velocities from MultibodyPlant, fulcrum_position from a source or from the
         carriage's coordinate; spatial_forces to MultibodyPlant's applied_spatial_force.

@@ -46,9 +46,10 @@ def GroundReaction_(T):
             - cop
             - free_moment
 
-        Inputs: normal_force (N,) N; friction_force (3 N,), N rows (fx, fy, 0) in W. Outputs: grf
-        (3,) N in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model.
-        Without load all three are zero (so cop is the origin of W: check grf first).
+        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N; friction_force (3 N,),
+        N rows (fx, fy, 0) in W. Outputs: grf (3,) N in W, on the model; cop (3,) m in W;
+        free_moment (1,) N m about +z_W, on the model. Without load all three are zero (so cop is
+        the origin of W: check grf first).
 
         Wiring: body_poses from MultibodyPlant, normal_force from `KelvinVoigtContact`,
         friction_force from `StickSlipFriction`. For one foot of two, give it that foot's sites.

@@ -34,7 +34,8 @@ def ShankAngle_(T):
             output_ports:
             - shank_angle
 
-        Outputs: shank_angle (2,), angle in rad within (-pi, pi] and rate in rad/s.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle
+        in rad within (-pi, pi] and rate in rad/s.
 
         Wiring: both inputs from MultibodyPlant's ports of those names; shank_angle to `SwingController`.
 

@@ -40,8 +40,9 @@ def TestingMachine_(T):
             - depth
             - spatial_forces
 
-        Inputs: platen (2,), height (m in W) and velocity (m/s, up). Outputs: load (1,) N, sum over
-        the sites; depth (N,) m; spatial_forces, one per body.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,),
+        height (m in W) and velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,)
+        m; spatial_forces, one per body.
 
         Wiring: poses and velocities from MultibodyPlant, platen from a trajectory source;
         spatial_forces to MultibodyPlant's applied_spatial_force.

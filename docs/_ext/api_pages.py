@@ -1,0 +1,109 @@
+"""Writes one page for each public module, grouped by layer."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import pkgutil
+import shutil
+from pathlib import Path
+from types import ModuleType
+
+import vsf_drake
+
+LAYERS = {
+    "laws": "Laws: pure functions of arrays, without Drake",
+    "systems": "Systems: LeafSystems that evaluate a law and pack its forces",
+    "plants": "Plants: foot, socket, person; bench and gait diagrams",
+    "motion": "Motion: recordings in, joint trajectories out",
+    "simulation": "Simulation: the stepper, Drake's Simulator, results on disk",
+    "analysis": "Analysis: metrics, fits, tuning, validation",
+    "report": "Report: figures and pages of saved results",
+    "cli": "Command line",
+}
+OWN_PAGES = ("laws", "systems", "plants", "parameters")
+"""Layers whose modules have a page each; in the others a package is one page."""
+SHOWN_PRIVATE = ("vsf_drake.systems._parameters",)
+"""Private modules whose class every system shows: `GetParameter`, `SetParameters`."""
+BESIDE = "parameters"
+BESIDE_TITLE = "Parameters, files, errors"
+
+
+def public_modules() -> list[ModuleType]:
+    """All modules of the package but private ones and packages that say nothing, imported."""
+    found = [info.name for info in pkgutil.walk_packages(vsf_drake.__path__, "vsf_drake.")]
+    names = [name for name in found if name in SHOWN_PRIVATE or "._" not in name]
+    return [importlib.import_module(name) for name in sorted(names)]
+
+
+def layer(name: str) -> str:
+    """The layer of the module `name`."""
+    part = name.split(".")[1]
+    return part if part in LAYERS else BESIDE
+
+
+def page_of(name: str) -> str:
+    """The page that the module `name` stands on: its own where layers are to be composed, else its package's."""
+    own = layer(name) in OWN_PAGES or importlib.util.find_spec(name).submodule_search_locations is not None
+    return name if own or name.count(".") == 1 else name.rsplit(".", 1)[0]
+
+
+def headed(text: str, sign: str) -> list[str]:
+    """A heading in reStructuredText."""
+    return [text, sign * len(text), ""]
+
+
+def page(name: str, modules: list[ModuleType]) -> str:
+    """The page of one module, or of the modules of a package, in reStructuredText."""
+    lines = headed(f"``{name.removeprefix('vsf_drake.')}``", "=")
+    for module in modules:
+        if len(modules) > 1 and module.__name__ != name:
+            lines += headed(f"``{module.__name__.rsplit('.', 1)[1]}``", "-")
+        lines += [f".. automodule:: {module.__name__}"]
+        members = described(Path(module.__file__ or ""))
+        lines += [f"   :members: {', '.join(members)}", ""] if members else [""]
+    return "\n".join(lines)
+
+
+def described(path: Path) -> list[str]:
+    """Public names that a module defines and describes, in its order; a template system by its name for float."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    names = []
+    for node, following in zip(body, [*body[1:], None], strict=False):  # an empty file has no node
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                is_template = any("TemplateSystem" in ast.unparse(decorator) for decorator in node.decorator_list)
+                if is_template or ast.get_docstring(node):
+                    names.append(name.removesuffix("_") if is_template else name)
+            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
+                if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+                    names.append(name)
+    return [name for name in names if not name.startswith("_")]
+
+
+def index(title: str, modules: list[str]) -> str:
+    """The page of one layer: a list of its modules' pages."""
+    return "\n".join([title, "=" * len(title), "", ".. toctree::", "   :maxdepth: 1", "",
+                      *(f"   {name}" for name in modules), ""])
+
+
+def write(folder: Path, modules: list[ModuleType]) -> None:
+    """Writes pages and indices into `folder`; what has not changed is left alone, what no longer exists goes."""
+    folder.mkdir(exist_ok=True)
+    grouped: dict[str, list[ModuleType]] = {}
+    for module in modules:
+        grouped.setdefault(page_of(module.__name__), []).append(module)
+    pages = {f"{name}.rst": page(name, group) for name, group in grouped.items() if any(m.__doc__ for m in group)}
+    titles = LAYERS | {BESIDE: BESIDE_TITLE}
+    names = [name.removesuffix(".rst") for name in pages]
+    for key, title in titles.items():
+        pages[f"{key}.rst"] = index(title, [name for name in names if layer(name) == key])
+    pages["index.rst"] = index("API reference", list(titles))
+    for old in folder.iterdir():
+        if old.name not in pages:
+            old.unlink() if old.is_file() else shutil.rmtree(old)
+    for name, text in pages.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")

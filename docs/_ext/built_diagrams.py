@@ -1,0 +1,40 @@
+"""One diagram of each public kind, to read the sizes of its ports from."""
+
+from __future__ import annotations
+
+from pydrake.systems.framework import PortDataType
+
+from vsf_drake.ground import Ground
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.bench import BenchDiagram, make_bench
+from vsf_drake.plants.gait import GaitDiagram, make_gait
+from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
+from vsf_drake.plants.roll_over_machine import RollOverDiagram, make_roll_over_machine
+
+SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+"""A person like any other: sizes of ports do not depend on the body."""
+
+
+def build(cls: type) -> object:
+    """The diagram of the class `cls` with the model's default parameters and every coordinate prescribed.
+
+    Raises:
+        KeyError: it is none of those.
+    """
+    model = ModelParameters()
+    recipes = {
+        GaitDiagram: lambda: make_gait(SUBJECT, model),
+        GroundedGait: lambda: make_gait_over(SUBJECT, model, Ground()),
+        BenchDiagram: lambda: make_bench(model.foot),
+        RollOverDiagram: lambda: make_roll_over_machine(model.foot, friction=True),
+    }
+    return recipes[cls]()
+
+
+def sizes(cls: type) -> dict[str, str]:
+    """Size of each port of that diagram as text, `abstract` where it has none, by name."""
+    diagram = build(cls).diagram  # type: ignore[attr-defined]
+    ports = [diagram.get_input_port(i) for i in range(diagram.num_input_ports())]
+    ports += [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
+    return {port.get_name(): str(port.size()) if port.get_data_type() == PortDataType.kVectorValued else "abstract"
+            for port in ports}

@@ -1,0 +1,97 @@
+"""Directives that show ports: the block of a system, and tables of what each port carries."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import built_diagrams
+import port_text
+from docutils import nodes
+from docutils.parsers.rst import Directive
+
+
+class PydrakeSystem(Directive):
+    """`.. pydrake_system::`: a block with input ports on its left and output ports on its right."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        try:
+            block = port_text.block_from_yaml("\n".join(self.content))
+        except ValueError as error:
+            raise self.error(str(error)) from None
+        return [drawn(block)]
+
+
+def drawn(block: port_text.PortBlock) -> nodes.container:
+    """The block as nodes; `ports.css` draws it."""
+    system = nodes.container(classes=["port-block"])
+    for side, names in (("inputs", block.inputs), (None, ()), ("outputs", block.outputs)):
+        if side is None:
+            system += nodes.container("", nodes.paragraph("", block.name), classes=["port-system"])
+            continue
+        items = [nodes.list_item("", nodes.paragraph("", "", nodes.literal("", name))) for name in names]
+        column = nodes.container(classes=[f"port-{side}"])
+        if items:
+            column += nodes.bullet_list("", *items)
+        system += column
+    return system
+
+
+def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> nodes.container:
+    """A table whose first column is code, in a container that scrolls where the page is narrow."""
+    group = nodes.tgroup(cols=len(header))
+    for width in (28, 12, 60)[:len(header)]:
+        group += nodes.colspec(colwidth=width)
+    head, body = nodes.thead(), nodes.tbody()
+    for line in [header, *rows]:
+        row = nodes.row()
+        for i, text in enumerate(line):
+            shown = nodes.literal("", text) if i == 0 and line is not header else nodes.Text(text)
+            row += nodes.entry("", nodes.paragraph("", "", shown))
+        (head if line is header else body).append(row)
+    group += [head, body]
+    return nodes.container("", nodes.table("", group), classes=["table-wrapper", "port-table"])
+
+
+def _sides(docstring: str | None) -> list[tuple[str, dict[str, port_text.Port], tuple[str, ...]]]:
+    block = port_text.port_block(docstring)
+    if block is None:
+        raise ValueError("the docstring has no .. pydrake_system:: block")
+    texts = port_text.sections(docstring)
+    return [(side, port_text.ports(texts.get(side, ""), names), names)
+            for side, names in (("Inputs", block.inputs), ("Outputs", block.outputs)) if names]
+
+
+def _load(path: str) -> Any:
+    module, name = path.rsplit(".", 1)
+    return getattr(importlib.import_module(module), name)
+
+
+class SystemPorts(Directive):
+    """`system-ports` with the path of a class: what its docstring says of its ports."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        found: list[nodes.Node] = []
+        for side, known, names in _sides(_load(self.arguments[0]).__doc__):
+            rows = [(name, known[name].size or "abstract", known[name].text) for name in names if name in known]
+            found += [nodes.rubric("", side), _table(("port", "size", "what"), rows)]
+        return found
+
+
+class DiagramPorts(Directive):
+    """`diagram-ports` with the class that holds a diagram: sizes from the diagram, the rest from its docstring."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        cls = _load(self.arguments[0])
+        sizes = built_diagrams.sizes(cls)
+        found: list[nodes.Node] = []
+        for side, known, names in _sides(cls.__doc__):
+            rows = [(name, sizes[name], known[name].text) for name in names]
+            found += [nodes.rubric("", side), _table(("port", "size", "what"), rows)]
+        return found

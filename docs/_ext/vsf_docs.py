@@ -1,0 +1,28 @@
+"""Sphinx extension: API pages, template systems under their own names, port blocks, port tables, parameter tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import api_pages
+import docstrings
+import port_nodes
+
+
+def _before_reading(app: Any) -> None:
+    modules = api_pages.public_modules()
+    docstrings.show_what_is_wrapped(modules)
+    api_pages.write(Path(app.srcdir) / "api", modules)
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Registers everything with Sphinx."""
+    app.connect("builder-inited", _before_reading)
+    app.connect("autodoc-process-docstring", docstrings.process, priority=400)  # napoleon's is 500
+    app.connect("autodoc-skip-member", docstrings.skip)
+    app.add_role("name", docstrings.role)
+    app.add_directive("pydrake_system", port_nodes.PydrakeSystem)
+    app.add_directive("system-ports", port_nodes.SystemPorts)
+    app.add_directive("diagram-ports", port_nodes.DiagramPorts)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,37 @@
+"""Configuration of the documentation: `sphinx-build -W -b html docs OUT`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+import vsf_drake
+
+project = "vsf_drake"
+author = "The vsf_drake authors"
+project_copyright = author
+version = release = vsf_drake.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "vsf_docs"]
+exclude_patterns = ["_build"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+default_role = "name"  # `name` in a docstring: a link where the name is known, code where not
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_custom_sections = [("Attributes", "params_style")]  # a list, not objects of their own
+napoleon_use_rtype = False
+python_maximum_signature_line_length = 88
+toc_object_entries = False
+
+html_theme = "furo"
+html_title = f"vsf_drake {version}"
+html_static_path = ["_static"]
+html_css_files = ["ports.css"]
+html_show_sourcelink = False
+html_show_copyright = False

@@ -1,0 +1,104 @@
+"""One of every public system, on the rig of tests/systems; and how public systems and diagrams are found.
+
+Whoever adds a system adds it to `force_systems` or `further_systems`; a test fails if it is in neither.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+from types import ModuleType
+
+from pydrake.geometry import GeometryId
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake import plants
+from vsf_drake import systems as systems_package
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
+from vsf_drake.systems.bushing import SocketBushing
+from vsf_drake.systems.contact import KelvinVoigtContact
+from vsf_drake.systems.drake_reaction import DrakeReaction
+from vsf_drake.systems.driver import GaitDriver
+from vsf_drake.systems.friction import StickSlipFriction
+from vsf_drake.systems.fulcrum import FulcrumSupport
+from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
+from vsf_drake.systems.fulcrum_command import FulcrumCommand
+from vsf_drake.systems.ground_reaction import GroundReaction
+from vsf_drake.systems.keel import KeelElasticity
+from vsf_drake.systems.shank_angle import ShankAngle
+from vsf_drake.systems.swing_controller import SwingController
+from vsf_drake.systems.testing_machine import TestingMachine
+
+
+def force_systems(rig, exponent=1.5) -> dict[str, LeafSystem]:
+    """The systems that act on the rig or measure it, by name; they fit into one diagram."""
+    sites = {"body_indices": rig.site_bodies, "p_BS": rig.p_BS, "radius": rig.radius}
+    law = {"stiffness": 3e4, "exponent": exponent, "damping": 50.0, "full_damping_depth": 0.05}
+    return {
+        "contact": KelvinVoigtContact(**sites, **law),
+        "friction": StickSlipFriction(**sites, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.2, smooth=True),
+        "reaction": GroundReaction(**sites),
+        "fulcrum": FulcrumSupport(frame_body_index=rig.frame, X_FK=rig.X_FK, keel_body_indices=rig.keel,
+                                  keel_body_starts=rig.keel_starts, stiffness=1e4, damping=20.0),
+        "bushing": SocketBushing(num_velocities=9, velocity_indices=range(6), stiffness=400.0, stiffness_negative=200.0,
+                                 damping=4.0, limit=0.05, rate_limit=0.2, stop_ratio=10.0),
+        "keel": KeelElasticity(num_velocities=9, velocity_indices=[6, 7, 8], stiffness=[0.0, 4.0, 11.0], damping=0.1),
+        "driver": GaitDriver(num_velocities=9, velocity_indices=[3, 5], position_gain=10.0, velocity_gain=1.0),
+        "machine": TestingMachine(body_indices=rig.site_bodies[-1:], p_BS=rig.p_BS[-1:], **law),
+    }
+
+
+def further_systems(rig) -> dict[str, LeafSystem]:
+    """The others. Sizes that a docstring gives by different symbols differ here, so that they cannot be mistaken."""
+    return {
+        "foot_forces": foot_forces(),
+        "drake_reaction": DrakeReaction(body_indices=rig.keel, geometry_ids=[GeometryId.get_new_id()]),
+        "fulcrum_command": FulcrumCommand(num_actuators=7, carriage=2, fulcrum_m=0.1),
+        "fulcrum_actuator": FulcrumActuator(),
+        "swing_controller": SwingController(),
+        "shank_angle": ShankAngle(body_index=rig.frame),
+        "adjustment_recorder": AdjustmentRecorder(),
+    }
+
+
+def foot_forces() -> LeafSystem:
+    """The forces of a foot under a floating block: num_positions is num_velocities + 1."""
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(0.0))
+    shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))
+    foot = add_foot(plant, shank.body_frame(), FootParameters())
+    plant.Finalize()
+    forces = wire_foot(builder, plant, foot).forces
+    forces.holder = builder.Build()  # owns it
+    return forces
+
+
+def modules_of(package: ModuleType) -> list[ModuleType]:
+    """All public modules of `package`, imported."""
+    names = [info.name for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")]
+    return [importlib.import_module(name) for name in names
+            if not any(part.startswith("_") for part in name.split("."))]
+
+
+def public_systems() -> set[type]:
+    """Every public LeafSystem class of `vsf_drake.systems`, as it is for float."""
+    found = set()
+    for module in modules_of(systems_package):
+        for name, value in vars(module).items():
+            cls = value.get_instantiation(float)[0] if isinstance(value, TemplateSystem) else value
+            if not name.startswith("_") and isinstance(cls, type) and issubclass(cls, LeafSystem):
+                found.add(cls)
+    return {cls for cls in found if cls.__module__.startswith("vsf_drake.")}
+
+
+def public_diagrams() -> set[type]:
+    """Every public class of `vsf_drake.plants` that holds a finished diagram."""
+    return {value for module in modules_of(plants) for name, value in vars(module).items()
+            if not name.startswith("_") and dataclasses.is_dataclass(value)
+            and "diagram" in {field.name for field in dataclasses.fields(value)}}
