@@ -76,7 +76,8 @@ def main(out: Path, quick: bool = False) -> dict[str, float]:
         "weight": weight, "settled": float(run["grf"][-1, 2]), "peak": float(run["grf"][:, 2].max()),
         "touch_down": float(times[np.argmax(run["grf"][:, 2] > 0)]),
         "impulse": float(_integral(run["grf"][:, 2], times)[-1]), "momentum": float(run["momentum"][-1]),
-        "duration": float(times[-1]), "largest_depth": float(run["depth"].max()), "foam_force": float(run["foam_force"][-1]),
+        "duration": float(times[-1]), "largest_depth": float(run["depth"].max()),
+        "foam_force": float(run["foam_force"][-1]),
         "dropped_energy": float(mechanical[0] - mechanical[-1]),
         "unaccounted": float(np.abs(mechanical + sum(losses.values()) - mechanical[0]).max()),
         "largest_rise": float(np.diff(mechanical).max()), "friction_loss": float(losses["friction"][-1]),
@@ -92,7 +93,8 @@ def _row(root: Context, plant: MultibodyPlant, wired: WiredFoot) -> dict:
     depth = wired.GetOutputPort("depth").Eval(forces)
     law = [wired.forces.GetParameter(forces, name) for name in ("stiffness", "exponent")]
     keel = [body.EvalPoseInWorld(context).translation() for body in wired.foot.keel]
-    return {"time": root.get_time(), "grf": wired.GetOutputPort("grf").Eval(forces), "depth": depth.max(), "foam_force": np.sum(law[0] * depth ** law[1]),
+    return {"time": root.get_time(), "grf": wired.GetOutputPort("grf").Eval(forces), "depth": depth.max(),
+            "foam_force": np.sum(law[0] * depth ** law[1]),
             "kinetic": plant.CalcKineticEnergy(context), "potential": plant.CalcPotentialEnergy(context),
             "momentum": plant.CalcSpatialMomentumInWorldAboutPoint(context, np.zeros(3)).translational()[2],
             "joints": DAMPING_NM_S_PER_RAD * np.sum(rates**2), "places": np.array(places + keel),
