@@ -35,6 +35,9 @@ from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 AGREEMENT = 1e-9
 """Of masses, inertias, springs (relative) and places (m): files have 12 digits."""
+LONGEST_STEP = 2.0
+"""Over the keel's damping time: a plant takes joint springs at the start of its step and joint dampers at the end, by
+which a mode of frequency w is stable while (h w)^2 < 4 + 2 h tau w^2, for all w while h < 2 tau (derived)."""
 _NO_FOOT = "It must be a foot written by vsf-drake export"
 _MOVABLE = ("wire_foot brings the support and moves the carriage: take the file without them, vsf_foot.sdf of "
             "vsf-drake export, or foot_sdf without fulcrum_m")
@@ -49,8 +52,9 @@ def find_foot(
 
     Springs count once: a joint whose spring and damper the plant has from the file gets zero `joint_stiffness` and
     `joint_damping` in the handles, so that `wire_foot` adds none and the output joint_moment of `FootForces` is zero
-    there. A file without springs leaves them to `wire_foot`; a plant with a time step needs such a file, and this to be
-    called before Finalize, because springs, carriage and support become a part of it (see `discrete_foot`).
+    there. A file without springs leaves them to `wire_foot`. A plant with a time step needs this to be called before
+    Finalize, because the carriage's hold, the support and springs that the file lacks become a part of it (see
+    `discrete_foot`).
 
     So does contact: the laws of `FootForces` and Drake's own contact of the file's collision spheres cannot both act.
 
@@ -67,7 +71,7 @@ def find_foot(
     Raises:
         InputError: there is no such instance or it is no exported foot; it differs from the parameters, and how; it
             has a support or a fixed carriage; the contact does not go with its collision spheres; the plant has a time
-            step and is finalised, or has springs in the keel.
+            step and is finalised, or the step is too long for the springs in its joints.
     """
     name, instance = _named_instance(plant, instance)
     reference_plant = MultibodyPlant(0.0)
@@ -94,14 +98,16 @@ def find_foot(
 
 def _with_implicit_device(plant: MultibodyPlant, foot: FootHandles, reference: FootHandles) -> FootHandles:
     """What `add_foot` does in a plant with a time step."""
-    if not np.array_equal(foot.joint_stiffness, reference.joint_stiffness):
-        raise InputError("its springs are in the plant's joints, which are explicit with a time step, and diverge",
-                         where=foot.name, right="Export the foot with --no-springs (foot_sdf(..., springs=False)), or "
-                         "take a continuous plant")
+    in_plant = (foot.joint_stiffness == 0.0) & (reference.joint_stiffness > 0.0)
+    time_step, longest = plant.time_step(), LONGEST_STEP * foot.parameters.keel.damping_time_s
+    if np.any(in_plant) and not time_step < longest:
+        raise InputError(f"springs of the plant's joints diverge at time steps of {1e3 * time_step:g} ms",
+                         where=foot.name, right=f"Take less than {1e3 * longest:g} ms, or export the foot with "
+                         "--no-springs (foot_sdf(..., springs=False))")
     if plant.is_finalized():
         raise InputError("the plant has a time step and is finalised, so springs and support cannot be added",
                          where=foot.name, right="Call find_foot before plant.Finalize()")
-    check_step(plant.time_step(), foot)
+    check_step(time_step, foot)
     return replace(foot, support=add_implicit_device(plant, foot, foot.fulcrum_m))
 
 

@@ -25,8 +25,11 @@ Joints keel_pin (free) and keel_1 to keel_{last}: positive lifts the toe. Elemen
 {support}
 {contact}
 """
-_SPRINGS = """Springs and dampers in the joints are the keel's. In Drake they are for plants without a time step: one
-with it would take them explicitly, and diverge (export without springs for that)."""
+_SPRINGS = """Springs and dampers in the joints are the keel's. The keel is stiff for its weight: without a time step
+take an implicit integrator. A plant with a time step takes springs at the start of the step and dampers at its end,
+which is stable for steps below {step} ms (twice damping over stiffness){bushing}."""
+_BUSHING = """, and the support below as a whole at the start:
+with the nominal foot 1 ms is steady and 2 ms is not"""
 _NO_SPRINGS = "The keel's springs and dampers are not in this file: they are `wire_foot`'s."
 _MOVABLE = """The support under the keel is not in this file, because it moves and no element of SDFormat does: without
 it the keel hangs free on its pin. `vsf_drake.plants.parsed_foot.find_foot` and `wire_foot` add it and hold the
@@ -49,8 +52,8 @@ def foot_sdf(
     Args:
         fulcrum_m: where the support stands (m from A), as a bushing, with the carriage fixed there; None leaves the
             support to `wire_foot` and the carriage on its slide.
-        springs: whether the keel's springs and dampers are in its joints. A plant with a time step would take them
-            explicitly, and diverge; there `find_foot` makes them implicit if the file is without.
+        springs: whether the keel's springs and dampers are in its joints; if not, `find_foot` and `wire_foot` bring
+            them, implicit ones in a plant with a time step.
         collision: whether the contact spheres are written as collision shapes.
 
     Returns:
@@ -83,10 +86,12 @@ def foot_sdf(
 
 
 def _comment(foot: RigidFoot, fulcrum_m: float | None, *, springs: bool, collision: bool) -> str:
+    held = _SPRINGS.format(step=number(2e3 * foot.parameters.keel.damping_time_s),
+                           bushing="" if fulcrum_m is None else _BUSHING)
     support = (_MOVABLE.format(joint=foot.carriage_joint) if fulcrum_m is None
                else _FIXED.format(at=number(1e3 * fulcrum_m)))
     return _HEAD.format(frame=foot.frame.name, mount=foot.mount, last=len(foot.hinges) - 1, support=support,
-                        springs=_SPRINGS if springs else _NO_SPRINGS, contact=_PADS if collision else _NO_PADS)
+                        springs=held if springs else _NO_SPRINGS, contact=_PADS if collision else _NO_PADS)
 
 
 def _pose(parent: ET.Element, X: RigidTransform, **relative: str) -> None:
