@@ -73,7 +73,6 @@ def _carriage(axes: Axes, signs: FootSigns) -> None:
 
 def _support(axes: Axes, signs: FootSigns) -> None:
     pieces.bare(axes, "support_force: on the keel, along z of K")
-    _ground(axes)
     pieces.keel(axes, signs.rest, REST_COLOUR)
     pieces.keel(axes, signs.loaded)
     pieces.roller(axes, signs.loaded)
