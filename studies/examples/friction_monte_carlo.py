@@ -72,8 +72,8 @@ def main(out: Path, quick: bool = False) -> dict:
     expected = np.array([_expected_distance(value, limit) for value in mu])
     low, high = wilson(int(slips.sum()), count)
     probability = float(norm.cdf((PULL - MU_MEAN) / MU_DEVIATION))
-    found = {"mu_static": mu, "slips": slips, "speed": speed, "distance": distance, "expected_distance": expected, "ratio": ratio,
-             "fraction": float(slips.mean()), "fraction_low": low, "fraction_high": high,
+    found = {"mu_static": mu, "slips": slips, "speed": speed, "distance": distance, "expected_distance": expected,
+             "ratio": ratio, "fraction": float(slips.mean()), "fraction_low": low, "fraction_high": high,
              "probability": probability, "weight": weight, "real_time_factor": wall_s / (count * DURATION_S)}
     _draw(out, found)
     return found
