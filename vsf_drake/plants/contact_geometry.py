@@ -1,22 +1,27 @@
-"""Drake's own contact under the foot: spheres with point contact, or hydroelastic pads.
+"""Drake's own contact under the foot: spheres with point contact, or pads with hydroelastic contact.
 
     drake_point    each contact sphere a collision sphere, as stiff as its zone
-    hydroelastic   one compliant box under each piece of the foot that carries spheres
+    hydroelastic   each contact sphere a rigid square pad at its bottom, on a compliant ground
 
 Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a zone's own law
 becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is Coulomb's with the foot's two
 coefficients; a plant with a time step takes the kinetic one alone. The ground: `ground_geometry`.
+
+Why the ground is what gives: a compliant box has the pressure E e / h, e the distance to its nearest face and h half
+its least dimension, so pressed by a plane to depth D it bears E / h (a b D - (a + b) D² + 4/3 D³). Boxes of the length
+of a keel piece (23 mm) lose half of their load at the 10 mm to which 600 N press the foam, and cannot bear it at all
+on the bench's patch. A rigid pad of area A in a slab of pressure p' per depth bears p' A D, exactly and at any depth.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
     AddContactMaterial,
+    AddRigidHydroelasticProperties,
     Box,
     CollisionFilterDeclaration,
     GeometryId,
@@ -26,13 +31,11 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
-from vsf_drake.parameters import FootParameters
 
 if TYPE_CHECKING:
     from vsf_drake.plants.foot import ContactSites, FootHandles
@@ -44,28 +47,10 @@ spheres of its patch (a choice)."""
 MATCHED_DEPTH_M = 6e-3
 """Depth of the stroke in which damping after Hunt and Crossley loses what the paper's law loses; about that of the
 nominal foot's spheres under body weight (a choice)."""
-DEEPEST_SHARE = 0.25
-"""Of a pad's least dimension, beyond which its modulus is not matched even if the load is less (a choice)."""
-
-
-@dataclass(frozen=True)
-class Pad:
-    """One compliant box: carrying body, its centre there (m), size (m), modulus (Pa), dissipation (s/m).
-
-    A compliant box has the pressure modulus · e / h, e the distance to its nearest face, h half its least dimension.
-    Pressed by a plane to depth D <= h it bears modulus / h · (a b D - (a + b) D² + 4/3 D³), a and b its length and
-    width: the edges, within D of a side, bear less. So it is softer at larger depth, and matched at one.
-    """
-
-    body: RigidBody
-    centre: np.ndarray
-    size: np.ndarray
-    modulus: float
-    dissipation: float
-
-    def force(self, depth: float) -> float:
-        """Load (N) of a rigid plane at `depth` (m, up to half the least dimension)."""
-        return self.modulus * _pad_shape(self.size, depth)
+PRESSURE_PER_DEPTH = 8e7
+"""Pa/m of the compliant ground: the nominal foot's pads, 10 mm and 16 mm wide, do not overlap then (a choice)."""
+PAD_THICKNESS_M = 0.03
+"""Of a pad, upwards: more than any foam is pressed in (a choice)."""
 
 
 def dissipation(sites: ContactSites) -> np.ndarray:
@@ -86,36 +71,10 @@ def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
     return k, dissipation(replace(sites, stiffness=k, exponent=np.ones_like(k)))
 
 
-def hydroelastic_pads(foot: FootHandles, plant: MultibodyPlant) -> list[Pad]:
-    """The pads under `foot`: as long as their keel piece, as wide as the keel, as thick as the foam, down to the sole.
-
-    That of the heel block reaches from the end of the foot as far ahead of its spheres as behind them. A pad bears at
-    its matched depth what its spheres bear there by their own laws; that depth is the mean one of its spheres under
-    REFERENCE_LOAD_N each, or DEEPEST_SHARE of the pad's least dimension if that is less.
-    """
-    p, sites = foot.parameters, foot.sites
-    ends = np.append(foot.keel_starts[1:], sum(p.keel.element_lengths_m)) - foot.keel_starts
-    spans = {int(body.index()): (0.0, float(end)) for body, end in zip(foot.keel, ends, strict=True)}
-    secant, _ = point_law(sites)
-    pads: list[Pad] = []
-    for index in sorted({int(body) for body in sites.body_indices}):
-        rows = np.array([i for i, body in enumerate(sites.body_indices) if body == index])
-        if not np.any(sites.stiffness[rows]):
-            continue
-        bottom = float(np.mean(sites.p_BS[rows, 2] - sites.radius[rows]))
-        behind, ahead = spans.get(index) or _heel_span(p, float(np.mean(sites.p_BS[rows, 0])))
-        if index == int(foot.keel[1].index()):
-            behind = max(behind, p.fulcrum.rearmost_m - foot.keel_starts[1])
-        size = np.array([ahead - behind, p.keel.width_m, p.foam_thickness_m])
-        depth = min(REFERENCE_LOAD_N / float(np.mean(secant[rows])), DEEPEST_SHARE * float(size.min()))
-        load = sites.stiffness[rows] * depth ** sites.exponent[rows]
-        damping = float(np.sum(sites.damping[rows]))
-        pads.append(Pad(
-            body=plant.get_body(BodyIndex(index)), size=size, modulus=float(load.sum()) / _pad_shape(size, depth),
-            centre=np.array([0.5 * (behind + ahead), 0.0, bottom + 0.5 * size[2]]),
-            dissipation=matched_dissipation(
-                stiffness=float(load.sum()) / depth, exponent=1.0, damping=damping, depth=MATCHED_DEPTH_M)))
-    return pads
+def pad_widths(sites: ContactSites) -> np.ndarray:
+    """(N,) m, side of the square pad that in a ground of PRESSURE_PER_DEPTH is as stiff as its sphere."""
+    stiffness, _ = point_law(sites)
+    return np.sqrt(stiffness / PRESSURE_PER_DEPTH)
 
 
 def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str) -> None:
@@ -131,20 +90,24 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
     check_scene_graph(plant, contact)
     friction = foot.parameters.friction
     mu = CoulombFriction(friction.mu_static, min(friction.mu_kinetic, friction.mu_static))
+    sites = foot.sites
+    stiffness, rate = point_law(sites)
     if contact == "drake_point":
-        sites = foot.sites
-        stiffness, rate = point_law(sites)
         for i in np.flatnonzero(stiffness):
             properties = ProximityProperties()
             AddContactMaterial(rate[i], stiffness[i], mu, properties)
             plant.RegisterCollisionGeometry(plant.get_body(sites.body_indices[i]), RigidTransform(sites.p_BS[i]),
                                             Sphere(sites.radius[i]), f"foam_{i}", properties)
     else:
-        for pad in hydroelastic_pads(foot, plant):
+        bottoms = sites.p_BS - np.outer(sites.radius, [0.0, 0.0, 1.0])
+        for i in np.flatnonzero(stiffness):
             properties = ProximityProperties()
-            AddCompliantHydroelasticProperties(float(pad.size.min()), pad.modulus, properties)
-            AddContactMaterial(pad.dissipation, None, mu, properties)
-            plant.RegisterCollisionGeometry(pad.body, RigidTransform(pad.centre), Box(*pad.size), "pad", properties)
+            AddRigidHydroelasticProperties(1.0, properties)
+            AddContactMaterial(0.0, stiffness[i], mu, properties)
+            width = pad_widths(sites)[i]
+            plant.RegisterCollisionGeometry(
+                plant.get_body(sites.body_indices[i]), RigidTransform(bottoms[i] + [0.0, 0.0, 0.5 * PAD_THICKNESS_M]),
+                Box(width, width, PAD_THICKNESS_M), f"pad_{i}", properties)
 
 
 def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[GeometryId]:
@@ -179,14 +142,3 @@ def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
     if contact == "hydroelastic" and plant.get_contact_model() == ContactModel.kPoint:
         raise InputError("the plant's contact model is kPoint, which knows no pads", where="plant",
                          right="Leave it at kHydroelasticWithFallback, or take contact drake_point")
-
-
-def _pad_shape(size: np.ndarray, depth: float) -> float:
-    """Load over modulus (m²) of a box of `size` pressed by a plane to `depth`."""
-    a, b, half = size[0], size[1], 0.5 * size.min()
-    return float((a * b * depth - (a + b) * depth**2 + 4.0 / 3.0 * depth**3) / half)
-
-
-def _heel_span(p: FootParameters, mean_x: float) -> tuple[float, float]:
-    behind = sum(p.keel.element_lengths_m) - p.length_m
-    return behind, max(2.0 * mean_x - behind, behind + 1e-3)
