@@ -35,7 +35,7 @@ def FulcrumActuator_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
 
-        The laws are `vsf_drake.laws.lead_screw` (the power screw of Mott's text-book, a motor's line). While `enabled` is 1 the
+        The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
         driver applies limit · tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage
         or what keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which brakes and
         takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over

@@ -1,0 +1,128 @@
+"""The lead screw and its motor: a published example, closed forms, and the equations of motion they must satisfy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vsf_drake.laws import lead_screw as law
+
+POUND_N, INCH_M = 4.4482216, 0.0254
+LEAD, TANGENT, FRICTION = 2e-3, 2.0 / (7.0 * math.pi), 0.155
+CREEP = 2e-4
+
+
+def test_torque_and_efficiency_of_a_published_example():
+    """Mott, Machine Elements in Mechanical Design, 4th ed., example 17-1: 1809 lb in to raise 12500 lb.
+
+    The book rounds: its own numbers, cosine 0.968 and tangent 0.0592, give 1814 in the equation it prints.
+    """
+    lead = 0.25 * INCH_M
+    tangent = law.lead_angle_tangent(lead, 1.3429 * INCH_M)
+    friction = law.flank_friction(0.15, math.radians(14.5))
+    load = 12500.0 * POUND_N
+    torque = law.screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True)
+    assert torque / (POUND_N * INCH_M) == pytest.approx(1809.0, rel=4e-3)
+    assert law.driving_efficiency(tangent, friction) == pytest.approx(12500 * 0.25 / (2 * math.pi * 1809), rel=4e-3)
+    assert math.degrees(math.atan(tangent)) == pytest.approx(3.39, abs=5e-3)
+
+
+def test_without_friction_the_torque_is_the_work_of_a_turn_over_two_pi_both_ways():
+    up = law.screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=True)
+    down = law.screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=False)
+    assert up == pytest.approx(300.0 * LEAD / (2 * math.pi), rel=1e-14)
+    assert down == pytest.approx(-up, rel=1e-14)
+
+
+def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_driven_both_ways():
+    rng = np.random.default_rng(1)
+    for tangent, friction in rng.uniform(0.01, 0.6, (200, 2)):
+        locks = law.is_self_locking(tangent, friction)
+        assert locks == (law.returning_efficiency(tangent, friction) < 0.0)
+        down = law.screw_torque(1.0, lead=LEAD, tangent=tangent, friction=friction, against=False)
+        assert locks == (down > 0.0)
+        if locks:
+            assert law.driving_efficiency(tangent, friction) < 0.5
+
+
+def test_force_from_torque_is_the_inverse_of_torque_from_force():
+    thread = {"lead": LEAD, "tangent": TANGENT, "friction": FRICTION}
+    assert law.screw_force(law.screw_torque(80.0, **thread, against=True), **thread) == pytest.approx(80.0, rel=1e-14)
+
+
+def test_a_screw_too_steep_for_its_friction_is_refused():
+    with pytest.raises(ValueError, match="no torque turns this screw"):
+        law.driving_efficiency(2.0, 0.6)
+
+
+def test_motor_draws_stall_current_at_rest_and_none_at_its_ideal_speed():
+    motor = {"torque_constant": 7e-3, "resistance": 3.0}
+    assert law.motor_current(6.0, 0.0, **motor) == pytest.approx(2.0)
+    assert law.motor_current(6.0, 6.0 / 7e-3, **motor) == pytest.approx(0.0, abs=1e-12)
+    speed = law.no_load_speed(6.0, **motor, friction=4e-4)
+    assert 7e-3 * law.motor_current(6.0, speed, **motor) == pytest.approx(4e-4, rel=1e-12)
+
+
+def test_voltage_for_the_speed_limit_turns_an_ideal_motor_at_that_limit():
+    voltage = law.limited_voltage(100.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3)
+    ideal = law.steady_speed(voltage, 0.0, lead=LEAD, tangent=TANGENT, friction=FRICTION, gear_ratio=3.0,
+                             torque_constant=7e-3, resistance=3.0, motor_friction=0.0)
+    assert ideal == pytest.approx(0.05, rel=1e-12)
+    assert law.limited_voltage(2.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3) == 2.0
+
+
+def test_servo_voltage_is_odd_limited_and_zero_within_the_tolerance():
+    servo = {"limit": 7.0, "band": 2e-3, "tolerance": 1e-4}
+    assert law.servo_voltage(9e-5, **servo) == law.servo_voltage(-9e-5, **servo) == 0.0
+    assert law.servo_voltage(0.05, **servo) == pytest.approx(7.0, rel=1e-9)
+    assert law.servo_voltage(-3e-3, **servo) == -law.servo_voltage(3e-3, **servo)
+
+
+def test_motion_satisfies_both_equations_and_friction_takes_energy():
+    rng = np.random.default_rng(2)
+    seen = set()
+    for _ in range(400):
+        drive, resistance = rng.normal(scale=40.0, size=2)
+        velocity = rng.normal(scale=3 * CREEP)
+        rotor, mass = rng.uniform(5.0, 20.0), rng.uniform(0.05, 1.0)
+        sense = math.tanh(velocity / CREEP)
+        a, nut, loss = law.carriage_motion(drive, resistance, sense, rotor_mass=rotor, carriage_mass=mass,
+                                           tangent=TANGENT, friction=FRICTION)
+        assert mass * a == pytest.approx(nut - resistance, abs=1e-9)
+        assert rotor * a == pytest.approx(drive - nut - loss, abs=1e-9)
+        with_motion = nut * sense >= 0.0
+        torque = law.screw_torque(abs(nut), lead=LEAD, tangent=TANGENT, friction=FRICTION, against=with_motion)
+        ideal = abs(nut) * LEAD / (2 * math.pi)
+        full = (torque - ideal if with_motion else torque + ideal) * 2 * math.pi / LEAD  # thread loss at sense 1
+        assert loss == pytest.approx(sense * full, abs=1e-9)
+        assert loss * velocity >= 0.0
+        seen.add((nut > 0, sense > 0))
+    assert len(seen) == 4
+
+
+@pytest.mark.parametrize("load", [1.0, 100.0, 1e4, 1e6])
+def test_no_axial_load_moves_a_locked_screw_faster_than_its_creep_speed(load):
+    bound = law.locked_creep_speed(TANGENT, FRICTION, CREEP)
+    assert 0.0 < bound < CREEP
+    body = {"rotor_mass": 12.0, "carriage_mass": 0.1, "tangent": TANGENT}
+    at_bound = law.carriage_motion(0.0, -load, law.direction(bound, CREEP), **body, friction=FRICTION)
+    assert at_bound.acceleration <= 1e-9 * load
+    slippery = law.carriage_motion(0.0, -load, 1.0, **body, friction=0.5 * TANGENT)
+    assert slippery.acceleration > 0.0
+
+
+def test_creep_speed_of_a_screw_that_gives_way_is_refused():
+    with pytest.raises(ValueError, match="gives way"):
+        law.locked_creep_speed(0.2, 0.1, CREEP)
+
+
+def test_stops_push_inwards_only_and_begin_without_a_jump():
+    stop = {"low": 0.066, "high": 0.151, "stiffness": 1e5, "dissipation": 10.0}
+    assert law.stop_force(0.1, 0.3, **stop) == 0.0
+    assert law.stop_force(0.152, 0.0, **stop) == pytest.approx(-100.0)
+    assert law.stop_force(0.065, 0.0, **stop) == pytest.approx(100.0)
+    assert law.stop_force(0.152, 0.05, **stop) == pytest.approx(-150.0)
+    assert law.stop_force(0.152, -1.0, **stop) == 0.0  # leaving fast: it does not pull
+    assert abs(law.stop_force(0.151 + 1e-12, 1.0, **stop)) < 1e-5

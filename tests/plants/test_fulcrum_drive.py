@@ -1,0 +1,194 @@
+"""The drive on a foot: wired without a loop, differentiable, moving support and carriage alike."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.plants.fulcrum_drive import add_fulcrum_drive
+
+
+class Rig(NamedTuple):
+    diagram: object
+    plant: MultibodyPlant
+    foot: object
+    wired: object
+    drive: object
+
+
+def parts(height=0.3):
+    """A foot fixed to the world, its sole at `height` less 0.087 m."""
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    at = plant.AddFrame(FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, height])))
+    foot = add_foot(plant, at, FootParameters())
+    plant.Finalize()
+    return builder, plant, foot, wire_foot(builder, plant, foot)
+
+
+def made(height=0.3, **options) -> Rig:
+    builder, plant, foot, wired = parts(height)
+    drive = add_fulcrum_drive(builder, plant, wired, initial_m=0.09, **options)
+    builder.Connect(builder.AddSystem(ConstantVectorSource([0.12])).get_output_port(), drive.desired_position)
+    return Rig(builder.Build(), plant, foot, wired, drive)
+
+
+def simulator(rig):
+    it = Simulator(rig.diagram)
+    ApplySimulatorConfig(SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-3, max_step_size=5e-3,
+                                         use_error_control=True), it)
+    root = it.get_mutable_context()
+    context = rig.plant.GetMyMutableContextFromRoot(root)
+    rig.plant.GetJointByName("fulcrum").set_translation(context, 0.09)
+    return it
+
+
+def port(rig, name, context):
+    output = rig.drive.GetOutputPort(name)
+    return output.Eval(output.get_system().GetMyContextFromRoot(context))[0]
+
+
+@pytest.fixture(scope="module")
+def in_the_air():
+    """0.15 s of a foot that hangs clear of the ground."""
+    rig = made()
+    it = simulator(rig)
+    it.AdvanceTo(0.15)
+    return rig, it.get_context()
+
+
+def test_support_and_carriage_follow_the_screw(in_the_air):
+    rig, root = in_the_air
+    position, speed = port(rig, "fulcrum_position", root), port(rig, "carriage_velocity", root)
+    assert 0.09 + 0.08 * 0.12 < position < 0.09 + 0.11 * 0.13
+    at_foot = rig.wired.fulcrum_position.Eval(rig.wired.forces.GetMyContextFromRoot(root))[0]
+    assert at_foot == position
+    carriage = rig.plant.GetJointByName("fulcrum").get_translation(rig.plant.GetMyContextFromRoot(root))
+    lag = 2 * speed / (2 * np.pi * 600.0)  # of a critically damped servo of 600 Hz behind a ramp
+    assert carriage == pytest.approx(position - lag, abs=1e-5)
+
+
+def test_a_loaded_foot_keeps_its_fulcrum():
+    rig = made(height=0.084)  # sole 3 mm below the ground
+    it = simulator(rig)
+    it.AdvanceTo(0.05)
+    root = it.get_context()
+    assert rig.wired.GetOutputPort("grf").Eval(rig.wired.forces.GetMyContextFromRoot(root))[2] > 100.0
+    assert port(rig, "fulcrum_position", root) == 0.09
+    assert port(rig, "energy", root) == 0.0
+    assert port(rig, "phase", root) == 0.0
+
+
+def test_the_support_s_load_brakes_the_carriage_through_the_rail():
+    rig = made()
+    root = rig.diagram.CreateDefaultContext()
+    actuator = rig.drive.actuator
+    own = actuator.GetMyMutableContextFromRoot(root)
+    own.get_mutable_continuous_state_vector()[1] = 0.05
+    plant_context = rig.plant.GetMyMutableContextFromRoot(root)
+    free = actuator.EvalTimeDerivatives(own)[1]
+    rig.plant.GetJointByName("keel_1", rig.foot.instance).set_angle(plant_context, 0.05)
+    forces = rig.wired.forces.GetMyContextFromRoot(root)
+    assert abs(rig.wired.GetOutputPort("support_force").Eval(forces)[0]) > 50.0
+    assert actuator.EvalTimeDerivatives(own)[1] < free - 0.5
+
+
+def test_the_whole_diagram_converts_and_its_derivatives_are_exact():
+    rig = made()
+    root = rig.diagram.CreateDefaultContext()
+    rng = np.random.default_rng(4)
+    state = root.get_continuous_state_vector().CopyToVector()
+    state += rng.normal(scale=1e-3, size=len(state))
+    own = rig.drive.actuator.GetMyMutableContextFromRoot(root)
+
+    def rates(x):
+        root.SetContinuousState(x)
+        return rig.diagram.EvalTimeDerivatives(root).CopyToVector()
+
+    rates(state)
+    assert own.get_continuous_state_vector()[0] != 0.09
+    converted = rig.diagram.ToAutoDiffXd()
+    ad_root = converted.CreateDefaultContext()
+    ad_root.SetTimeStateAndParametersFrom(root)
+    ad_root.SetContinuousState(InitializeAutoDiff(state).ravel())
+    exact = ExtractGradient(converted.EvalTimeDerivatives(ad_root).CopyToVector())
+    h = 1e-7
+    by_difference = np.stack([(rates(state + h * e) - rates(state - h * e)) / (2 * h) for e in np.eye(len(state))], 1)
+    scale = np.abs(by_difference).max(axis=1, keepdims=True) + 1e-9
+    np.testing.assert_allclose(exact / scale, by_difference / scale, atol=2e-5)
+
+
+def test_two_feet_are_driven_apart():
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    drives = {}
+    for name, y in (("left", 0.1), ("right", -0.1)):
+        at = plant.AddFrame(FixedOffsetFrame(f"{name}_end", plant.world_frame(), RigidTransform([0.0, y, 0.3])))
+        drives[name] = add_foot(plant, at, FootParameters(), name=name)
+    plant.Finalize()
+    for name, signal in (("left", "contact"), ("right", "shank")):
+        drives[name] = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, drives[name]), signal=signal)
+        builder.ExportInput(drives[name].desired_position, f"{name}_desired")
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    drives["left"].SetPosition(root, 0.07)
+    for name, expected in (("left", 0.07), ("right", 0.108)):
+        output = drives[name].GetOutputPort("fulcrum_position")
+        assert output.Eval(output.get_system().GetMyContextFromRoot(root))[0] == expected
+        output = drives[name].GetOutputPort("commanded_position")
+        assert output.Eval(output.get_system().GetMyContextFromRoot(root))[0] == expected
+
+
+def test_the_shank_s_signal_is_the_body_s_lean():
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    foot = add_foot(plant, plant.AddFrame(FixedOffsetFrame("end", _hinged(plant), RigidTransform([0, 0, -0.4]))),
+                    FootParameters())
+    plant.Finalize()
+    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot), signal="both")
+    builder.ExportInput(drive.desired_position, "desired")
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    hinge = plant.GetJointByName("hinge")
+    hinge.set_angle(plant.GetMyMutableContextFromRoot(root), 0.5)
+    hinge.set_angular_rate(plant.GetMyMutableContextFromRoot(root), -2.0)
+    lean = drive.shank.get_output_port().Eval(drive.shank.GetMyContextFromRoot(root))
+    np.testing.assert_allclose(lean, [0.5, -2.0], atol=1e-12)
+
+
+def _hinged(plant):
+    shank = plant.AddRigidBody("shank", plant.AddModelInstance("leg"))
+    plant.AddJoint(RevoluteJoint("hinge", plant.world_frame(), shank.body_frame(), [0.0, 1.0, 0.0]))
+    return shank.body_frame()
+
+
+def test_a_fulcrum_has_one_master():
+    builder, plant, _, wired = parts()
+    add_fulcrum_drive(builder, plant, wired)
+    with pytest.raises(InputError, match="fulcrum_position: is connected or exported already"):
+        add_fulcrum_drive(builder, plant, wired)
+
+
+def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
+    builder, plant, _, wired = parts()
+    before = len(builder.GetSystems())
+    with pytest.raises(InputError, match="'emg' is not known"):
+        add_fulcrum_drive(builder, plant, wired, signal="emg")
+    with pytest.raises(InputError, match="outside the carriage's travel"):
+        add_fulcrum_drive(builder, plant, wired, initial_m=0.05)
+    assert len(builder.GetSystems()) == before
+    drive = add_fulcrum_drive(builder, plant, wired)
+    with pytest.raises(InputError, match="there is no output 'speed'"):
+        drive.GetOutputPort("speed")

@@ -1,0 +1,157 @@
+"""The controller moves the fulcrum in swing only, whatever tells it of swing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.analysis import Simulator
+
+from vsf_drake.errors import InputError
+from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
+from vsf_drake.systems.swing_controller import SwingController
+
+PERIOD = 5e-3
+LEVEL = {"grf": [0.0, 0.0, 0.0], "shank_angle": [0.0, 0.0]}
+
+
+def follow(system, inputs, *, period=PERIOD):
+    """Every output after each sample of `inputs`, dicts of port values; a value stays until it is given anew."""
+    simulator = Simulator(system)
+    context, rows = simulator.get_mutable_context(), []
+    for k, given in enumerate(inputs):
+        for name, value in given.items():
+            system.GetInputPort(name).FixValue(context, np.atleast_1d(value))
+        simulator.AdvanceTo((k + 0.5) * period)
+        rows.append([system.get_output_port(i).Eval(context)[0] for i in range(system.num_output_ports())])
+    return np.array(rows).T
+
+
+def loads(*newtons):
+    """The first sample also fixes the desired position."""
+    return [{"grf": [5.0, -3.0, n]} | ({"desired_position": 0.14} if k == 0 else {}) for k, n in enumerate(newtons)]
+
+
+def test_swing_needs_the_load_to_stay_away_for_the_debounce_time():
+    enabled, phase, commanded = follow(SwingController(), loads(600, 15, 15, 15, 15, 15, 15, 600))
+    assert phase.tolist() == [0, 1, 1, 1, 1, 2, 2, 0]  # 20 ms are four periods after the first unloaded sample
+    assert enabled.tolist() == [0, 0, 0, 0, 0, 1, 1, 0]
+    assert commanded.tolist() == [0.108] * 5 + [0.14] * 3
+
+
+def test_a_short_unloading_is_no_swing():
+    enabled, phase, _ = follow(SwingController(), loads(600, 0, 0, 0, 25, 0, 0, 0, 600))
+    assert phase.tolist() == [0, 1, 1, 1, 0, 1, 1, 1, 0]
+    assert not enabled.any()
+
+
+def test_between_the_thresholds_the_phase_stays():
+    """Hysteresis: 25 N begins no swing and ends none."""
+    _, phase, _ = follow(SwingController(debounce=PERIOD), loads(25, 25, 25, 0, 0, 25, 25, 31, 25, 25))
+    assert phase.tolist() == [0, 0, 0, 1, 2, 2, 2, 0, 0, 0]
+
+
+def test_a_heel_that_bounces_does_not_enable_the_motor_in_stance():
+    bouncing = loads(*[0] * 6, *[200] * 2, *[0] * 20, *[400] * 30, *[0] * 8)
+    enabled, _, _ = follow(SwingController(), bouncing)
+    assert enabled[5] == 1.0
+    assert not enabled[6:58].any()  # bounce of 100 ms: within the least stance of 200 ms
+    assert enabled[-1] == 1.0
+
+
+def test_the_position_wanted_at_the_onset_of_swing_holds_until_the_next():
+    inputs = loads(0, 0, 0, 0, 0, 0, 0, 0)
+    inputs[6]["desired_position"] = 0.07
+    _, _, commanded = follow(SwingController(), inputs)
+    assert commanded[-1] == 0.14
+
+
+def shank_cycle():
+    """Lean (rad) and rate of the shank of level walking, one stride of 1.1 s, by samples of the period; toe-off at
+    0.62 of the stride, initial contact at its end. The shape of level walking, in five straight strokes."""
+    share = np.arange(0, 1.1, PERIOD) / 1.1
+    lean = np.radians(np.interp(share, [0, 0.12, 0.45, 0.68, 0.95, 1.0], [-17, -2, 21, 50, -19, -17]))
+    return share, lean, np.gradient(lean, PERIOD)
+
+
+def test_the_shank_s_forward_swing_enables_and_nothing_in_stance_does():
+    share, lean, rate = shank_cycle()
+    inputs = [{"shank_angle": [angle, speed], "desired_position": 0.12} for angle, speed in
+              zip(np.tile(lean, 2), np.tile(rate, 2), strict=True)]
+    enabled, _, _ = follow(SwingController(signal="shank"), inputs)
+    one, other = enabled.reshape(2, -1)
+    np.testing.assert_array_equal(one, other)
+    assert not one[share < 0.68].any()
+    assert one[(share > 0.71) & (share < 0.94)].all()
+    assert not one[share > 0.96].any()
+
+
+def test_rocking_back_while_standing_does_not_enable():
+    t = np.arange(0, 3.0, PERIOD)
+    lean, rate = np.radians(12) * np.sin(8 * t), np.radians(12) * 8 * np.cos(8 * t)
+    assert np.max(-rate) > 1.0
+    inputs = [{"shank_angle": [a, w], "desired_position": 0.12} for a, w in zip(lean, rate, strict=True)]
+    assert not follow(SwingController(signal="shank"), inputs)[0].any()
+
+
+def test_both_signals_together_enable_only_where_each_would():
+    in_air = {"shank_angle": [np.radians(40), -3.0], "desired_position": 0.12}
+    loaded = [in_air | {"grf": [0, 0, 300.0]}] * 8
+    unloaded = [in_air | {"grf": [0, 0, 0.0]}] * 8
+    still = [{"shank_angle": [np.radians(40), 0.0], "grf": [0, 0, 0.0]}] * 8
+    enabled, _, _ = follow(SwingController(signal="both"), loaded + unloaded + still)
+    assert enabled.tolist() == [0.0] * 12 + [1.0] * 4 + [0.0] * 8
+
+
+def test_the_signal_that_is_not_used_needs_no_connection():
+    controller = SwingController(signal="shank")
+    context = controller.CreateDefaultContext()
+    controller.GetInputPort("shank_angle").FixValue(context, [0.0, 0.0])
+    controller.GetInputPort("desired_position").FixValue(context, [0.1])
+    controller.ExecuteForcedEvents(context)
+
+
+def test_commanded_position_carries_the_derivative_of_the_desired_one():
+    converted = SwingController(debounce=0.0).ToAutoDiffXd()
+    simulator_context = converted.CreateDefaultContext()
+    converted.GetInputPort("grf").FixValue(simulator_context, [AutoDiffXd(0.0)] * 3)
+    converted.GetInputPort("desired_position").FixValue(simulator_context, [AutoDiffXd(0.13, [1.0])])
+    updated = converted.EvalUniquePeriodicDiscreteUpdate(simulator_context).get_vector().CopyToVector()
+    assert updated[2].value() == 0.13
+    assert updated[2].derivatives()[0] == 1.0
+    assert updated[0].value() == 2.0
+
+
+def test_outputs_do_not_depend_on_inputs_within_a_sample():
+    for system in (SwingController(), AdjustmentRecorder()):
+        assert not system.HasAnyDirectFeedthrough()
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ({"signal": "emg"}, "'emg' is not known. Known are: contact, shank, both"),
+    ({"period": 0.0}, "no sampling period"),
+    ({"unload_force": 40.0}, "load_force: 30 leaves no hysteresis"),
+    ({"stop_rate": 1.0}, "swing_rate: 1 leaves no hysteresis"),
+])
+def test_a_controller_that_cannot_be_is_refused(arguments, words):
+    with pytest.raises(InputError, match=words):
+        SwingController(**arguments)
+
+
+def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
+    """Two swings to get there, a swing without need, one more adjustment of one swing."""
+    rows = [(0, 0.0, 0.05), (1, 0.0, 0.05), (1, 0.4, 0.03), (0, 0.5, 0.03), (0, 0.5, 0.03), (1, 0.5, 0.03),
+            (1, 0.9, 5e-4), (0, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, -0.02),
+            (1, 1.2, 0.0), (0, 1.25, 0.0)]
+    inputs = [dict(zip(("enabled", "energy", "position_error"), row, strict=True)) for row in rows]
+    ended, energy, swings = follow(AdjustmentRecorder(), inputs)
+    assert ended.tolist() == [0] * 7 + [1] * 6 + [2]
+    assert energy[7] == pytest.approx(1.0)
+    assert energy[-1] == pytest.approx(0.25)
+    assert swings[7] == 2
+    assert swings[-1] == 1
+
+
+def test_recorder_refuses_a_period_of_nothing():
+    with pytest.raises(InputError, match="period: is 0"):
+        AdjustmentRecorder(period=0.0)
