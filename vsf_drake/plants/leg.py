@@ -121,7 +121,7 @@ def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[F
     """The ground as shapes, once, where a foot meets it by a contact of Drake's own."""
     meeting = [foot for foot in feet if foot.contact in DRAKE_CONTACTS]
     if meeting:
-        add_ground_geometry(plant, scenario_ground(scenario), friction=meeting[0].parameters.friction,
+        add_ground_geometry(plant, scenario_ground(scenario), foot=meeting[0].parameters,
                             contact=meeting[0].contact)
 
 
