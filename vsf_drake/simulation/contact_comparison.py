@@ -55,6 +55,7 @@ REFERENCE = Advance("discrete 0.01 ms", time_step_s=1e-5)
 WAYS = (
     Advance("radau3", scheme="radau3"),
     Advance("implicit_euler", scheme="implicit_euler"),
+    Advance("velocity_implicit_euler", scheme="velocity_implicit_euler", accuracy=1e-4, max_step_s=1e-3),
     Advance("runge_kutta3", scheme="runge_kutta3"),
     Advance("cenic", scheme="cenic"),
     Advance("discrete 1 ms", time_step_s=1e-3),
@@ -94,6 +95,7 @@ class Comparison:
     time_s: np.ndarray
     force_n: dict[tuple[str, str], np.ndarray]
     reference_n: np.ndarray
+    reference_name: str
     weight_n: float
     fulcrum_m: float
 
@@ -130,8 +132,9 @@ def compare_contacts(
             force, wall_s, note = drop(foot, contact, way, fulcrum_m, drop_s, wall_limit_s)
             forces[contact, way.name] = force
             rows.append(_row(foot, contact, way, rises[way.name], force, wall_s, note, fitted))
-    return Comparison(rows=tuple(rows), time_s=SAMPLE_S * np.arange(1, samples + 1), force_n=forces,
-                      reference_n=fitted, weight_n=(LEG_KG + foot.mass_kg) * GRAVITY, fulcrum_m=fulcrum_m)
+    return Comparison(
+        rows=tuple(rows), time_s=SAMPLE_S * np.arange(1, samples + 1), force_n=forces, reference_n=fitted,
+        reference_name=reference.name, weight_n=(LEG_KG + foot.mass_kg) * GRAVITY, fulcrum_m=fulcrum_m)
 
 
 def make_leg(
