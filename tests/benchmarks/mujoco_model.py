@@ -1,11 +1,11 @@
-"""The project's foot as a MuJoCo model, made from the finished Drake plant: same masses, springs, spheres.
+"""The project's foot as a MuJoCo model: the exported MJCF under socket and shank of the finished Drake plant.
 
-    world -- 6 driven joints -- shank -- socket joints (walking) -- prosthesis -- keel pin -- keel -- ... -- keel
-                                                                        \\__ fulcrum: spring tendon __/
+    world -- 6 driven joints -- shank -- socket joints (walking) -- prosthesis -- frame -- keel pin -- keel ... keel
+                                                                                    \\__ fulcrum: spring tendon __/
 
 What is the same: masses and inertias; the keel's sprung hinges; the bushing's six joints; the support, a spring tendon
-between the keel's point over the fulcrum and a site REACH_M below it in the rigid frame, whose length is therefore
-REACH_M plus the point's height but for a few micrometres; sphere positions and radii; stiffness and damping of each.
+(see `vsf_drake.plants.export.mjcf`); sphere positions and radii; stiffness and damping of each. The carriage is fixed
+at the fulcrum.
 
 What differs, because MuJoCo has no such law: a sphere's damping acts in unloading too, and from first touch on, not
 from full_damping_depth_m; friction is a Coulomb cone of mu_static whose stick creeps against the sphere's own damping,
@@ -41,14 +41,15 @@ from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.framework import Context
 
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.foot import FootHandles
-from vsf_drake.plants.joints import RIGHTWARD
 from vsf_drake.plants.socket import SocketHandles
 
 DRIVEN = ("x", "y", "z", "yaw", "roll", "pitch")
 ARMATURE = 1e6
 """Inertia (kg, kg m^2) of the driven joints: 1000 N bends their motion by 1e-3 m/s^2 within one step."""
-REACH_M = 1.0
+PREFIX = "foot_"
+"""Of the names of the exported foot's parts in the whole model."""
 
 
 class Contact(NamedTuple):
@@ -96,7 +97,6 @@ def make_mujoco_foot(
         contacts: the spheres that meet the floor.
         friction: Coulomb coefficient; with 0 the contact is frictionless.
     """
-    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_translation(context, fulcrum_m)
     spec = mujoco.MjSpec()
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -109,30 +109,18 @@ def make_mujoco_foot(
     axes = [*np.eye(3), *np.eye(3)[[2, 0, 1]]]
     for name, kind, axis in zip(DRIVEN, kinds, axes, strict=True):
         root.add_joint(name=name, type=kind, axis=axis, armature=ARMATURE)
-    top = foot.frame if socket is None else socket.socket
-    rigid = [foot.frame] if socket is None else [socket.socket, socket.pylon, foot.frame]
-    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
-    upper = _add_body(root, "prosthesis", np.zeros(3), plant.CalcSpatialInertia(
-        context, top.body_frame(), [body.index() for body in (*rigid, carriage)]))
-    names = [*DRIVEN]
+    names, hanger, X_TK = [*DRIVEN], root, RigidTransform()
     if socket is not None:
-        names += _add_bushing(plant, upper, socket)
-    X_TK = plant.CalcRelativeTransform(context, top.body_frame(), foot.frame.body_frame())
-    bodies = {foot.frame.index(): (upper, X_TK)}
-    parent = upper
-    for i, body in enumerate(foot.keel):
-        offset = X_TK if i == 0 else RigidTransform([foot.keel_starts[i] - foot.keel_starts[i - 1], 0.0, 0.0])
-        parent = _add_body(parent, body.name(), offset.translation(), body.CalcSpatialInertiaInBodyFrame(context))
-        parent.quat = offset.rotation().ToQuaternion().wxyz()
-        parent.add_joint(name=foot.keel_joint_names[i], axis=RIGHTWARD, stiffness=[foot.joint_stiffness[i], 0, 0],
-                         damping=[foot.joint_damping[i], 0, 0])
-        bodies[body.index()] = (parent, RigidTransform())
+        hanger = _add_body(root, "prosthesis", np.zeros(3), plant.CalcSpatialInertia(
+            context, socket.socket.body_frame(), [socket.socket.index(), socket.pylon.index()]))
+        names += _add_bushing(plant, hanger, socket)
+        X_TK = plant.CalcRelativeTransform(context, socket.socket.body_frame(), foot.frame.body_frame())
     names += foot.keel_joint_names
-    _add_fulcrum(spec, upper, X_TK, bodies, foot, fulcrum_m)
+    _attach_foot(hanger, X_TK, foot, fulcrum_m, spec)
     for i, sphere in enumerate(contacts):
-        holder, X_HB = bodies[sphere.body]
-        holder.add_geom(name=f"sphere_{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[sphere.radius, 0, 0], mass=0.0,
-                        pos=X_HB @ sphere.p_BS, contype=0, conaffinity=0)
+        spec.body(PREFIX + plant.get_body(sphere.body).name()).add_geom(
+            name=f"sphere_{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[sphere.radius, 0, 0], mass=0.0,
+            pos=sphere.p_BS, contype=0, conaffinity=0)
         spec.add_pair(name=f"sphere_{i}", geomname1="floor", geomname2=f"sphere_{i}", condim=3 if friction else 1,
                       friction=[friction, friction, 0, 0, 0])
     model = spec.compile()
@@ -163,16 +151,18 @@ def _add_bushing(plant: MultibodyPlant, body: mujoco.MjsBody, socket: SocketHand
     return socket.coordinate_names
 
 
-def _add_fulcrum(spec, upper, X_TK: RigidTransform, bodies: dict, foot: FootHandles, fulcrum_m: float) -> None:
-    j = foot.keel_body_at(fulcrum_m)
-    bodies[foot.keel[j].index()][0].add_site(name="over_fulcrum", pos=[fulcrum_m - foot.keel_starts[j], 0.0, 0.0])
-    upper.add_site(name="under_fulcrum", pos=X_TK @ np.array([fulcrum_m, 0.0, -REACH_M]))
-    stiffness = foot.parameters.fulcrum.stiffness_n_per_m
-    tendon = spec.add_tendon(
-        name="fulcrum", stiffness=[stiffness, 0, 0], springlength=[REACH_M, REACH_M],
-        damping=[stiffness * foot.parameters.fulcrum.damping_time_s, 0, 0])
-    tendon.wrap_site("under_fulcrum")
-    tendon.wrap_site("over_fulcrum")
+def _attach_foot(
+    parent: mujoco.MjsBody, X_PK: RigidTransform, foot: FootHandles, fulcrum_m: float, spec: mujoco.MjSpec
+) -> None:
+    """The exported foot without drawings and spheres, its carriage fixed, its frame K at `X_PK` on `parent`."""
+    made = mujoco.MjSpec.from_string(foot_mjcf(foot.parameters, fulcrum_m=fulcrum_m))
+    for option in ("timestep", "integrator", "cone", "gravity"):
+        setattr(made.option, option, getattr(spec.option, option))
+    for part in (*made.keys, *made.actuators, *made.geoms, made.joint(foot.carriage_joint_name)):
+        made.delete(part)
+    frame = made.body(foot.frame.name())
+    frame.pos, frame.quat = X_PK.translation(), X_PK.rotation().ToQuaternion().wxyz()
+    parent.add_frame().attach_body(frame, PREFIX, "")
 
 
 def _set_constraints(model: mujoco.MjModel, contacts: Sequence[Contact], socket: SocketHandles | None) -> None:
