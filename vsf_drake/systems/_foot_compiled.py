@@ -23,11 +23,11 @@ HEAD = 15
 """Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
 
 
-def slices(joints: int, sites: int) -> dict[str, slice]:
-    """Where each output lies in the vector of `foot_vector`."""
+def slices(joints: int, sites: int, velocities: int) -> dict[str, slice]:
+    """Where each output lies in the vector of `foot_vector`, for a plant of so many `velocities`."""
     sizes = {"wrench": 6, "carriage": 1, "support_force": 1, "grf": 3, "cop": 3, "free_moment": 1, "moment": joints,
              "joint_moment": joints, "normal_force": sites, "depth": sites, "depth_rate": sites,
-             "friction_force": 3 * sites}
+             "friction_force": 3 * sites, "generalized_force": velocities}
     ends = np.cumsum(list(sizes.values()))
     return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
@@ -96,17 +96,18 @@ def _patch(x, y, bounds, patches):
 
 
 @compiled
-def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, scalars, X, V, state, at, position):
+def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, scalars, at, velocities, X, V, state,
+                position):
     """All outputs of one foot, see `slices`.
 
     Args:
         law: index into CONTACT_LAWS. starts, site_keel: see `FootLayout`. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
         patches: (M, PATCH_COLUMNS). bounds: (M, 4). joints: (m, 2) stiffness and damping. scalars: SCALARS.
-        X, V: (3, 4) and (6,) of the frame. state: of the plant. at: (2, m + 1) keel joints and carriage in it.
-        position: of the fulcrum (m from A).
+        at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the plant has.
+        X, V: (3, 4) and (6,) of the frame. state: of the plant. position: of the fulcrum (m from A).
     """
     m, count = len(starts), len(site_keel)
-    out = np.zeros(HEAD + 2 * m + 6 * count)
+    out = np.zeros(HEAD + 2 * m + 6 * count + velocities)
     sin, cos, rates = np.empty(m), np.empty(m), np.empty(m)
     place, moving = np.zeros((m, 2)), np.zeros((m, 2))  # x and z in K of the joints, and their velocities
     moment, spring = out[HEAD:HEAD + m], out[HEAD + m:HEAD + 2 * m]
@@ -185,6 +186,10 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
             gz = X[0, 2] * fx + X[1, 2] * fy + X[2, 2] * fz
             for j in range(k + 1):
                 moment[j] += (kx - place[j, 0]) * gz - (kz - place[j, 1]) * gx
+    shift = len(out) - len(state)  # from places in the state, whose end the velocities are, to places in `out`
+    for j in range(m):
+        out[shift + at[1, j]] = moment[j]
+    out[shift + at[1, m]] = out[6]
     out[0], out[1], out[2] = wx, wy, wz
     out[3], out[4], out[5] = out[8], out[9], out[10]
     if load > 0.0:

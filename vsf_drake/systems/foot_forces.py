@@ -24,6 +24,8 @@ from vsf_drake.systems._sites import (
 )
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
+FULCRUM = -1
+"""Where the fulcrum position is in what the compiled function takes."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -131,7 +133,7 @@ def FootForces_(T):
             m, sites = len(self._layout.starts), len(self._layout.site_keel)
             if self._at.shape != (2, m + 1):
                 raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
-            self._slices, self._packer = slices(m, sites), ForcePacker([self._frame], T)
+            self._slices, self._packer = slices(m, sites, num_velocities), ForcePacker([self._frame], T)
             self._poses_port = declare_body_poses(self, T)
             self._velocities_port = declare_body_spatial_velocities(self, T)
             self._state_port = self.DeclareVectorInputPort("state", num_positions + num_velocities)
@@ -140,8 +142,7 @@ def FootForces_(T):
             self._packed = self._declare_cached("packed", self._pack_constants, {self.all_parameters_ticket()})
             self._values = self._declare_inputs_cache("values", self._calc_values)
             self.DeclareAbstractOutputPort("spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
-            self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
-            for name in FORCES + (GROUND if law else ()):
+            for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
                 part = self._slices[name]
                 self._declare_value(name, part.stop - part.start, partial(self._part, name))
 
@@ -153,7 +154,8 @@ def FootForces_(T):
             columns = [np.column_stack([c[name] for name in names])
                        for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT)]
             return (CONTACT_LAWS.index(self._layout.law), self._layout.starts, self._layout.site_keel, c["p_BS"],
-                    columns[0], columns[1], c["ground_bounds"], columns[2], np.array([c[name] for name in SCALARS]))
+                    columns[0], columns[1], c["ground_bounds"], columns[2], np.array([c[name] for name in SCALARS]),
+                    self._at, self._count, float(c["fulcrum_m"]))
 
         def _full_constants(self, context) -> dict[str, Any]:
             constants = self._constants(context)
@@ -163,14 +165,17 @@ def FootForces_(T):
             X_WF = self._poses_port.Eval(context)[self._frame].GetAsMatrix34()
             V_WF = self._velocities_port.Eval(context)[self._frame].get_coeffs()
             state = self._state_port.Eval(context)
-            if self._fulcrum_port.HasValue(context):
-                position = self._fulcrum_port.Eval(context)[0]
-            else:
-                position = self._constants(context)["fulcrum_m"]
+            given = self._fulcrum_port.HasValue(context)
             if T is float:
-                return foot_vector(*self._packed.Eval(context), X_WF, V_WF, state, self._at, position)
-            return foot_values(self._layout, self._full_constants(context), X_WF, V_WF, state[self._at[0]],
-                               state[self._at[1]], position)
+                packed = self._packed.Eval(context)
+                position = self._fulcrum_port.Eval(context)[0] if given else packed[FULCRUM]
+                return foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, position)
+            constants = self._full_constants(context)
+            position = self._fulcrum_port.Eval(context)[0] if given else constants["fulcrum_m"]
+            values = foot_values(self._layout, constants, X_WF, V_WF, state[self._at[0]], state[self._at[1]], position)
+            force = np.zeros(len(state), dtype=object)
+            force[self._at[1]] = np.append(values["moment"], values["carriage"])
+            return {**values, "generalized_force": force[len(state) - self._count:]}
 
         def _part(self, name: str, context) -> np.ndarray:
             values = self._values.Eval(context)
@@ -178,12 +183,6 @@ def FootForces_(T):
 
         def _calc_spatial_forces(self, context, output) -> None:
             output.set_value([self._packer.pack(self._frame, self._part("wrench", context))])
-
-        def _calc_generalized_force(self, context, output) -> None:
-            force = np.zeros(self._count, dtype=T if T is float else object)
-            at = self._arguments["velocity_indices"]
-            force[at[:-1]], force[at[-1:]] = self._part("moment", context), self._part("carriage", context)
-            output.SetFromVector(force)
 
     return Impl
 
