@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pressed_keel import keel_names, last_before, rise_in_mujoco
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import Box, Role
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
+from vsf_drake.plants.foot_visuals import add_foot_visuals
 from vsf_drake.simulation.keel_statics import KeelStatics
 
 mujoco = pytest.importorskip("mujoco")
@@ -86,6 +89,27 @@ def test_frame_has_the_moments_of_inertia_of_drake():
     mujoco.mju_quat2Mat(R, frame.iquat)
     R = R.reshape(3, 3)
     np.testing.assert_allclose(R @ np.diag(frame.inertia) @ R.T, moments, atol=1e-14)
+
+
+def test_drawings_are_where_drake_has_them():
+    """With all coordinates zero but the carriage's; MuJoCo's sizes are halves."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    add_foot_visuals(plant, add_foot(plant, plant.world_frame(), NOMINAL))
+    model, inspector = compiled(NOMINAL, 0.108), scene_graph.model_inspector()
+    drawn = inspector.GetAllGeometryIds(Role.kIllustration)
+    for i in drawn:
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(i)).name()
+        geom, X_BG = model.geom(f"{body}_{inspector.GetName(i).split('::')[-1]}"), inspector.GetPoseInFrame(i)
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, geom.quat)
+        np.testing.assert_allclose(geom.pos, X_BG.translation(), atol=1e-11)
+        np.testing.assert_allclose(R.reshape(3, 3), X_BG.rotation().matrix(), atol=1e-11)
+        shape = inspector.GetShape(i)
+        if isinstance(shape, Box):
+            np.testing.assert_allclose(2.0 * geom.size, shape.size(), rtol=1e-11)
+        else:
+            assert geom.size[0] == pytest.approx(shape.radius(), rel=1e-11)
+    assert np.count_nonzero(model.geom_group == 2) == len(drawn) == 9 + 1 + 2 + 24
 
 
 def test_keel_is_damped_in_proportion_to_its_stiffness():
