@@ -49,6 +49,10 @@ def _panel(axes: Axes, person: DrawnPerson, names: Sequence[str]) -> None:
     _stick(axes, moved, columns, MOVED_COLOUR, 1.8, own)
     for name in names:
         point = person.moving_point(name)
+        if point.startswith("inner edge"):  # it lies beside the ankle, where no line is
+            for pose, colour in ((rest, REST_COLOUR), (moved, MOVED_COLOUR)):
+                ends = np.array([pose[f"ankle_{point[-1]}"], pose[point]])[:, list(columns)]
+                axes.plot(*ends.T, color=colour, linewidth=1.2, linestyle=(0, (3, 2)), zorder=2)
         pieces.arrow(axes, rest[point][list(columns)], moved[point][list(columns)], FORCE_COLOUR, 1.8)
     unit = f"+{size:g}°" if person.is_angle(names[0]) else f"+{pieces.MM * size:g} mm"
     seen = {"right": "from the right", "front": "from the front", "above": "from above"}[view]

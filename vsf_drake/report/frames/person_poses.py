@@ -19,7 +19,7 @@ STEP = 1e-3
 SUBJECT = {"mass_kg": 75.0, "stature_m": 1.75, "sex": "male"}
 """A person of common size; signs do not depend on it."""
 _TRUNK_M = 0.55
-_DIRECTIONS = (("forward", "backward"), ("left", "right"), ("up", "down"))
+_DIRECTIONS = (("forward", "backward"), ("to the left", "to the right"), ("up", "down"))
 
 # kind of coordinate: what a positive value is called, the point that shows it, the view that shows it, a value to draw
 KINDS: dict[str, tuple[str, str, str, float]] = {
@@ -108,7 +108,8 @@ class DrawnPerson:
         side = own[-1] if own.endswith(("_r", "_l")) else ""
         if axis == 1 and side and self.is_angle(name):
             word = "inward" if (moved[1] > 0) == (side == "r") else "outward"
-        said = "right hip" if point == "hip_r" else point
+        prosthetic = point == "ankle" and f"pylon_{own[-1]}" in self._points and name.startswith("socket")
+        said = "pylon's lower end" if prosthetic else {"hip_r": "right hip"}.get(point, point)
         return Effect(name, "rad" if self.is_angle(name) else "m", positive, said, word)
 
     def moving_point(self, name: str) -> str:
