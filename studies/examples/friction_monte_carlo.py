@@ -61,7 +61,7 @@ def main(out: Path, quick: bool = False) -> dict:
     """Draws, slides, compares; returns what the closed form is compared with, arrays in the order of the draws."""
     diagram, plant, wired = make_sled()
     settled, weight = _settled(diagram, plant, wired)
-    count, random = (40 if quick else 200), np.random.default_rng(SEED)
+    count, random = (24 if quick else 200), np.random.default_rng(SEED)
     mu = np.maximum(random.normal(MU_MEAN, MU_DEVIATION, count), MU_LEAST)
     started = time.perf_counter()
     rows = np.array([_slide(diagram, plant, wired, settled, weight, value) for value in mu])
@@ -154,7 +154,7 @@ def _draw(out: Path, found: dict) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="40 draws instead of 200")
+    parser.add_argument("--quick", action="store_true", help="24 draws instead of 200")
     parser.add_argument("--out", type=Path, default=Path("results/examples"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def draws(tmp_path_factory):

@@ -7,6 +7,8 @@ import math
 import leg_drop
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def drop(tmp_path_factory):
