@@ -84,7 +84,7 @@ def test_every_joint_of_the_model_has_a_control_or_is_bent_by_the_load(meshcat, 
 def test_sliders_lead_the_person_in_their_units(meshcat):
     scene = scene_of(meshcat, "person")
     viewer = Viewer(meshcat, scene, pytest.fail)
-    for label, value in (("knee_angle_l (deg)", 60.0), ("socket_tz (mm)", -8.0), ("fulcrum (mm from A)", 140.0),
+    for label, value in (("knee_angle_l (°)", 60.0), ("socket_tz (mm)", -8.0), ("fulcrum (mm)", 140.0),
                          ("pelvis_tx (m)", 0.25), ("load at the toe (N)", 400.0)):
         meshcat.SetSliderValue(label, value)
     assert viewer.poll()
@@ -104,7 +104,7 @@ def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says
     meshcat.SetSliderValue("load at the toe (N)", 500.0)
     tips = {}
     for fulcrum_mm in (151.0, 66.0):
-        meshcat.SetSliderValue("fulcrum (mm from A)", fulcrum_mm)
+        meshcat.SetSliderValue("fulcrum (mm)", fulcrum_mm)
         viewer.poll()
         tips[fulcrum_mm] = position(scene, scene.foot.keel[-1])[2]
         expected = keel_shape(MODEL.foot, fulcrum_m=1e-3 * fulcrum_mm, load_n=500.0)
@@ -114,7 +114,7 @@ def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says
     meshcat.SetSliderValue(RISE, 3.0)
     viewer.poll()
     assert meshcat.GetSliderValue(RISE) > 30.0, "a number that is shown was moved by hand and stayed there"
-    meshcat.SetSliderValue("keel_8 (deg added)", 10.0)
+    meshcat.SetSliderValue("keel_8 (° added)", 10.0)
     viewer.poll()
     assert position(scene, scene.foot.keel[-1])[2] == pytest.approx(tips[66.0])  # a joint does not move its own place
     last = keel_shape(MODEL.foot, fulcrum_m=0.066, load_n=500.0).angles[8] + math.radians(10.0)
@@ -148,7 +148,7 @@ def test_two_viewers_do_not_know_of_each_other(meshcat):
     first = Viewer(meshcat, scene_of(meshcat, "foot"), pytest.fail)
     other = open_meshcat()
     second = Viewer(other, make_scene(other, "foot", MODEL), pytest.fail)
-    meshcat.SetSliderValue("fulcrum (mm from A)", 70.0)
+    meshcat.SetSliderValue("fulcrum (mm)", 70.0)
     first.poll()
     second.poll()
     carriages = [position(v.scene, v.scene.plant.GetBodyByName("vsf_carriage"))[0] for v in (first, second)]

@@ -54,13 +54,13 @@ class Control:
 def foot_controls(foot: FootParameters) -> tuple[Control, ...]:
     """The fulcrum's position, at rest in the middle of its range, and the load on the load point."""
     low, high = (1e3 * x for x in (foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m))
-    return (Control(FULCRUM, "mm from A", low, high, round(0.5 * (low + high), 1), 0.5, _MILLIMETRE),
+    return (Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5, _MILLIMETRE),
             Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0, 1.0))
 
 
 def keel_controls(joint_names: Sequence[str]) -> tuple[Control, ...]:
     """One slider a joint of the keel, whose angle is added to that of the loaded keel."""
-    return tuple(Control(name, "deg added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1, _DEGREE)
+    return tuple(Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1, _DEGREE)
                  for name in joint_names)
 
 
@@ -84,4 +84,4 @@ def _joint_control(name: str, rest: float) -> Control:
     kind = name[:-2] if name.endswith(("_r", "_l")) else name
     if kind not in _REACH_DEG:
         raise ValueError(f"no reach is given for the coordinate {name}")
-    return Control(name, "deg", *_REACH_DEG[kind], rest, 0.5, _DEGREE)
+    return Control(name, "°", *_REACH_DEG[kind], rest, 0.5, _DEGREE)

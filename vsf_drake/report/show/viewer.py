@@ -19,8 +19,9 @@ from vsf_drake.report.show.scene import Scene
 from vsf_drake.report.show.stage import Stage
 
 STOP, RESET = "Stop", "Reset"
-RISE, SUPPORT = "= the load point rises (mm)", "= support force on the keel (N)"
-"""Sliders that show a number and cannot be moved for long."""
+RISE, SUPPORT = "= C rises (mm)", "= support (N)"
+"""Sliders that show a number and cannot be moved for long: rise of the load point C in K, support force on the keel.
+Meshcat shows some eighteen letters of a name."""
 POLL_S = 1.0 / 30.0
 
 
