@@ -1,16 +1,18 @@
 """Drake's own contact under the foot: spheres with point contact, or pads with hydroelastic contact.
 
     drake_point    each contact sphere a collision sphere, as stiff as its zone
-    hydroelastic   each contact sphere a rigid square pad at its bottom, on a compliant ground
+    hydroelastic   each contact sphere a compliant square pad, its sole at the sphere's bottom, on rigid ground
 
 Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a zone's own law
 becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is Coulomb's with the foot's two
 coefficients; a plant with a time step takes the kinetic one alone. The ground: `ground_geometry`.
 
-Why the ground is what gives: a compliant box has the pressure E e / h, e the distance to its nearest face and h half
-its least dimension, so pressed by a plane to depth D it bears E / h (a b D - (a + b) D² + 4/3 D³). Boxes of the length
-of a keel piece (23 mm) lose half of their load at the 10 mm to which 600 N press the foam, and cannot bear it at all
-on the bench's patch. A rigid pad of area A in a slab of pressure p' per depth bears p' A D, exactly and at any depth.
+Why a pad is a mesh and not a Box: the pressure in a compliant box is E e / h, e the distance to the nearest face and h
+half the least dimension, so pressed by a plane to depth D it bears E / h (a b D - (a + b) D² + 4/3 D³). Boxes of the
+length of a keel piece (23 mm) lose half of their load at the 10 mm to which 600 N press the foam. In a mesh the
+pressure is linear between the vertices, 0 at the surface and E deepest within. Here four vertices are within, RIM_M
+below the top and inside the sides, so that the pressure grows with the distance from the sole alone: p' A D, but for
+the rim. (Rigid pads on compliant ground bear the same, but plough through it when they slide.)
 """
 
 from __future__ import annotations
@@ -19,13 +21,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
+    InMemoryMesh,
+    Mesh,
     ProximityProperties,
     Sphere,
 )
@@ -48,9 +52,9 @@ MATCHED_DEPTH_M = 6e-3
 """Depth of the stroke in which damping after Hunt and Crossley loses what the paper's law loses; about that of the
 nominal foot's spheres under body weight (a choice)."""
 PRESSURE_PER_DEPTH = 8e7
-"""Pa/m of the compliant ground: the nominal foot's pads, 10 mm and 16 mm wide, do not overlap then (a choice)."""
-PAD_THICKNESS_M = 0.03
-"""Of a pad, upwards: more than any foam is pressed in (a choice)."""
+"""Pa/m in every pad: those of the nominal foot, 10 mm and 16 mm wide, do not overlap then (a choice)."""
+PAD_THICKNESS_M, RIM_M = 0.03, 2e-5
+"""Of a pad, upwards: more than foam is pressed in; how far its inner vertices are from its surface (choices)."""
 
 
 def dissipation(sites: ContactSites) -> np.ndarray:
@@ -72,7 +76,7 @@ def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pad_widths(sites: ContactSites) -> np.ndarray:
-    """(N,) m, side of the square pad that in a ground of PRESSURE_PER_DEPTH is as stiff as its sphere."""
+    """(N,) m, side of the square pad that with PRESSURE_PER_DEPTH is as stiff as its sphere."""
     stiffness, _ = point_law(sites)
     return np.sqrt(stiffness / PRESSURE_PER_DEPTH)
 
@@ -102,12 +106,12 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
         bottoms = sites.p_BS - np.outer(sites.radius, [0.0, 0.0, 1.0])
         for i in np.flatnonzero(stiffness):
             properties = ProximityProperties()
-            AddRigidHydroelasticProperties(1.0, properties)
-            AddContactMaterial(0.0, stiffness[i], mu, properties)
-            width = pad_widths(sites)[i]
+            AddCompliantHydroelasticProperties(
+                PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties)
+            AddContactMaterial(rate[i], None, mu, properties)
             plant.RegisterCollisionGeometry(
-                plant.get_body(sites.body_indices[i]), RigidTransform(bottoms[i] + [0.0, 0.0, 0.5 * PAD_THICKNESS_M]),
-                Box(width, width, PAD_THICKNESS_M), f"pad_{i}", properties)
+                plant.get_body(sites.body_indices[i]), RigidTransform(bottoms[i]), _pad(pad_widths(sites)[i]),
+                f"pad_{i}", properties)
 
 
 def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[GeometryId]:
@@ -142,3 +146,25 @@ def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
     if contact == "hydroelastic" and plant.get_contact_model() == ContactModel.kPoint:
         raise InputError("the plant's contact model is kPoint, which knows no pads", where="plant",
                          right="Leave it at kHydroelasticWithFallback, or take contact drake_point")
+
+
+def _pad(width: float) -> Mesh:
+    """Square prism of tetrahedra over z = 0: four corners below, four within, four above."""
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    layers = ((0.5 * width, 0.0), (0.5 * width - RIM_M, PAD_THICKNESS_M - RIM_M), (0.5 * width, PAD_THICKNESS_M))
+    vertices = np.array([[*(half * corner), z] for half, z in layers for corner in corners])
+    below, within, above = (range(4 * i, 4 * i + 4) for i in range(3))
+    prisms = [([low[i] for i in triangle], [high[i] for i in triangle])
+              for low, high in ((below, within), (within, above)) for triangle in ((0, 1, 2), (0, 2, 3))]
+    prisms += [([below[i], within[i], above[i]], [below[j], within[j], above[j]])
+               for i, j in ((0, 1), (1, 2), (2, 3), (0, 3))]
+    # A face's diagonal runs from the earlier column's lower vertex to the later one's upper, seen from either side.
+    cells = [cell for (a, b, c), (d, e, f) in prisms for cell in ((a, b, c, f), (a, b, e, f), (a, d, e, f))]
+    cells = [cell if np.linalg.det(vertices[list(cell[1:])] - vertices[cell[0]]) > 0.0 else (*cell[:2], *cell[:1:-1])
+             for cell in cells]
+    text = "\n".join((
+        "# vtk DataFile Version 3.0", "pad", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {len(vertices)} double",
+        *(" ".join(f"{value:.17g}" for value in vertex) for vertex in vertices),
+        f"CELLS {len(cells)} {5 * len(cells)}", *(" ".join(map(str, (4, *cell))) for cell in cells),
+        f"CELL_TYPES {len(cells)}", *(["10"] * len(cells)), ""))
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".vtk", filename_hint="pad.vtk")))

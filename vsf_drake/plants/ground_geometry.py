@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import AddCompliantHydroelasticProperties, AddContactMaterial, Box, ProximityProperties
+from pydrake.geometry import AddContactMaterial, AddRigidHydroelasticProperties, Box, ProximityProperties
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch, check_ground
 from vsf_drake.parameters import FootParameters, FrictionParameters
-from vsf_drake.plants.contact_geometry import PRESSURE_PER_DEPTH, check_scene_graph, point_law
-from vsf_drake.plants.foot import zone_sites
+from vsf_drake.plants.contact_geometry import check_scene_graph
 
 RIGID_N_PER_M = 1e12
 """Point-contact stiffness of rigid ground; in series with a foam's it changes that by less than 1e-6."""
@@ -26,15 +25,13 @@ def add_ground_geometry(
 ) -> None:
     """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize.
 
-    Each patch is a box of GROUND_THICKNESS_M below its plane: rigid for "drake_point", for "hydroelastic" compliant
-    with a pressure of PRESSURE_PER_DEPTH times the depth. Drake adds up the forces where a foot touches two of them: at
-    a seam, and over a lower patch that a foot reaches through the upper one.
+    Each patch is a rigid box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches
+    two of them: at a seam, and over a lower patch that a foot reaches through the upper one.
 
     Args:
         ground: by default the plane z = 0.
-        foot: of the feet that will stand on it, by default the nominal one; its friction and, for "hydroelastic", its
-            foam's dissipation (the mean over its spheres). A patch with coefficients of its own gets what together
-            with the foot's gives them, as Drake takes the harmonic mean of the two.
+        foot: of the feet that will stand on it, by default the nominal one, for its friction. A patch with
+            coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
         contact: of the feet.
 
     Raises:
@@ -46,23 +43,14 @@ def add_ground_geometry(
     _check_apart(ground.patches)
     for i, patch in enumerate(ground.patches):
         if patch.stiffness_n_per_m is not None and contact == "hydroelastic":
-            raise InputError("the ground is as compliant as the foam above it for hydroelastic contact",
+            raise InputError("hydroelastic pads take the ground for rigid",
                              where=f"patches[{i}].stiffness_n_per_m",
                              right="Leave it out, or take contact drake_point")
-        properties, rate = ProximityProperties(), 0.0
-        if contact == "hydroelastic":
-            modulus = PRESSURE_PER_DEPTH * 0.5 * GROUND_THICKNESS_M
-            AddCompliantHydroelasticProperties(GROUND_THICKNESS_M, modulus, properties)
-            rate = _mean_dissipation(foot)
-        AddContactMaterial(rate, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
+        properties = ProximityProperties()
+        AddRigidHydroelasticProperties(1.0, properties)
+        AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
                            properties)
         plant.RegisterCollisionGeometry(plant.world_body(), *_box_under(patch), f"ground_{i}_{patch.name}", properties)
-
-
-def _mean_dissipation(foot: FootParameters) -> float:
-    count = [len(zone.x_mm) for zone in foot.zones]
-    sites = zone_sites(foot.zones, [0] * sum(count), np.zeros((sum(count), 3)))
-    return float(np.mean(point_law(sites)[1]))
 
 
 def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:

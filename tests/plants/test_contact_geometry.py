@@ -1,0 +1,248 @@
+"""Drake's own contact under the foot, held against our laws and closed forms in given poses and motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.model_file import secant_stiffness
+from vsf_drake.parameters import FootParameters, FrictionParameters
+from vsf_drake.plants import add_foot, add_ground_geometry, wire_foot
+from vsf_drake.plants.contact_geometry import (
+    PAD_THICKNESS_M,
+    PRESSURE_PER_DEPTH,
+    REFERENCE_LOAD_N,
+    RIM_M,
+    pad_widths,
+    point_law,
+)
+from vsf_drake.plants.foot import FootHandles
+
+FOOT = FootParameters()
+NAMES = ("grf", "cop", "free_moment")
+
+
+@dataclass
+class Stand:
+    """A floating shank with the foot over a ground, whose pose and motion are given."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    foot: FootHandles
+    context: Context
+
+    def place(self, position=(0.0, 0.0, 0.0), angles=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
+        """Pose of the foot's frame K in W, with K's origin where the unloaded sole is at `position`; velocity of K."""
+        own = self.plant.GetMyMutableContextFromRoot(self.context)
+        X_WK = RigidTransform(RollPitchYaw(*angles), np.zeros(3))
+        sole = X_WK.rotation() @ [0.0, 0.0, -(0.5 * FOOT.keel.thickness_m + FOOT.foam_thickness_m)]
+        X_WK.set_translation(np.array(position) - sole)
+        X_KS = self.foot.frame.EvalPoseInWorld(own).inverse() @ self.shank.EvalPoseInWorld(own)
+        self.plant.SetFreeBodyPose(own, self.shank, X_WK @ X_KS)
+        v = np.zeros(self.plant.num_velocities())
+        start = self.shank.floating_velocities_start_in_v()
+        v[start + 3 : start + 6] = velocity
+        self.plant.SetVelocities(own, v)
+
+    @property
+    def shank(self):
+        return self.plant.GetBodyByName("shank")
+
+    def reads(self):
+        return {name: self.diagram.GetOutputPort(name).Eval(self.context) for name in NAMES}
+
+
+def stand(contact, ground=None, parameters=FOOT):
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+    shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(5.0, 0.1, 0.1, 0.4))
+    foot = add_foot(plant, shank.body_frame(), parameters, contact=contact)
+    own = contact in ("drake_point", "hydroelastic")
+    if own:
+        add_ground_geometry(plant, ground, foot=parameters, contact=contact)
+    plant.Finalize()
+    wired = wire_foot(builder, plant, foot, ground=None if own else ground)
+    for name in NAMES:
+        builder.ExportOutput(wired.GetOutputPort(name), name)
+    diagram = builder.Build()
+    return Stand(diagram, plant, foot, diagram.CreateDefaultContext())
+
+
+@pytest.fixture(scope="module")
+def point():
+    return stand("drake_point")
+
+
+@pytest.fixture(scope="module")
+def pads():
+    return stand("hydroelastic")
+
+
+def test_point_contact_is_the_hunt_crossley_law_of_the_same_foot(point):
+    ours = stand("hunt_crossley")
+    for angles, velocity in (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.02, 0.15, 0.3), (0.0, 0.0, -0.2)),
+                             ((-0.03, -0.2, 0.0), (0.0, 0.0, 0.1))):
+        for each in (point, ours):
+            each.place((0.3, 0.1, -0.004), angles, velocity)
+        drake, law = point.reads(), ours.reads()
+        np.testing.assert_allclose(drake["grf"][2], law["grf"][2], rtol=1e-5)
+        assert law["grf"][2] > 50.0
+
+
+def test_centre_of_pressure_under_drakes_contact_is_that_of_the_same_forces(point):
+    """At rest, where there is no friction to act at different heights."""
+    ours = stand("kelvin_voigt")
+    for each in (point, ours):
+        each.place((0.3, 0.1, -0.004), (0.02, 0.1, 0.3))
+    drake, law = point.reads(), ours.reads()
+    np.testing.assert_allclose(drake["cop"], law["cop"], atol=1e-6)
+    np.testing.assert_allclose(drake["free_moment"], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 6e-3, 0.015])
+def test_flat_pads_bear_the_sum_of_the_zones_stiffness_times_depth(pads, depth):
+    """But for the rim of each, over which the pressure falls: at most 2 rim / width, wide in proportion to depth."""
+    pads.place((0.0, 0.0, -depth))
+    read = pads.reads()
+    lost = 1.0 - read["grf"][2] / (depth * np.sum(pads.foot.sites.stiffness))
+    rim = RIM_M * depth / (PAD_THICKNESS_M - RIM_M)
+    assert 0.0 <= lost <= 2.0 * rim / pad_widths(pads.foot.sites).min() < 0.003
+    x = [x for zone in FOOT.zones for x in zone.x_mm]
+    k = [zone.stiffness for zone in FOOT.zones for _ in zone.x_mm]
+    np.testing.assert_allclose(read["cop"], [1e-3 * np.dot(k, x) / np.sum(k), 0.0, 0.0], atol=1e-4)
+
+
+def test_damping_of_pads_is_that_of_hunt_and_crossley(pads):
+    depth, rate = 5e-3, 0.1
+    pads.place((0.0, 0.0, -depth))
+    still = pads.reads()["grf"][2]
+    pads.place((0.0, 0.0, -depth), velocity=(0.0, 0.0, -rate))
+    _, dissipation = point_law(pads.foot.sites)
+    assert np.ptp(dissipation) < 1e-9 * dissipation[0]
+    np.testing.assert_allclose(pads.reads()["grf"][2], still * (1.0 + dissipation[0] * rate), rtol=1e-6)
+
+
+@pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
+def test_sliding_foot_is_held_back_by_the_patchs_kinetic_friction(contact):
+    ground = Ground(patches=(GroundPatch(mu_static=0.3, mu_kinetic=0.12),))
+    sliding = stand(contact, ground)
+    sliding.place((0.0, 0.0, -0.003), velocity=(0.6, -0.8, 0.0))
+    force = sliding.reads()["grf"]
+    np.testing.assert_allclose(force[:2], -0.12 * force[2] * np.array([0.6, -0.8]), rtol=1e-3)
+
+
+def test_force_stands_on_a_sloping_patch_as_our_law_has_it():
+    ground = Ground(patches=(GroundPatch(height_m=0.2, reference_x_m=0.1, slope_deg=8.0, bank_deg=-3.0),))
+    made = {contact: stand(contact, ground) for contact in ("drake_point", "hunt_crossley")}
+    for each in made.values():
+        each.place((0.1, 0.0, 0.195), (0.0, -np.radians(8.0), 0.0))
+    drake, law = (made[contact].reads()["grf"] for contact in ("drake_point", "hunt_crossley"))
+    np.testing.assert_allclose(drake, law, rtol=1e-5)
+    assert law[0] < -10.0 < 10.0 < law[2]
+
+
+def test_steps_and_bounds_are_where_the_patches_have_them():
+    ground = Ground(patches=(GroundPatch(to_x_m=0.5), GroundPatch(name="step", from_x_m=0.5, height_m=0.1)))
+    made = stand("drake_point", ground)
+    made.place((0.6, 0.0, 0.101))
+    assert made.reads()["grf"][2] == 0.0
+    made.place((0.6, 0.0, 0.098))
+    np.testing.assert_allclose(made.reads()["grf"][2], 2e-3 * np.sum(made.foot.sites.stiffness), rtol=1e-5)
+
+
+def test_compliant_patch_gives_in_series_with_each_sphere():
+    k = 2e4
+    made = stand("drake_point", Ground(patches=(GroundPatch(stiffness_n_per_m=k),)))
+    made.place((0.0, 0.0, -0.004))
+    own = made.foot.sites.stiffness
+    np.testing.assert_allclose(made.reads()["grf"][2], 0.004 * np.sum(own * k / (own + k)), rtol=1e-9)
+
+
+def test_secant_of_a_hardening_zone_bears_the_reference_load_at_the_same_depth():
+    zone = replace(FOOT.zones[-1], stiffness=3e8, exponent=2.5)
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+    foot = add_foot(plant, plant.world_frame(), replace(FOOT, zones=(*FOOT.zones[:-1], zone)), contact="drake_point")
+    stiffness, _ = point_law(foot.sites)
+    depth = (REFERENCE_LOAD_N / zone.stiffness) ** (1.0 / zone.exponent)
+    np.testing.assert_allclose(stiffness[-1] * depth, REFERENCE_LOAD_N, rtol=1e-12)
+    np.testing.assert_allclose(stiffness[-1], secant_stiffness(3e8, 2.5, REFERENCE_LOAD_N))
+    np.testing.assert_allclose(pad_widths(foot.sites) ** 2 * PRESSURE_PER_DEPTH, stiffness, rtol=1e-12)
+
+
+@pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
+def test_bent_keel_does_not_collide_with_itself(contact, request):
+    made = request.getfixturevalue("point" if contact == "drake_point" else "pads")
+    made.place((0.0, 0.0, 1.0))
+    own = made.plant.GetMyMutableContextFromRoot(made.context)
+    for name in made.foot.keel_joint_names:
+        made.plant.GetJointByName(name).set_angle(own, 0.1)
+    results = made.plant.get_contact_results_output_port().Eval(own)
+    counts = results.num_point_pair_contacts(), results.num_hydroelastic_contacts()
+    for name in made.foot.keel_joint_names:
+        made.plant.GetJointByName(name).set_angle(own, 0.0)
+    assert counts == (0, 0)
+
+
+def test_why_drakes_contact_has_no_gradients_is_said_by_drake(point):
+    """Drake 1.51 keeps a material's numbers as float and asks for them as AutoDiffXd."""
+    point.place((0.0, 0.0, -0.003))
+    autodiff = point.diagram.ToAutoDiffXd()
+    context = autodiff.CreateDefaultContext()
+    context.SetTimeStateAndParametersFrom(point.context)
+    with pytest.raises(RuntimeError, match=r"hunt_crossley_dissipation.*is of a different type"):
+        autodiff.EvalTimeDerivatives(context)
+
+
+def plant_with_graph():
+    return AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)[0]
+
+
+def test_contact_of_drakes_without_a_scene_graph_is_refused():
+    plant = MultibodyPlant(0.0)
+    with pytest.raises(InputError, match=r"no SceneGraph.*AddMultibodyPlantSceneGraph"):
+        add_foot(plant, plant.world_frame(), FOOT, contact="drake_point")
+    with pytest.raises(InputError, match="no SceneGraph"):
+        add_ground_geometry(plant)
+
+
+def test_pads_in_a_plant_of_points_are_refused():
+    plant = plant_with_graph()
+    plant.set_contact_model(ContactModel.kPoint)
+    with pytest.raises(InputError, match=r"kPoint.*drake_point"):
+        add_foot(plant, plant.world_frame(), FOOT, contact="hydroelastic")
+
+
+def test_ground_after_finalize_is_refused():
+    plant = plant_with_graph()
+    plant.Finalize()
+    with pytest.raises(InputError, match=r"finalized.*before plant.Finalize\(\)"):
+        add_ground_geometry(plant)
+
+
+@pytest.mark.parametrize(("patches", "contact", "where"), [
+    ((GroundPatch(), GroundPatch(from_x_m=1.0)), "drake_point", r"patches\[1\]"),
+    ((GroundPatch(stiffness_n_per_m=1e4),), "hydroelastic", "stiffness_n_per_m"),
+    ((GroundPatch(mu_static=1.2),), "drake_point", "mu_static"),
+])
+def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, where):
+    foot = replace(FOOT, friction=FrictionParameters(mu_static=0.5, mu_kinetic=0.3))
+    with pytest.raises(InputError, match=where):
+        add_ground_geometry(plant_with_graph(), Ground(patches=patches), foot=foot, contact=contact)
+
+
+def test_ground_given_to_wire_foot_is_refused_under_drakes_contact():
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+    foot = add_foot(plant, plant.world_frame(), FOOT, contact="drake_point")
+    plant.Finalize()
+    with pytest.raises(InputError, match="add_ground_geometry"):
+        wire_foot(builder, plant, foot, ground=Ground())
