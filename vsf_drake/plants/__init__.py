@@ -4,6 +4,7 @@ from vsf_drake.plants.discrete_foot import follow_fulcrum, place_fulcrum
 from vsf_drake.plants.foot import FootHandles, add_foot, mirrored
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.ground_geometry import add_ground_geometry
+from vsf_drake.plants.symbolic import to_symbolic
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces
 
 __all__ = [
@@ -16,5 +17,6 @@ __all__ = [
     "place_fulcrum",
     "share_generalized_forces",
     "share_spatial_forces",
+    "to_symbolic",
     "wire_foot",
 ]

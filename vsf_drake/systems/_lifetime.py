@@ -19,8 +19,10 @@ from functools import partial
 from types import MethodType
 from typing import Any
 
+import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import CacheIndex, Context, DependencyTicket, OutputPort, ValueProducer
+from pydrake.symbolic import Expression
+from pydrake.systems.framework import CacheIndex, Context, DependencyTicket, LeafSystem_, OutputPort, ValueProducer
 
 PEERS = "_pydrake_internal_ref_cycle_peers"
 
@@ -35,6 +37,15 @@ def weakly(callback: Callable[..., Any]) -> Callable[..., Any]:
         return callback
     function, owner = method.__func__, weakref.ref(method.__self__)
     return lambda *args: function(owner(), *first, *args)
+
+
+def _quietly(calc: Callable[..., Any]) -> Callable[..., Any]:
+    """`calc` for symbolic expressions, which Drake stores as numbers that are not: numpy would warn of each."""
+    def quiet(*args: Any) -> Any:
+        with np.errstate(invalid="ignore"):
+            return calc(*args)
+
+    return quiet
 
 
 class Cached:
@@ -53,11 +64,18 @@ class Cached:
 
 
 class Collectable:
-    """Mixin, before LeafSystem, for systems that end with the last reference to them. Callbacks are methods."""
+    """Mixin, before LeafSystem, for systems that end with the last reference to them. Callbacks are methods.
+
+    Attributes:
+        why_not_symbolic: what `plants.to_symbolic` says of a system that has no form in symbolic expressions.
+    """
+
+    why_not_symbolic = "it chooses between branches of its law by the size of its inputs, which an expression has not"
 
     def DeclareVectorOutputPort(self, name: str, model: Any, calc: Callable[..., None], *more: Any) -> OutputPort:
         """As Drake's, without owning the system that the method `calc` belongs to."""
-        return super().DeclareVectorOutputPort(name, model, weakly(calc), *more)  # type: ignore[misc]
+        calc = _quietly(weakly(calc)) if isinstance(self, LeafSystem_[Expression]) else weakly(calc)
+        return super().DeclareVectorOutputPort(name, model, calc, *more)  # type: ignore[misc]
 
     def DeclareAbstractOutputPort(
         self, name: str, alloc: Callable[[], AbstractValue], calc: Callable[..., None], *more: Any

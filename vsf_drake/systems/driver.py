@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.symbolic import Expression
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
@@ -14,7 +15,7 @@ from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
-@TemplateSystem.define("GaitDriver_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@TemplateSystem.define("GaitDriver_", T_list=[float, AutoDiffXd, Expression], scope=sys.modules[__name__])
 def GaitDriver_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.symbolic import Expression
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
@@ -13,7 +14,7 @@ from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
 
-@TemplateSystem.define("FulcrumCommand_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@TemplateSystem.define("FulcrumCommand_", T_list=[float, AutoDiffXd, Expression], scope=sys.modules[__name__])
 def FulcrumCommand_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Sends the carriage to the fulcrum position and the keel's joints to straight.
