@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.multibody.plant import DiscreteContactSolver, DistanceConstraintParams, MultibodyPlant
+from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
 from pydrake.multibody.tree import MultibodyConstraintId, PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
@@ -77,9 +77,6 @@ def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: flo
         InputError: the carriage cannot reach `fulcrum_m` (m from A), or the plant's solver knows no constraints.
     """
     check_fulcrum(fulcrum_m, foot.parameters)
-    if plant.get_discrete_contact_solver() != DiscreteContactSolver.kSap:
-        raise InputError("the plant's contact approximation knows neither constraints nor implicit actuators",
-                         where="plant", right="Take kSap, kSimilar or kLagged (Drake's default), or a continuous plant")
     for name, stiffness, damping in zip(
             foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True):
         if stiffness > 0.0:
@@ -88,9 +85,14 @@ def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: flo
     _actuate(plant, foot, foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
     plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
     rod = _rod(foot, fulcrum_m)
-    return plant.AddDistanceConstraint(
-        plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
-        rod.stiffness(), rod.damping())
+    try:
+        return plant.AddDistanceConstraint(
+            plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
+            rod.stiffness(), rod.damping())
+    except RuntimeError as error:
+        raise InputError(f"the plant takes no distance constraint: {error}", where="plant",
+                         right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
+                         "or a continuous plant") from None
 
 
 def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float) -> None:

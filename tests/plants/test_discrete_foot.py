@@ -1,0 +1,195 @@
+"""The foot in a plant with a time step: statics of beam and lever, the moving support, the drop, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from vsf_drake.errors import InputError
+from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import add_foot, follow_fulcrum, place_fulcrum, wire_foot
+from vsf_drake.plants.discrete_foot import largest_step
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+from vsf_drake.simulation.contact_comparison import LAST_S, LEG_KG, PRESS_LOADS_N, SAMPLE_S, Advance, drop, press
+
+FOOT = FootParameters()
+POSITIONS_M = (0.066, 0.108, 0.151)
+MILLISECOND = Advance("1 ms", time_step_s=1e-3)
+
+
+@pytest.fixture(scope="module")
+def bench():
+    """Stiffness (N/m) of the implicit stepper's bench at POSITIONS_M."""
+    return BenchStiffness(FOOT, fulcrums_m=POSITIONS_M, heel=False).evaluate({})[0]
+
+
+class Held:
+    """The foot with its mount held and its load point C pulled up by a dead load, without weight or ground."""
+
+    def __init__(self, fulcrum_m=0.108):
+        builder = DiagramBuilder()
+        self.plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
+        self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+        self.foot = add_foot(self.plant, self.plant.world_frame(), FOOT, contact="drake_point", fulcrum_m=fulcrum_m)
+        self.plant.Finalize()
+        self.wired = wire_foot(builder, self.plant, self.foot)
+        force = ExternallyAppliedSpatialForce()
+        self.piece = self.foot.keel_body_at(FOOT.load_point_m)
+        force.body_index = self.foot.keel[self.piece].index()
+        force.p_BoBq_B = [FOOT.load_point_m - self.foot.keel_starts[self.piece], 0.0, 0.0]
+        self.force = force
+        builder.ExportInput(self.plant.get_applied_spatial_force_input_port(), "load")
+        builder.ExportInput(self.wired.fulcrum_position, "fulcrum_position")
+        for name in ("support_force", "joint_moment"):
+            builder.ExportOutput(self.wired.GetOutputPort(name), name)
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.context = self.simulator.get_mutable_context()
+        self.pull(0.0)
+        self.move(fulcrum_m)
+
+    def pull(self, newton):
+        self.force.F_Bq_W = SpatialForce(tau=np.zeros(3), f=[0.0, 0.0, newton])
+        self.diagram.GetInputPort("load").FixValue(self.context, [self.force])
+
+    def move(self, fulcrum_m):
+        self.diagram.GetInputPort("fulcrum_position").FixValue(self.context, [fulcrum_m])
+
+    def advance(self, seconds):
+        self.simulator.AdvanceTo(self.context.get_time() + seconds)
+
+    def read(self, name):
+        return self.diagram.GetOutputPort(name).Eval(self.context)
+
+    def height(self):
+        X_WB = self.foot.keel[self.piece].EvalPoseInWorld(self.plant.GetMyContextFromRoot(self.context))
+        return (X_WB @ self.force.p_BoBq_B)[2]
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_forefoot_is_as_stiff_in_a_discrete_plant_as_on_the_bench(bench, row):
+    """The keel under dead loads of 200 and 600 N at 1 ms, the bench's foam in series."""
+    rise = press(FOOT, MILLISECOND, POSITIONS_M[row])
+    slope = np.diff(PRESS_LOADS_N)[0] / (rise[1] - rise[0])
+    assert 1.0 / (1.0 / slope + 1.0 / FOOT.series_stiffness_n_per_m) == pytest.approx(bench[row], rel=1e-3)
+
+
+def test_small_load_bends_the_discrete_keel_as_beam_and_springs_in_series():
+    """Closed form of the overhung beam on its compliant support, which a chain of 8 joints follows to some per cent."""
+    foot = Held(0.108)
+    start = foot.height()
+    foot.pull(5.0)
+    foot.advance(0.2)
+    bending = FOOT.keel.flexural_modulus_pa * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m)
+    beam = combined_stiffness(bending_stiffness=bending, support=0.108, load_point=FOOT.load_point_m,
+                              fulcrum_stiffness=FOOT.fulcrum.stiffness_n_per_m)
+    assert 5.0 / (foot.height() - start) == pytest.approx(float(beam), rel=0.05)
+
+
+def test_support_and_springs_bear_what_lever_and_overhang_ask():
+    foot = Held(0.108)
+    foot.pull(5.0)
+    foot.advance(0.2)
+    assert foot.read("support_force")[0] == pytest.approx(-5.0 * FOOT.load_point_m / 0.108, rel=2e-3)
+    ahead = foot.foot.keel_starts[foot.foot.keel_starts > 0.108]
+    arms = np.maximum(FOOT.load_point_m - ahead, 0.0)
+    np.testing.assert_allclose(foot.read("joint_moment")[-len(ahead):], -5.0 * arms, rtol=2e-3, atol=1e-4)
+
+
+def test_support_follows_the_fulcrum_position_from_joint_to_joint_under_load():
+    """Moved 85 mm under 300 N the keel stands where it stands when it was there from the start."""
+    moving, standing = Held(0.066), Held(0.151)
+    follow_fulcrum(moving.simulator, moving.plant, moving.wired)
+    for foot in (moving, standing):
+        foot.pull(300.0)
+        foot.advance(0.2)
+    for position in np.linspace(0.066, 0.151, 50):
+        moving.move(position)
+        moving.advance(2e-3)
+    moving.advance(0.2)
+    standing.advance(0.3)
+    assert moving.height() == pytest.approx(standing.height(), abs=1e-7)
+    assert moving.read("support_force")[0] == pytest.approx(standing.read("support_force")[0], rel=1e-5)
+    carriage = moving.plant.GetJointByName(moving.foot.carriage_joint_name)
+    assert carriage.get_translation(moving.plant.GetMyContextFromRoot(moving.context)) == pytest.approx(0.151, abs=1e-6)
+
+
+def test_support_is_placed_in_the_context_without_a_simulator():
+    placed, standing = Held(0.066), Held(0.151)
+    own = placed.plant.GetMyMutableContextFromRoot(placed.context)
+    place_fulcrum(placed.plant, own, placed.foot, 0.151)
+    for foot in (placed, standing):
+        foot.pull(300.0)
+        foot.advance(0.2)
+    assert placed.height() == pytest.approx(standing.height(), abs=1e-9)
+
+
+def test_earlier_monitor_goes_on_and_may_still_stop_the_run():
+    foot, seen = Held(0.066), []
+    foot.simulator.set_monitor(lambda context: seen.append(context.get_time()))
+    follow_fulcrum(foot.simulator, foot.plant, foot.wired)
+    foot.advance(0.01)
+    assert seen[-1] == pytest.approx(0.01)
+    assert len(seen) >= 10
+
+
+@pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
+def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
+    force, _, note = drop(FOOT, contact, MILLISECOND, 0.151, 0.8, np.inf)
+    assert note == ""
+    assert force.max() > 200.0
+    rest = force[-round(LAST_S / SAMPLE_S):].mean()
+    assert rest == pytest.approx((LEG_KG + FOOT.mass_kg) * 9.81, rel=5e-3)
+
+
+def test_own_laws_are_refused_where_their_explicit_force_would_blow_up():
+    plant = MultibodyPlant(1e-3)
+    with pytest.raises(InputError, match=r"kelvin_voigt is an explicit force.*at most 0\.1 ms, contact drake_point"):
+        add_foot(plant, plant.world_frame(), FOOT)
+
+
+def test_largest_step_is_in_proportion_to_mass_over_damping():
+    plant = MultibodyPlant(1e-5)
+    twice = replace(FOOT, zones=tuple(
+        replace(zone, damping_n_s_per_m=2.0 * zone.damping_n_s_per_m) for zone in FOOT.zones))
+    one = add_foot(plant, plant.world_frame(), FOOT, name="one")
+    two = add_foot(plant, plant.world_frame(), twice, name="two")
+    assert largest_step(one) == pytest.approx(2.0 * largest_step(two))
+
+
+def test_position_that_is_not_the_supports_is_refused_at_wiring():
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(1e-5))
+    foot = add_foot(plant, plant.world_frame(), FOOT, fulcrum_m=0.09)
+    plant.Finalize()
+    with pytest.raises(InputError, match=r"stands at 90 mm.*fulcrum_m=0\.12, or move it by place_fulcrum"):
+        wire_foot(builder, plant, foot, fulcrum_m=0.12)
+
+
+def test_support_of_a_continuous_plant_cannot_be_placed():
+    plant = MultibodyPlant(0.0)
+    foot = add_foot(plant, plant.world_frame(), FOOT)
+    plant.Finalize()
+    with pytest.raises(InputError, match="continuous plant"):
+        place_fulcrum(plant, plant.CreateDefaultContext(), foot, 0.1)
+
+
+def test_solver_without_constraints_is_refused():
+    plant = MultibodyPlant(1e-5)
+    if not hasattr(DiscreteContactApproximation, "kTamsi"):
+        pytest.skip("this Drake has no other solver")
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
+    with pytest.raises(InputError, match="kLagged"):
+        add_foot(plant, plant.world_frame(), FOOT)
