@@ -67,6 +67,7 @@ def test_mistakes_are_refused(run, words, said):
     assert code == 2 and said in error
 
 
+@pytest.mark.slow
 def test_it_serves_a_page_until_ctrl_c():
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen([sys.executable, "-c", SERVING], text=True, **pipes)
