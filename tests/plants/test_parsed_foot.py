@@ -96,6 +96,42 @@ def test_parsed_foot_moves_as_an_added_one(both, seed):
     np.testing.assert_allclose(found, known, rtol=1e-5, atol=1e-5 * np.abs(known).max())
 
 
+@pytest.mark.parametrize(("asked", "known"), [(None, 0.108), (0.12, 0.12)])
+def test_carriage_starts_where_its_servo_holds_it(asked, known):
+    """At the default position of the directives, or where the caller says."""
+    builder = DiagramBuilder()
+    plant = leg_plant(builder, FOOT_UNDER_LEG)
+    plant.Finalize()
+    wired = wire_foot(builder, plant, find_foot(plant, "vsf", FOOT, fulcrum_m=asked))
+    context = builder.Build().CreateDefaultContext()
+    slide = plant.GetJointByName("fulcrum")
+    assert slide.get_translation(plant.GetMyContextFromRoot(context)) == known
+    force = wired.GetOutputPort("generalized_force").Eval(wired.forces.GetMyContextFromRoot(context))
+    assert force[slide.velocity_start()] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_carriage_of_a_file_without_a_position_goes_to_that_of_add_foot():
+    plant = parsed(foot_sdf(FOOT))
+    assert find_foot(plant, "vsf", FOOT).fulcrum_m == 0.108
+    assert plant.GetJointByName("fulcrum").get_default_translation() == 0.108
+
+
+def test_foot_of_a_model_within_a_namespace_is_found_and_wired(tmp_path):
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    (tmp_path / "robot.dmd.yaml").write_text(
+        "directives:\n- add_model_instance: {name: robot}\n"
+        f"- add_directives: {{file: '{FOOT_UNDER_LEG}', model_namespace: robot}}\n", encoding="utf-8")
+    parser = Parser(plant)
+    add_model_package(parser)
+    parser.AddModels(str(tmp_path / "robot.dmd.yaml"))
+    plant.Finalize()
+    foot = find_foot(plant, "robot::vsf", FOOT)
+    assert foot.name == "robot::vsf"
+    assert wire_foot(builder, plant, foot).forces is not None
+    builder.Build()
+
+
 def test_springs_of_the_file_are_left_out_of_the_wired_forces(both):
     (_, _, from_file), (_, _, by_hand) = both
     assert not from_file.foot.joint_stiffness.any()
@@ -158,6 +194,13 @@ def test_collision_spheres_are_drakes_contact_where_nobody_asks_for_another(with
     context = builder.Build().CreateDefaultContext()
     touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
     assert touching.num_point_pair_contacts() == 21, "all but the three of the frame, which is welded to the world"
+
+
+def test_collision_spheres_of_another_foam_are_refused_where_they_can_be_seen(with_floor):
+    _, plant, scene_graph = with_floor
+    harder = replace(FOOT, zones=(*FOOT.zones[:-1], replace(FOOT.zones[-1], stiffness=9000.0)))
+    with pytest.raises(InputError, match=r"foam_11 has stiffness \(N/m\) 7872.5, by the parameters 9000"):
+        find_foot(plant, "vsf", harder, contact="drake_point", scene_graph=scene_graph)
 
 
 def test_a_law_beside_collision_spheres_is_refused(with_floor):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from pydrake.geometry import Role, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -29,9 +29,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.export.rigid_foot import NAME
-from vsf_drake.plants.foot import CONTACTS, FootHandles, add_foot
+from vsf_drake.plants.foot import FootHandles, add_foot
 from vsf_drake.plants.foot_checks import checked_side
-from vsf_drake.systems.foot_forces import CONTACT_LAWS
+from vsf_drake.plants.parsed_contact import parsed_contact
 
 AGREEMENT = 1e-9
 """Of masses, inertias, springs (relative) and places (m): files have 12 digits."""
@@ -52,9 +52,9 @@ def find_foot(
 
     Springs count once: a joint whose spring and damper the plant has from the file gets zero `joint_stiffness` and
     `joint_damping` in the handles, so that `wire_foot` adds none and the output joint_moment of `FootForces` is zero
-    there. A file without springs leaves them to `wire_foot`. A plant with a time step needs this to be called before
-    Finalize, because the carriage's hold, the support and springs that the file lacks become a part of it (see
-    `discrete_foot`).
+    there. A file without springs leaves them to `wire_foot`, in whose Context they can be changed. A plant with a time
+    step needs this to be called before Finalize, because the carriage's hold, the support and springs that the file
+    lacks become a part of it (see `discrete_foot`).
 
     So does contact: the laws of `FootForces` and Drake's own contact of the file's collision spheres cannot both act.
 
@@ -64,9 +64,11 @@ def find_foot(
         side: see `add_foot`.
         contact: one of `foot.CONTACTS`; by default "drake_point" where the plant has the file's collision spheres, else
             "kelvin_voigt".
-        fulcrum_m: see `add_foot`.
+        fulcrum_m: see `add_foot`; by default the carriage's default position (default_joint_positions of the model
+            directives), if that is within reach. It becomes the carriage's default.
         scene_graph: needed for a law of `FootForces` where the plant has collision spheres, which are then taken out
-            of it (they lose their proximity role). Before the diagram's Context is made.
+            of it (they lose their proximity role). Before the diagram's Context is made. With "drake_point" it lets the
+            spheres be held against the parameters too.
 
     Raises:
         InputError: there is no such instance or it is no exported foot; it differs from the parameters, and how; it
@@ -87,13 +89,22 @@ def find_foot(
     stiffness, damping = _left_to_wire(plant, joints[:-1], reference, name)
     sites = replace(reference.sites, body_indices=[bodies[i].index() for i in reference.sites.body_indices])
     keel = [bodies[body.index()] for body in reference.keel]
-    pads = int(np.count_nonzero(sites.stiffness))
-    chosen = _contact(plant, [bodies[reference.frame.index()], *keel], pads, contact, scene_graph, name)
     foot = replace(
-        reference, name=name, contact=chosen, side=checked_side(parameters, side), instance=instance,
+        reference, name=name, side=checked_side(parameters, side), instance=instance,
         frame=bodies[reference.frame.index()], mount=mount, keel=keel, joint_stiffness=stiffness,
-        joint_damping=damping, sites=sites)
+        joint_damping=damping, sites=sites, fulcrum_m=_fulcrum(joints[-1], reference, fulcrum_m))
+    foot = replace(foot, contact=parsed_contact(plant, foot, contact, scene_graph, agreement=AGREEMENT))
     return foot if plant.time_step() == 0.0 else _with_implicit_device(plant, foot, reference)
+
+
+def _fulcrum(carriage: Joint, reference: FootHandles, asked: float | None) -> float:
+    """Position (m from A) that was asked for, else the carriage's default, if it is in reach; becomes its default."""
+    assert isinstance(carriage, PrismaticJoint)
+    at, fulcrum = carriage.get_default_translation(), reference.parameters.fulcrum
+    if asked is not None or not fulcrum.rearmost_m <= at <= fulcrum.foremost_m:
+        at = reference.fulcrum_m
+        carriage.set_default_translation(at)
+    return float(at)
 
 
 def _with_implicit_device(plant: MultibodyPlant, foot: FootHandles, reference: FootHandles) -> FootHandles:
@@ -214,33 +225,3 @@ def _left_to_wire(
                              where=f"{foot}: {joints[i].name()}", right=_AGAIN)
     stiffness, damping = (np.where(have != 0.0, 0.0, want) for have, want in zip(found, expected, strict=True))
     return stiffness, damping
-
-
-def _contact(
-    plant: MultibodyPlant, bodies: list[RigidBody], count: int, contact: str | None, scene_graph: SceneGraph | None,
-    foot: str
-) -> str:
-    """The contact; of a law of ours the collision spheres are taken out of `scene_graph`."""
-    if contact is not None and contact not in CONTACTS:
-        raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
-    shapes = [i for body in bodies for i in plant.GetCollisionGeometriesForBody(body)]
-    if scene_graph is not None:
-        inspector = scene_graph.model_inspector()
-        shapes = [i for i in shapes if inspector.GetProximityProperties(i) is not None]
-    if contact is None:
-        contact = "drake_point" if shapes else "kelvin_voigt"
-    if contact in CONTACT_LAWS:
-        if shapes and scene_graph is None:
-            raise InputError(f"the plant has {len(shapes)} collision spheres of the foot, which {contact!r} would act "
-                             "beside", where=f"{foot}: contact", right="Give scene_graph, from which they are then "
-                             "taken out, or contact=\"drake_point\", or export the foot with --no-collision")
-        for shape in shapes:
-            scene_graph.RemoveRole(plant.get_source_id(), shape, Role.kProximity)  # type: ignore[union-attr]
-    elif contact != "drake_point":
-        raise InputError(f"{contact!r} is not what the file's collision spheres are made for", where=f"{foot}: contact",
-                         right="Use add_foot for it, or \"drake_point\"")
-    elif len(shapes) != count:
-        raise InputError(f"the plant has {len(shapes)} collision spheres of the foot, the parameters {count}",
-                         where=f"{foot}: contact", right="Register the plant with a SceneGraph before parsing "
-                         "(AddMultibodyPlantSceneGraph), and export the foot with collision spheres")
-    return contact
