@@ -14,6 +14,8 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.files import replaced
@@ -63,7 +65,7 @@ def _cells(row: Row, bench: float) -> tuple[str, ...]:
         return "-" if value is None else format(scale * value, form)
 
     remarks = [row.note] if row.note else []
-    if row.settled is not None and abs(row.settled - 1.0) > SETTLED:
+    if row.settled is not None and not _comes_to_rest(row):
         remarks.append(f"not on its weight within {100 * SETTLED:g} %")
     off = None if row.stiffness_n_per_m is None else row.stiffness_n_per_m / bench - 1.0
     if off is not None and abs(off) > STIFF:
@@ -77,8 +79,8 @@ def _write(stem: Path, made: Comparison, table: list[tuple[str, ...]], bench: fl
     lines = ["| " + " | ".join(cells) + " |" for cells in (COLUMNS, ("---",) * len(COLUMNS), *table)]
     text = "\n".join((
         *lines, "", f"Weight {made.weight_n:.1f} N, fulcrum at {1e3 * made.fulcrum_m:g} mm, bench "
-        f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, {made.reference_name}, whose peak is "
-        f"{made.reference_n.max():.0f} N.", ""))
+        f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, {made.reference_name}, whose "
+        f"peak is {made.reference_n.max():.0f} N.", ""))
     print(text)
     with replaced(stem.with_suffix(".md")) as stream:
         stream.write(text)
@@ -90,28 +92,35 @@ def _write(stem: Path, made: Comparison, table: list[tuple[str, ...]], bench: fl
         "rows": [dataclasses.asdict(row) for row in made.rows]})
 
 
-def _figure(made: Comparison):
+def _comes_to_rest(row: Row) -> bool:
+    return row.settled is not None and abs(row.settled - 1.0) <= SETTLED
+
+
+def _figure(made: Comparison) -> Figure:
     figure = new_figure(9.0, 3.6)
     force, cost = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
     force.plot(made.time_s, made.reference_n, color="0.75", linewidth=4.0, label="reference")
     drawn: set[str] = set()
     for row in sorted(made.rows, key=lambda row: row.real_time_factor or np.inf):
-        if row.peak_n is not None and row.contact not in drawn:
+        if _comes_to_rest(row) and row.contact not in drawn:
             drawn.add(row.contact)
             force.plot(made.time_s, made.force_n[row.contact, row.way], color=COLOURS[row.contact], linewidth=1.0,
                        label=f"{row.contact}, {row.way}")
     force.axhline(made.weight_n, color="0.4", linestyle=":", linewidth=0.8)
     force.legend()
-    label(force, x="time (s)", y="vertical force (N)", title="The drop; of each contact the fastest way that runs")
+    label(force, x="time (s)", y="vertical force (N)", title="The drop: each contact by its fastest way to rest")
     ways = list(dict.fromkeys(row.way for row in made.rows))
     for row in made.rows:
         if row.real_time_factor is not None:
-            cost.plot(row.real_time_factor, ways.index(row.way), "x" if row.note else "o", color=COLOURS[row.contact])
+            marker = "x" if row.note else "o"
+            cost.plot(row.real_time_factor, ways.index(row.way) + 0.08 * (CONTACTS.index(row.contact) - 2), marker,
+                      color=COLOURS[row.contact], fillstyle="full" if _comes_to_rest(row) else "none")
     cost.axvline(1.0, color="0.4", linestyle=":", linewidth=0.8)
     cost.set_xscale("log")
     cost.set_yticks(range(len(ways)), ways)
     cost.invert_yaxis()
-    label(cost, x="wall time / simulated time (1)", y="", title="Cost; crosses did not reach the end")
+    cost.xaxis.set_minor_formatter(NullFormatter())
+    label(cost, x="wall time / simulated time (1)", y="", title="Cost (hollow: wrong rest; cross: too slow)")
     return figure
 
 
