@@ -3,14 +3,17 @@
 from vsf_drake.plants.discrete_foot import follow_fulcrum, place_fulcrum
 from vsf_drake.plants.foot import FootHandles, add_foot, mirrored
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
+from vsf_drake.plants.fulcrum_drive import FulcrumDrive, add_fulcrum_drive
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.symbolic import to_symbolic
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces
 
 __all__ = [
     "FootHandles",
+    "FulcrumDrive",
     "WiredFoot",
     "add_foot",
+    "add_fulcrum_drive",
     "add_ground_geometry",
     "follow_fulcrum",
     "mirrored",

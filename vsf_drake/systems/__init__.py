@@ -5,16 +5,24 @@ name; physical constants are numeric parameters in the Context, read and set by 
 `GetParameter` and `SetParameters`.
 """
 
+from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder, AdjustmentRecorder_
 from vsf_drake.systems.bushing import SocketBushing, SocketBushing_
 from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_
 from vsf_drake.systems.driver import GaitDriver, GaitDriver_
 from vsf_drake.systems.friction import StickSlipFriction, StickSlipFriction_
 from vsf_drake.systems.fulcrum import FulcrumSupport, FulcrumSupport_
+from vsf_drake.systems.fulcrum_actuator import FulcrumActuator, FulcrumActuator_
 from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
 from vsf_drake.systems.keel import KeelElasticity, KeelElasticity_
+from vsf_drake.systems.shank_angle import ShankAngle, ShankAngle_
+from vsf_drake.systems.swing_controller import SwingController, SwingController_
 from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
 
 __all__ = [
+    "AdjustmentRecorder",
+    "AdjustmentRecorder_",
+    "FulcrumActuator",
+    "FulcrumActuator_",
     "FulcrumSupport",
     "FulcrumSupport_",
     "GaitDriver",
@@ -25,10 +33,14 @@ __all__ = [
     "KeelElasticity_",
     "KelvinVoigtContact",
     "KelvinVoigtContact_",
+    "ShankAngle",
+    "ShankAngle_",
     "SocketBushing",
     "SocketBushing_",
     "StickSlipFriction",
     "StickSlipFriction_",
+    "SwingController",
+    "SwingController_",
     "TestingMachine",
     "TestingMachine_",
 ]
