@@ -5,10 +5,14 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+import api_pages
 import built_diagrams
+import docstrings
 import port_text
 from docutils import nodes
 from docutils.parsers.rst import Directive
+from sphinx import addnodes
+from sphinx.util.docutils import SphinxDirective
 
 
 class PydrakeSystem(Directive):
@@ -94,4 +98,22 @@ class DiagramPorts(Directive):
         for side, known, names in _sides(cls.__doc__):
             rows = [(name, sizes[name], known[name].text) for name in names]
             found += [nodes.rubric("", side), _table(("port", "size", "what"), rows)]
+        return found
+
+
+class AllSystems(SphinxDirective):
+    """`all-systems`: the block of every public system, under a link to its page."""
+
+    def run(self) -> list[nodes.Node]:
+        found: list[nodes.Node] = []
+        for module in api_pages.public_modules():
+            for name in docstrings.template_systems(module):
+                shown = name.removesuffix("_")
+                block = port_text.port_block(getattr(module, shown).__doc__)
+                if block is None:
+                    continue
+                link = addnodes.pending_xref(
+                    "", nodes.literal("", shown), refdomain="py", reftype="class", refwarn=True,
+                    reftarget=f"{module.__name__}.{shown}", refdoc=self.env.docname)
+                found += [nodes.paragraph("", "", link), drawn(block)]
         return found

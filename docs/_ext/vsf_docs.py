@@ -25,4 +25,5 @@ def setup(app: Any) -> dict[str, Any]:
     app.add_directive("pydrake_system", port_nodes.PydrakeSystem)
     app.add_directive("system-ports", port_nodes.SystemPorts)
     app.add_directive("diagram-ports", port_nodes.DiagramPorts)
+    app.add_directive("all-systems", port_nodes.AllSystems)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,78 @@
+"""The tutorials run as they stand, print what they say they print, and show the pictures that their code makes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+import tutorial
+from matplotlib.image import imread
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+
+
+def test_there_is_a_tutorial_for_each_kind_of_user():
+    assert {path.stem for path in TUTORIALS} == {"researcher", "roboticist", "tester"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_tutorial_does_what_it_says(page, tmp_path):
+    with matplotlib.rc_context({"backend": "agg"}):
+        wrong = tutorial.run(page, tmp_path)
+        matplotlib.pyplot.close("all")
+    assert not wrong, "\n\n".join(wrong)
+    for name in tutorial.pictures(page):
+        made, shown = imread(tmp_path / name), imread(page.parent / "pictures" / name)
+        assert made.shape == shown.shape, f"run python docs/_ext/tutorial.py {page}"
+        assert np.mean(np.abs(made - shown)) < 0.02, f"the picture is another: python docs/_ext/tutorial.py {page}"
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_every_figure_in_a_tutorial_is_checked(page):
+    """What a block prints is followed by what the reader will see; nothing else is run."""
+    found = tutorial.blocks(page)
+    assert {block.language for block in found} <= {"python", "bash", "text", "shell"}
+    for block, following in zip(found, [*found[1:], None], strict=True):
+        if block.language == "python" and "print(" in block.text:
+            assert following is not None and following.language == "text", f"{page.name}:{block.line}"
+    assert any(block.language == "text" for block in found)
+
+
+@pytest.mark.parametrize(("printed", "page", "agrees"), [
+    ("peak 12.34 N\n", "peak 12.34 N", True),
+    ("peak 12.35 N\n", "peak 12.34 N", True),
+    ("peak 12.36 N\n", "peak 12.34 N", False),
+    ("peak 12.341 N\n", "peak 12.3 N", True),
+    ("peak -3 N", "peak 3 N", False),
+    ("at 66 mm: 10.0 N/mm\nat 151 mm: 32.0 N/mm", "at 66 mm:  10.0 N/mm\n  at 151 mm: 32.0 N/mm", True),
+    ("at 66 mm: 10.0 N/mm", "at 66 mm: 10.0 N", False),
+    ("name v_2: 7 steps, done", "name v_2: ... done", True),
+    ("name v_3: 7 steps, done", "name v_2: ... done", False),
+    ("a table | walk_1 | good | 5\nmore", "... walk_1 ... good ...", True),
+    ("2.1e-05 m", "2.0e-05 m", True),
+    ("2.3e-05 m", "2.0e-05 m", False),
+])
+def test_printed_numbers_are_compared_to_their_last_written_digit(printed, page, agrees):
+    assert tutorial.same(printed, page) is agrees
+
+
+def test_blocks_share_a_namespace_and_a_wrong_number_is_told_with_its_line(tmp_path):
+    page = tmp_path / "page.md"
+    blocks = ("Text.\n", "```python\na = 2\n```\n", "```python\nprint(a + 2)\n```\n", "```text\n7\n```\n")
+    page.write_text("\n".join(blocks), encoding="utf-8")
+    (wrong,) = tutorial.run(page, tmp_path)
+    assert "page.md:12" in wrong
+    page.write_text("```python\n1 / 0\n```\n", encoding="utf-8")
+    with pytest.raises(ZeroDivisionError):
+        tutorial.run(page, tmp_path)
+
+
+def test_a_command_that_fails_is_told(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```bash\nvsf-drake bench --fulcrum-mm 9000 \\\n    --out x\n```\n", encoding="utf-8")
+    with pytest.raises(AssertionError, match="bench --fulcrum-mm 9000 --out x ended with 2"):
+        tutorial.run(page, tmp_path)
