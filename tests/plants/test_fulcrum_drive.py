@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
@@ -16,8 +16,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.plants.fulcrum_drive import add_fulcrum_drive
+from vsf_drake.plants import add_foot, add_fulcrum_drive, follow_fulcrum, wire_foot
 
 
 class Rig(NamedTuple):
@@ -128,6 +127,29 @@ def test_the_whole_diagram_converts_and_its_derivatives_are_exact():
     by_difference = np.stack([(rates(state + h * e) - rates(state - h * e)) / (2 * h) for e in np.eye(len(state))], 1)
     scale = np.abs(by_difference).max(axis=1, keepdims=True) + 1e-9
     np.testing.assert_allclose(exact / scale, by_difference / scale, atol=2e-5)
+
+
+@pytest.mark.parametrize("contact", ["drake_point", "kelvin_voigt"])
+def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(1e-4))
+    at = plant.AddFrame(FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, 0.3])))
+    foot = add_foot(plant, at, FootParameters(), contact=contact)
+    plant.Finalize()
+    wired = wire_foot(builder, plant, foot)
+    drive = add_fulcrum_drive(builder, plant, wired)
+    builder.Connect(builder.AddSystem(ConstantVectorSource([0.13])).get_output_port(), drive.desired_position)
+    it = Simulator(builder.Build())
+    follow_fulcrum(it, plant, wired)
+    it.AdvanceTo(0.1)
+    root = it.get_context()
+    position = drive.actuator.get_output_port(0).Eval(drive.actuator.GetMyContextFromRoot(root))[0]
+    assert position > 0.108 + 0.1 * 0.06
+    plant_context = plant.GetMyContextFromRoot(root)
+    rod = plant.GetDistanceConstraintParams(plant_context, foot.support)
+    assert rod.p_BQ()[0] == pytest.approx(position, abs=5e-5)  # a step behind at most
+    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_translation(plant_context)
+    assert carriage == pytest.approx(position, abs=1e-3)  # its own servo of 100 Hz lags by 0.4 mm
 
 
 def test_two_feet_are_driven_apart():

@@ -86,7 +86,8 @@ def add_fulcrum_drive(
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
 
     Adds `<foot>_actuator`, `<foot>_swing_controller`, `<foot>_adjustments` and, where the signal needs it,
-    `<foot>_shank`. Travel and mass of the carriage are those of the foot's parameters.
+    `<foot>_shank`. Travel and mass of the carriage are those of the foot's parameters. In a plant with a time step the
+    support follows the carriage only while `follow_fulcrum` is at work.
 
     Args:
         signal: what tells of swing, see `SwingController`: "contact", "shank" or "both".
@@ -117,7 +118,8 @@ def add_fulcrum_drive(
     sensor = None
     if signal != "contact":
         body = foot.frame if shank is None else shank
-        sensor = builder.AddNamedSystem(f"{name}_shank", ShankAngle(body_index=body.index()))
+        sensor = ShankAngle(body_index=body.index())
+        builder.AddNamedSystem(f"{name}_shank", sensor)
         connect_kinematics(builder, plant, [sensor])
         builder.Connect(sensor.get_output_port(), controller.GetInputPort("shank_angle"))
     if signal != "shank":
