@@ -1,0 +1,110 @@
+"""A foot under a loose shank, wired in a diagram of its own, for tests of its forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody, RpyFloatingJoint, SpatialInertia
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from vsf_drake.parameters import FootParameters
+from vsf_drake.plants import FootHandles, WiredFoot, add_foot, wire_foot
+from vsf_drake.plants.foot import mount_pose, sole_height
+
+PARAMETERS = FootParameters()
+GRAVITY_W = np.array([0.0, 0.0, -9.81])
+
+
+@dataclass
+class LooseFoot:
+    """A shank of 3 kg with the foot below it, and a context to put it into states."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    shank: RigidBody
+    foot: FootHandles
+    wired: WiredFoot
+    context: Context
+
+    @property
+    def plant_context(self) -> Context:
+        """The plant's part of the context."""
+        return self.plant.GetMyMutableContextFromRoot(self.context)
+
+    @property
+    def forces_context(self) -> Context:
+        """The part of the context that holds the constants of the forces."""
+        return self.wired.forces.GetMyMutableContextFromRoot(self.context)
+
+    def output(self, name: str) -> np.ndarray:
+        """An output of the foot in the present state."""
+        return self.wired.GetOutputPort(name).Eval(self.forces_context).copy()
+
+    def outputs(self) -> dict[str, np.ndarray]:
+        """All vector outputs of the foot's forces."""
+        ports = [self.wired.forces.get_output_port(i) for i in range(self.wired.forces.num_output_ports())]
+        return {port.get_name(): port.Eval(self.forces_context).copy() for port in ports
+                if port.get_name() != "spatial_forces"}
+
+    def keel_rates(self) -> np.ndarray:
+        """Accelerations of keel joints and carriage."""
+        self.diagram.EvalTimeDerivatives(self.context)
+        acceleration = self.plant.get_generalized_acceleration_output_port().Eval(self.plant_context)
+        return self.plant.GetVelocitiesFromArray(self.foot.instance, acceleration)
+
+    def frame_acceleration(self) -> np.ndarray:
+        """(6,) spatial acceleration of the foot's frame in W."""
+        return self.plant.EvalBodySpatialAccelerationInWorld(self.plant_context, self.foot.frame).get_coeffs()
+
+    def place(self, X_WK: RigidTransform, V_WM: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
+        """Puts the keel frame at X_WK with the mount moving at V_WM, keel joints and carriage at q, v."""
+        X_WM = X_WK @ mount_pose(self.foot.parameters)
+        if self.plant.HasJointNamed("floating"):
+            joint = self.plant.GetJointByName("floating")
+            joint.SetPose(self.plant_context, X_WM)
+            joint.set_angular_velocity(self.plant_context, V_WM[:3])
+            joint.set_translational_velocity(self.plant_context, V_WM[3:])
+        elif self.shank.is_floating_base_body():
+            self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.plant_context, self.shank, X_WM)
+            self.plant.SetFreeBodySpatialVelocity(self.plant_context, self.shank, SpatialVelocity(V_WM))
+        self.plant.SetPositions(self.plant_context, self.foot.instance, q)
+        self.plant.SetVelocities(self.plant_context, self.foot.instance, v)
+
+
+def add_loose_shank(plant: MultibodyPlant, base: str) -> RigidBody:
+    """A body free in W by a "quaternion", by roll, pitch and yaw ("rpy"), or held ("weld")."""
+    shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))
+    if base == "rpy":
+        plant.AddJoint(RpyFloatingJoint("floating", plant.world_frame(), shank.body_frame()))
+    elif base == "weld":
+        height = PARAMETERS.build_height_m - 4e-3
+        plant.WeldFrames(plant.world_frame(), shank.body_frame(), RigidTransform([0.1, 0.2, height]))
+    return shank
+
+
+def loose_foot(*, base: str = "rpy", gravity_W: np.ndarray = GRAVITY_W, parameters: FootParameters = PARAMETERS,
+               contact: str = "kelvin_voigt", **wiring) -> LooseFoot:
+    """The foot with its forces; `wiring` goes to wire_foot."""
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    plant.mutable_gravity_field().set_gravity_vector(gravity_W)
+    shank = add_loose_shank(plant, base)
+    foot = add_foot(plant, shank.body_frame(), parameters, contact=contact)
+    plant.Finalize()
+    wired = wire_foot(builder, plant, foot, **wiring)
+    diagram = builder.Build()
+    return LooseFoot(diagram, plant, shank, foot, wired, diagram.CreateDefaultContext())
+
+
+def some_state(seed: int, *, depth: float = 4e-3) -> tuple[RigidTransform, np.ndarray, np.ndarray, np.ndarray]:
+    """Arguments of `place`: sole about `depth` (m) in the level ground, somewhat tilted, moving, keel bent."""
+    rng = np.random.default_rng(seed)
+    R_WK = RotationMatrix(RollPitchYaw(*rng.uniform(-0.03, 0.03, 2), rng.uniform(-1.0, 1.0)))
+    X_WK = RigidTransform(R_WK, [*rng.uniform(-0.3, 0.3, 2), -sole_height(PARAMETERS) - depth])
+    joints = len(PARAMETERS.keel.element_lengths_m) + 1
+    q = np.append(rng.uniform(-0.01, 0.01, joints), rng.uniform(0.07, 0.15))
+    return X_WK, rng.normal(scale=0.2, size=6), q, rng.normal(scale=0.3, size=joints + 1)

@@ -1,0 +1,293 @@
+"""The foot's forces from one system: against separate systems, AutoDiffXd, momentum, closed forms of the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_feet import GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
+from pydrake.autodiffutils import ExtractValue
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.laws.kelvin_voigt import normal_force
+from vsf_drake.plants import add_foot
+from vsf_drake.plants.device import add_device
+from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
+from vsf_drake.systems import GroundReaction, KelvinVoigtContact, StickSlipFriction
+from vsf_drake.systems.foot_forces import CONTACT_LAWS, FootForces
+
+SEEDS = (1, 2, 3)
+UNEVEN = Ground(patches=(
+    GroundPatch(slope_deg=2.0, bank_deg=-1.0),
+    GroundPatch(name="mat", from_x_m=0.0, height_m=1e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
+LEVEL = Ground()
+
+
+@pytest.fixture(scope="module")
+def feet():
+    """feet(contact, ground): wired once."""
+    made: dict = {}
+
+    def foot(contact: str = "kelvin_voigt", ground: Ground = LEVEL) -> LooseFoot:
+        if (contact, ground) not in made:
+            made[contact, ground] = loose_foot(contact=contact, ground=ground)
+        return made[contact, ground]
+
+    return foot
+
+
+class Apart:
+    """The same foot under the same shank with every force from a system of its own."""
+
+    def __init__(self) -> None:
+        builder = DiagramBuilder()
+        self.plant = builder.AddSystem(MultibodyPlant(0.0))
+        foot = add_foot(self.plant, add_loose_shank(self.plant, "rpy").body_frame(), PARAMETERS)
+        self.plant.Finalize()
+        device = add_device(builder, self.plant, foot)
+        place = {"body_indices": foot.sites.body_indices, "p_BS": foot.sites.p_BS, "radius": foot.sites.radius}
+        friction = PARAMETERS.friction
+        contact = builder.AddSystem(KelvinVoigtContact(**place, **foot.sites.law))
+        slip = builder.AddSystem(StickSlipFriction(
+            **place, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic,
+            threshold_velocity=friction.threshold_velocity_m_per_s))
+        reaction = builder.AddSystem(GroundReaction(**place))
+        for receiver in (slip, reaction):
+            builder.Connect(contact.GetOutputPort("normal_force"), receiver.GetInputPort("normal_force"))
+        builder.Connect(slip.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
+        connect_kinematics(builder, self.plant, [device.keel, device.fulcrum, device.carriage, contact, slip, reaction])
+        connect_spatial_forces(builder, self.plant, [
+            *device.spatial_ports, contact.GetOutputPort("spatial_forces"), slip.GetOutputPort("spatial_forces")])
+        connect_generalized_forces(builder, self.plant, device.generalized_ports)
+        self.sources = {"support_force": device.fulcrum, "joint_moment": device.keel, "normal_force": contact,
+                        "depth": contact, "depth_rate": contact, "friction_force": slip,
+                        **dict.fromkeys(("grf", "cop", "free_moment"), reaction)}
+        self.diagram = builder.Build()
+        self.context = self.diagram.CreateDefaultContext()
+        self.diagram.GetInputPort("fulcrum_position").FixValue(self.context, [0.108])
+
+    def derivatives(self, state: np.ndarray) -> np.ndarray:
+        self.plant.SetPositionsAndVelocities(self.plant.GetMyMutableContextFromRoot(self.context), state)
+        return self.diagram.EvalTimeDerivatives(self.context).CopyToVector()
+
+    def output(self, name: str) -> np.ndarray:
+        system = self.sources[name]
+        return system.GetOutputPort(name).Eval(system.GetMyContextFromRoot(self.context))
+
+
+@pytest.fixture(scope="module")
+def apart():
+    return Apart()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_one_system_does_what_the_separate_ones_do(feet, apart, seed):
+    one = feet()
+    one.place(*some_state(seed))
+    state = one.plant.GetPositionsAndVelocities(one.plant_context)
+    expected = apart.derivatives(state)
+    found = one.diagram.EvalTimeDerivatives(one.context).CopyToVector()
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
+    assert (one.output("normal_force") > 0).sum() > 5
+    for name in apart.sources:
+        np.testing.assert_allclose(one.output(name), apart.output(name), rtol=1e-9, atol=1e-11, err_msg=name)
+
+
+@pytest.mark.parametrize("contact", CONTACT_LAWS)
+@pytest.mark.parametrize("ground", [LEVEL, UNEVEN], ids=["level", "uneven"])
+def test_compiled_forces_equal_those_of_the_array_laws(feet, contact, ground):
+    """The array laws are what AutoDiffXd takes."""
+    foot = feet(contact, ground)
+    general = foot.diagram.ToAutoDiffXd()
+    context = general.CreateDefaultContext()
+    forces = general.GetSubsystemByName("vsf_forces")
+    for seed in SEEDS:
+        foot.place(*some_state(seed, depth=6e-3))
+        context.SetTimeStateAndParametersFrom(foot.context)
+        assert foot.output("normal_force").any()
+        for name, value in foot.outputs().items():
+            other = ExtractValue(forces.GetOutputPort(name).Eval(forces.GetMyContextFromRoot(context))).ravel()
+            np.testing.assert_allclose(value, other, rtol=1e-10, atol=1e-12 * max(1.0, np.abs(other).max()),
+                                       err_msg=name)
+        expected = foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
+        found = ExtractValue(general.EvalTimeDerivatives(context).CopyToVector()).ravel()
+        np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_quaternion_and_angles_carry_the_foot_alike(feet, seed):
+    angles, quaternion = feet(), loose_foot(base="quaternion")
+    for foot in (angles, quaternion):
+        foot.place(*some_state(seed))
+    assert quaternion.plant.num_positions() == angles.plant.num_positions() + 1
+    np.testing.assert_allclose(quaternion.keel_rates(), angles.keel_rates(), rtol=1e-8)
+    np.testing.assert_allclose(quaternion.frame_acceleration(), angles.frame_acceleration(), rtol=1e-8)
+
+
+def test_held_foot_feels_what_the_loose_one_feels_in_the_same_state(feet):
+    held, loose = loose_foot(base="weld"), feet()
+    q, v = np.append(np.linspace(-0.005, 0.02, 9), 0.1), np.append(np.linspace(0.3, -0.4, 9), 0.0)
+    held.place(RigidTransform(), np.zeros(6), q, v)
+    loose.place(held.foot.frame.EvalPoseInWorld(held.plant_context), np.zeros(6), q, v)
+    expected = loose.outputs()
+    for name, value in held.outputs().items():
+        other = expected[name][-10:] if name == "generalized_force" else expected[name]
+        np.testing.assert_allclose(value, other, rtol=1e-8, atol=1e-9, err_msg=name)
+
+
+def momentum_rate(foot: LooseFoot) -> np.ndarray:
+    """(6,) rate of angular momentum about the origin of W and of momentum, by central differences along the motion."""
+    derivative = foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
+    state = foot.plant.GetPositionsAndVelocities(foot.plant_context)
+    other, momentum = foot.plant.CreateDefaultContext(), []
+    step = 1e-8
+    for sign in (1.0, -1.0):
+        foot.plant.SetPositionsAndVelocities(other, state + sign * step * derivative)
+        momentum.append(foot.plant.CalcSpatialMomentumInWorldAboutPoint(other, np.zeros(3)).get_coeffs())
+    return (momentum[0] - momentum[1]) / (2.0 * step)
+
+
+@pytest.mark.parametrize("contact", CONTACT_LAWS)
+@pytest.mark.parametrize("slope_deg", [0.0, 15.0])
+def test_momentum_changes_by_what_the_ground_gives_and_by_nothing_else(contact, slope_deg):
+    """Springs, support and servo are internal. Force and free moment act at the centre of pressure, across the mean
+    normal."""
+    ground = Ground(patches=(GroundPatch(slope_deg=slope_deg),))
+    foot = loose_foot(contact=contact, gravity_W=np.zeros(3), ground=ground)
+    R = RotationMatrix.MakeYRotation(-np.radians(slope_deg))
+    for seed in SEEDS:
+        X, V, q, v = some_state(seed)
+        foot.place(RigidTransform(R) @ X, V, q, v)
+        F, cop, free = foot.output("grf"), foot.output("cop"), foot.output("free_moment")[0]
+        assert np.linalg.norm(F) > 50.0
+        expected = np.append(np.cross(cop, F) + free * R.matrix()[:, 2], F)
+        np.testing.assert_allclose(momentum_rate(foot), expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+        assert (R.inverse().matrix() @ cop)[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_internal_forces_leave_the_momentum_of_a_foot_in_the_air():
+    foot = loose_foot(gravity_W=np.zeros(3))
+    for seed in SEEDS:
+        foot.place(*some_state(seed, depth=-0.3))
+        assert np.abs(foot.keel_rates()).max() > 100.0
+        assert not foot.output("grf").any() and not foot.output("cop").any() and not foot.output("free_moment").any()
+        np.testing.assert_allclose(momentum_rate(foot), 0.0, atol=1e-3)
+
+
+def test_slope_is_the_level_ground_turned():
+    """Gravity and state turned with the plane: all forces turn with them."""
+    slope_deg, bank_deg = 12.0, -7.0
+    n = np.array([-np.tan(np.radians(slope_deg)), -np.tan(np.radians(bank_deg)), 1.0])
+    R = RotationMatrix.MakeFromOneVector(n, 2)
+    tilted = loose_foot(ground=Ground(patches=(GroundPatch(slope_deg=slope_deg, bank_deg=bank_deg),)))
+    level = loose_foot(gravity_W=R.inverse().matrix() @ GRAVITY_W)
+    for seed in SEEDS:
+        X, V, q, v = some_state(seed)
+        level.place(X, V, q, v)
+        tilted.place(RigidTransform(R) @ X, np.concatenate((R.matrix() @ V[:3], R.matrix() @ V[3:])), q, v)
+        for name in ("normal_force", "depth", "depth_rate", "free_moment", "joint_moment"):
+            np.testing.assert_allclose(tilted.output(name), level.output(name), rtol=1e-7, atol=1e-9, err_msg=name)
+        for name in ("grf", "cop", "friction_force"):
+            turned = (R.matrix() @ level.output(name).reshape(-1, 3).T).T.ravel()
+            np.testing.assert_allclose(tilted.output(name), turned, rtol=1e-7, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(tilted.keel_rates(), level.keel_rates(), rtol=1e-6, atol=1e-6)
+
+
+def sphere_heights(foot: LooseFoot) -> tuple[np.ndarray, np.ndarray]:
+    """x and z in W of all sphere centres."""
+    sites, context = foot.foot.sites, foot.plant_context
+    p = np.array([foot.plant.get_body(body).EvalPoseInWorld(context) @ point
+                  for body, point in zip(sites.body_indices, sites.p_BS, strict=True)])
+    return p[:, 0], p[:, 2]
+
+
+def resting(foot: LooseFoot, *, depth: float) -> None:
+    X, _, q, v = some_state(0, depth=depth)
+    foot.place(RigidTransform(X.translation()), np.zeros(6), 0.0 * q, 0.0 * v)
+
+
+def test_step_is_felt_by_the_spheres_above_it_only():
+    X, *_ = some_state(0)
+    edge, height = X.translation()[0] + 0.12, 5e-3
+    foot = loose_foot(ground=Ground(patches=(GroundPatch(), GroundPatch(name="step", from_x_m=edge, height_m=height))))
+    resting(foot, depth=2e-3)
+    x, z = sphere_heights(foot)
+    assert 0 < (x >= edge).sum() < len(x)
+    depth = np.maximum(foot.foot.sites.radius - z + np.where(x >= edge, height, 0.0), 0.0)
+    np.testing.assert_allclose(foot.output("depth"), depth, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(foot.output("normal_force"), normal_force(depth, 0.0, **foot.foot.sites.law), rtol=1e-9,
+                               atol=1e-12)
+
+
+def test_compliant_patch_is_a_spring_in_series_with_each_linear_sphere():
+    ground_stiffness = 1.3e4
+    foot = loose_foot(ground=Ground(patches=(GroundPatch(stiffness_n_per_m=ground_stiffness),)))
+    resting(foot, depth=4e-3)
+    sites, depth = foot.foot.sites, foot.output("depth")
+    linear = (sites.exponent == 1.0) & (depth > 0)
+    assert linear.sum() > 5
+    k = sites.stiffness[linear]
+    np.testing.assert_allclose(foot.output("normal_force")[linear],
+                               k * ground_stiffness / (k + ground_stiffness) * depth[linear], rtol=1e-9)
+
+
+def test_friction_of_a_patch_replaces_the_foots():
+    """Fast enough sliding has the kinetic coefficient: McGeehan 2021, eq. (2)."""
+    foot = loose_foot(ground=Ground(patches=(GroundPatch(mu_static=0.2, mu_kinetic=0.1),)))
+    X, _, q, v = some_state(0)
+    foot.place(RigidTransform(X.translation()), np.array([0.0, 0.0, 0.0, 0.6, -0.8, 0.0]), 0.0 * q, 0.0 * v)
+    F = foot.output("grf")
+    np.testing.assert_allclose(F[:2], 0.1 * F[2] * np.array([-0.6, 0.8]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("contact", CONTACT_LAWS)
+def test_nothing_carries_beyond_the_bounds_of_all_patches(contact):
+    foot = loose_foot(contact=contact, ground=Ground(patches=(GroundPatch(to_x_m=-2.0), GroundPatch(from_y_m=2.0))))
+    foot.place(*some_state(1, depth=0.05))
+    for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
+        np.testing.assert_array_equal(foot.output(name), 0.0)
+
+
+def test_connected_position_replaces_the_parameter():
+    foot = loose_foot(fulcrum_m=0.07)
+    foot.place(*some_state(2))
+    by_parameter = foot.output("support_force")
+    foot.wired.forces.SetParameters(foot.forces_context, fulcrum_m=0.14)
+    moved = foot.output("support_force")
+    assert not np.allclose(moved, by_parameter, rtol=1e-3)
+    foot.wired.fulcrum_position.FixValue(foot.forces_context, [0.07])
+    np.testing.assert_array_equal(foot.output("support_force"), by_parameter)
+
+
+def test_each_parameter_acts_without_rebuilding():
+    for contact, unused in (("kelvin_voigt", {"dissipation", "depth_width", "rate_width"}),
+                            ("smooth", {"dissipation"}),
+                            ("hunt_crossley", {"damping", "full_damping_depth", "depth_width", "rate_width"})):
+        foot = loose_foot(contact=contact, ground=UNEVEN)
+        foot.wired.forces.SetParameters(foot.forces_context, full_damping_depth=0.2)  # so that none has it in full
+        foot.place(*some_state(1, depth=6e-3))
+        before = foot.keel_rates()
+        for name in foot.wired.forces.parameter_names:
+            value = foot.wired.forces.GetParameter(foot.forces_context, name)
+            changed = value + 0.1 if name == "ground_bounds" else value * 1.01 + 1e-5
+            foot.wired.forces.SetParameters(foot.forces_context, **{name: changed})
+            assert np.array_equal(foot.keel_rates(), before) == (name in unused), (contact, name)
+            foot.wired.forces.SetParameters(foot.forces_context, **{name: value})
+            np.testing.assert_array_equal(foot.keel_rates(), before)
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"law": "coulomb"}, "must be one of kelvin_voigt, smooth, hunt_crossley"),
+    ({"position_indices": [0], "velocity_indices": [0]}, "have 2 indices, not 1"),
+    ({"constants": {"joint_stiffness": 1.0, "mass": 2.0}}, "missing or unknown: .*fulcrum_m.*mass"),
+])
+def test_wrong_arguments_are_refused(change, message):
+    device = dict.fromkeys(("joint_stiffness", "joint_damping", "fulcrum_stiffness", "fulcrum_damping", "fulcrum_m",
+                            "carriage_gain", "carriage_rate_gain"), 1.0)
+    arguments = {"num_positions": 2, "num_velocities": 2, "position_indices": [0, 1], "velocity_indices": [0, 1],
+                 "frame_body_index": 1, "keel_starts": [0.0], "site_keel": [], "law": None, "constants": device}
+    FootForces(**arguments)
+    with pytest.raises(ValueError, match=message):
+        FootForces(**arguments | change)
