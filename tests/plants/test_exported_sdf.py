@@ -13,7 +13,7 @@ from pydrake.geometry import Role
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import ForceElementIndex, RevoluteSpring
+from pydrake.multibody.tree import ForceElementIndex, PrismaticJoint, RevoluteSpring
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
@@ -21,9 +21,11 @@ from pydrake.systems.primitives import ConstantValueSource
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model_file import load_model
-from vsf_drake.parameters import FootParameters
+from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_sdf
+from vsf_drake.plants.ground_geometry import add_ground_geometry
+from vsf_drake.plants.inertia import box
 from vsf_drake.resources import resource
 from vsf_drake.simulation.keel_statics import KeelStatics
 
@@ -189,6 +191,24 @@ def test_foot_with_a_time_step_of_1_ms_comes_to_the_same_rest():
     rise = (body.EvalPoseInWorld(context) @ point)[2] - start
     assert rise == pytest.approx(rise_in_drake(read(foot_sdf(NOMINAL, fulcrum_m=0.151), weight=False), NOMINAL, 400.0),
                                  rel=1e-6)
+
+
+def test_file_alone_bears_a_load_dropped_on_drakes_own_contact():
+    """60 kg on a rail fall 20 mm at steps of 1 ms, with nothing of this package in the plant: then they are borne."""
+    plant, _ = AddMultibodyPlantSceneGraph(builder := DiagramBuilder(), 1e-3)
+    foot, = Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, fulcrum_m=0.108), "sdf")
+    load = plant.AddRigidBody("load", foot, box(60.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1)))
+    plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))
+    rail = plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
+    rail.set_default_translation(NOMINAL.build_height_m + 0.02)
+    add_ground_geometry(plant)
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.5)
+    results = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(simulator.get_context()))
+    touching = [results.point_pair_contact_info(i) for i in range(results.num_point_pair_contacts())]
+    force = sum(abs(contact.contact_force()[2]) for contact in touching)
+    assert force == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=1e-3)
 
 
 def test_carriage_is_fixed_under_a_support_that_stands_still():
