@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import yaml
@@ -35,6 +35,7 @@ from vsf_drake.scenario import Scenario, ScenarioFoot, file_of, scenario_ground
 from vsf_drake.systems.driver import GaitDriver
 
 T = TypeVar("T")
+_ROTATION_TAGS = {frozenset(("deg",)): "!Rpy", frozenset(("angle_deg", "axis")): "!AngleAxis"}
 
 
 def add_leg(
@@ -85,9 +86,25 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
         return
     # Together, because Drake's directives know only models that directives have added.
     first = [] if path is None else [{"add_directives": {"file": path.absolute().as_uri()}}]
-    text = yaml.safe_dump({"directives": [*first, *scenario.directives]})
+    text = _directives_text([*first, *scenario.directives])
     _or_refuse(lambda: ProcessModelDirectives(LoadModelDirectivesFromString(text), parser), "directives",
                "Drake cannot follow them")
+
+
+def _directives_text(directives: list[Any]) -> str:
+    """YAML for Drake, whose rotations need the tags that plain values cannot carry: told by their keys."""
+    root = yaml.representer.SafeRepresenter().represent_data({"directives": directives})
+    nodes = [root]
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, yaml.SequenceNode):
+            nodes += node.value
+        elif isinstance(node, yaml.MappingNode):
+            nodes += [value for _, value in node.value]
+            for key, value in node.value:
+                if key.value == "rotation" and isinstance(value, yaml.MappingNode):
+                    value.tag = _ROTATION_TAGS.get(frozenset(part.value for part, _ in value.value), value.tag)
+    return yaml.serialize(root, Dumper=yaml.SafeDumper)
 
 
 def _or_refuse(action: Callable[[], T], where: str, what: str, *, file: object = None, right: str | None = None) -> T:
@@ -111,7 +128,8 @@ def _foot(
     fulcrum_m = check_fulcrum(_fulcrum_m(scenario, asked), parameters, where=f"{where}.fulcrum_mm")
     contact, side = asked.contact or scenario.contact, asked.side
     if asked.parent_frame is None:
-        return find_foot(plant, asked.name, parameters, side=side, contact=contact, scene_graph=scene_graph)
+        return find_foot(plant, asked.name, parameters, side=side, contact=contact, fulcrum_m=fulcrum_m,
+                         scene_graph=scene_graph)
     frame = _or_refuse(lambda: GetScopedFrameByName(plant, asked.parent_frame), f"{where}.parent_frame",
                        f"{asked.parent_frame!r} is not in the model", right="Give it as instance::frame")
     return add_foot(plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m)
