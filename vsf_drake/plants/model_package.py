@@ -19,4 +19,4 @@ def add_model_package(parser: Parser) -> None:
     packages = parser.package_map()
     if packages.Contains(PACKAGE) and packages.GetPath(PACKAGE) == str(package.parent):
         return
-    packages.AddPackageXml(str(package))
+    packages.AddPackageXml(package)
