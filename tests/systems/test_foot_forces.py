@@ -23,6 +23,8 @@ UNEVEN = Ground(patches=(
     GroundPatch(slope_deg=2.0, bank_deg=-1.0),
     GroundPatch(name="mat", from_x_m=0.0, height_m=1e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
 LEVEL = Ground()
+EVERY_BRANCH = {"full_damping_depth": 0.2, "threshold_velocity": 0.15, "depth_width": 0.02, "rate_width": 0.2}
+"""Constants for which the spheres of one state are on all branches of their laws."""
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +268,7 @@ def test_each_parameter_acts_without_rebuilding():
                             ("smooth", {"dissipation"}),
                             ("hunt_crossley", {"damping", "full_damping_depth", "depth_width", "rate_width"})):
         foot = loose_foot(contact=contact, ground=UNEVEN)
-        foot.wired.forces.SetParameters(foot.forces_context, full_damping_depth=0.2)  # so that none has it in full
+        foot.wired.forces.SetParameters(foot.forces_context, **EVERY_BRANCH)
         foot.place(*some_state(1, depth=6e-3))
         before = foot.keel_rates()
         for name in foot.wired.forces.parameter_names:
