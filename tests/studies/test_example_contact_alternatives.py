@@ -36,7 +36,7 @@ def test_what_is_refused_or_wrong_is_said_in_its_row(made):
     refused = rows["kelvin_voigt", "discrete 1 ms"]
     assert refused["runs"] == "no"
     assert "explicit force" in refused["remark"]
-    wrong = rows["kelvin_voigt", "cenic"]
+    wrong = rows["kelvin_voigt", "cenic, steps to 1 ms"]
     assert wrong["runs"] == "no" or "not on its weight" in wrong["remark"]
 
 

@@ -13,6 +13,9 @@ length of a keel piece (23 mm) lose half of their load at the 10 mm to which 600
 pressure is linear between the vertices, 0 at the surface and E deepest within. Here four vertices are within, RIM_M
 below the top and inside the sides, so that the pressure grows with the distance from the sole alone: p' A D, but for
 the rim. (Rigid pads on compliant ground bear the same, but plough through it when they slide.)
+
+Drake 1.51 gives no gradients through contact with materials of their own: the diagram converts to AutoDiffXd, and the
+first evaluation over a contact says that hunt_crossley_dissipation is of a different type.
 """
 
 from __future__ import annotations

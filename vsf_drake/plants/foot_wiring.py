@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
@@ -14,7 +14,12 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
 from vsf_drake.plants.foot import FULCRUM_M, FootHandles  # noqa: F401 (others know the default from here)
-from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces, share_spatial_forces
+from vsf_drake.plants.wiring import (
+    check_shareable,
+    connect_kinematics,
+    share_generalized_forces,
+    share_spatial_forces,
+)
 from vsf_drake.systems.drake_reaction import DrakeReaction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
 from vsf_drake.systems.fulcrum_command import FulcrumCommand
@@ -28,7 +33,8 @@ class WiredFoot:
     """A foot with its forces in a diagram.
 
     Attributes:
-        forces: the system that exerts them; its constants change in its Context.
+        forces: the system that exerts them; its constants change in its Context. In a plant with a time step those of
+            springs, carriage and support belong to the plant, and here change nothing but what outputs tell.
         reaction: what the ground does to a foot with contact of Drake's own; else None.
         device: in a plant with a time step, the system that only tells what springs and support bear, for there the
             plant exerts that; else None.
@@ -48,6 +54,20 @@ class WiredFoot:
         In a plant with a time step it moves the carriage; the support follows by `follow_fulcrum`.
         """
         return (self.command or self.forces).GetInputPort("fulcrum_position")
+
+    def connect_fulcrum(self, builder: DiagramBuilder, port: OutputPort) -> None:
+        """Feeds the fulcrum position (1,) m from A out of `port`.
+
+        Raises:
+            InputError: `port` is no single number, or the position has a source already.
+        """
+        if port.get_data_type() != PortDataType.kVectorValued or port.size() != 1:
+            raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
+                             right="A fulcrum position is one number, m from the keel's posterior end A")
+        if builder.IsConnectedOrExported(self.fulcrum_position):
+            raise InputError("is connected or exported already", where=f"fulcrum_position of {self.foot.name!r}",
+                             right="Connect it once; what chooses between two sources is a system before it")
+        builder.Connect(port, self.fulcrum_position)
 
     def GetOutputPort(self, name: str) -> OutputPort:
         """An output of the foot by its name, see `FootForces`.
@@ -83,8 +103,8 @@ def wire_foot(
         fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
 
     Raises:
-        InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; ground or
-            position cannot be.
+        InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
+            port of the plant is exported; ground or position cannot be. Nothing has been added then.
     """
     _check_wiring(builder, plant, foot, f"{foot.name}_forces")
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
@@ -94,6 +114,8 @@ def wire_foot(
     contact = _contact_constants(foot, check_ground(ground or Ground())) if law else {}
     reaction = _add_reaction(builder, plant, foot) if foot.contact in DRAKE_CONTACTS else None
     if foot.support is None:
+        # Otherwise the servo would pull the carriage from A to the fulcrum in the first millisecond.
+        plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
         forces = _add_forces(builder, plant, foot, "forces", law, device | contact)
         _apply(builder, plant, forces)
         return WiredFoot(foot=foot, forces=forces, reaction=reaction)
@@ -178,6 +200,7 @@ def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHand
     if builder.HasSubsystemNamed(name):
         raise InputError(f"the foot {foot.name!r} is wired already", where="foot",
                          right="Keep what the first wire_foot returned; a second foot needs a name of its own")
+    check_shareable(builder, plant)
 
 
 def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:

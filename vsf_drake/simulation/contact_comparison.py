@@ -57,7 +57,9 @@ WAYS = (
     Advance("implicit_euler", scheme="implicit_euler"),
     Advance("velocity_implicit_euler", scheme="velocity_implicit_euler", accuracy=1e-4, max_step_s=1e-3),
     Advance("runge_kutta3", scheme="runge_kutta3"),
-    Advance("cenic", scheme="cenic"),
+    Advance("cenic, steps to 1 ms", scheme="cenic", max_step_s=1e-3),
+    Advance("cenic, steps to 10 ms", scheme="cenic"),
+    Advance("cenic, steps to 0.1 ms", scheme="cenic", max_step_s=1e-4),
     Advance("discrete 1 ms", time_step_s=1e-3),
     Advance("discrete 0.1 ms", time_step_s=1e-4),
 )
