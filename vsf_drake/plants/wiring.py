@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
@@ -47,8 +47,12 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
     with `port` in an ExternallyAppliedSpatialForceMultiplexer.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram.
+        InputError: the plant's port is exported as an input of the diagram, or `port` is no list of spatial forces.
     """
+    if port.get_data_type() != PortDataType.kAbstractValued:
+        raise InputError(f"is a vector of {port.size()}", where=f"port {port.get_name()!r}",
+                         right="Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to "
+                               "share_generalized_forces")
     _share(builder, plant, port, plant.get_applied_spatial_force_input_port(),
            lambda: ExternallyAppliedSpatialForceMultiplexer(2))
 
@@ -59,22 +63,35 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
     Raises:
         InputError: the plant's port is exported as an input of the diagram, or `port` has another size.
     """
-    if port.size() != plant.num_velocities():
+    if port.get_data_type() != PortDataType.kVectorValued or port.size() != plant.num_velocities():
         raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
                          right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
     _share(builder, plant, port, plant.get_applied_generalized_force_input_port(),
            lambda: Adder(2, plant.num_velocities()))
 
 
+def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+    """Raises InputError where one of the plant's two force ports is an input of the diagram."""
+    sources = _sources(builder)
+    for target in (plant.get_applied_spatial_force_input_port(), plant.get_applied_generalized_force_input_port()):
+        if (plant, int(target.get_index())) not in sources and builder.IsConnectedOrExported(target):
+            raise InputError("is an input of the diagram, so nothing else can act there",
+                             where=f"the plant's {target.get_name()}",
+                             right="Export the input of a PassThrough instead, and give its output to "
+                                   "share_spatial_forces or share_generalized_forces")
+
+
+def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, int]]:
+    """System and output port that feed a system and input port, for all that are connected."""
+    return {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
+
+
 def _share(
     builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]
 ) -> None:
-    sources = {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
-    source = sources.get((plant, int(target.get_index())))
+    check_shareable(builder, plant)
+    source = _sources(builder).get((plant, int(target.get_index())))
     if source is None:
-        if builder.IsConnectedOrExported(target):
-            raise InputError("is an input of the diagram", where=f"the plant's {target.get_name()}",
-                             right="Export it after the feet are wired, from a system that share_* has added")
         builder.Connect(port, target)
         return
     earlier = source[0].get_output_port(source[1])
