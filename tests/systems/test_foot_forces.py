@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_feet import GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
+from made_feet import EVERY_BRANCH, GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.autodiffutils import ExtractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -23,8 +23,6 @@ UNEVEN = Ground(patches=(
     GroundPatch(slope_deg=2.0, bank_deg=-1.0),
     GroundPatch(name="mat", from_x_m=0.0, height_m=1e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
 LEVEL = Ground()
-EVERY_BRANCH = {"full_damping_depth": 0.2, "threshold_velocity": 0.15, "depth_width": 0.02, "rate_width": 0.2}
-"""Constants for which the spheres of one state are on all branches of their laws."""
 
 
 @pytest.fixture(scope="module")
