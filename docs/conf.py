@@ -28,6 +28,7 @@ napoleon_custom_sections = [("Attributes", "params_style")]  # a list, not objec
 napoleon_use_rtype = False
 python_maximum_signature_line_length = 88
 toc_object_entries = False
+highlight_language = "none"  # sketches and equations
 
 html_theme = "furo"
 html_title = f"vsf_drake {version}"

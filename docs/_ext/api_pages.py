@@ -56,7 +56,10 @@ def headed(text: str, sign: str) -> list[str]:
 
 def page(name: str, modules: list[ModuleType]) -> str:
     """The page of one module, or of the modules of a package, in reStructuredText."""
-    lines = headed(f"``{name.removeprefix('vsf_drake.')}``", "=")
+    title = f"``{name.removeprefix('vsf_drake.')}``"
+    if name in SHOWN_PRIVATE:
+        title = (modules[0].__doc__ or "").splitlines()[0].rstrip(".")
+    lines = headed(title, "=")
     for module in modules:
         if len(modules) > 1 and module.__name__ != name:
             lines += headed(f"``{module.__name__.rsplit('.', 1)[1]}``", "-")

@@ -17,6 +17,10 @@ _KEPT = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Examples?|Notes?):$|
 """Lines whose indented followers are no equations: sections, directives, lists."""
 
 
+_COMPOSED_FROM = ("vsf_drake.systems", "vsf_drake.plants")
+"""Packages whose exported names every docstring may use."""
+
+
 def template_systems(module: ModuleType) -> dict[str, TemplateSystem]:
     """Public template systems that are defined in `module`, by name (`KelvinVoigtContact_`)."""
     return {name: value for name, value in vars(module).items()
@@ -56,13 +60,14 @@ def role(
 
 
 def known_name(text: str, module_name: str | None) -> str | None:
-    """Full name of what `text` means in a module: with its module, imported there, or beginning with the package."""
+    """Full name of what `text` means in a module: defined or imported there, a system or a builder, or a full name."""
     if not re.fullmatch(r"[A-Za-z_][\w.]*", text):
         return None
     if text.startswith("vsf_drake."):
         return text
     first, *rest = text.split(".")
-    value = vars(sys.modules[module_name]).get(first) if module_name in sys.modules else None
+    places = [vars(sys.modules[name]) for name in (module_name, *_COMPOSED_FROM) if name in sys.modules]
+    value = next((place[first] for place in places if first in place), None)
     home = getattr(value, "__module__", None)
     if inspect.ismodule(value):
         home, own = value.__name__, []
@@ -74,6 +79,8 @@ def known_name(text: str, module_name: str | None) -> str | None:
 def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Indented paragraphs (equations, sketches) as they stand; scalar types of a system; a table of quantities."""
     lines[:] = with_literal_blocks(lines)
+    if what in ("data", "attribute", "property"):
+        lines[:0] = ["..", ""]  # a comment: else napoleon takes what stands before a colon in the first line for a type
     if what == "class":
         module = inspect.getmodule(obj)
         template = getattr(module, f"{obj.__name__}_", None)
@@ -85,8 +92,9 @@ def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[
 
 
 def skip(app: Any, what: str, name: str, obj: Any, skipped: bool, options: Any) -> bool | None:
-    """Leaves out the fields of a named tuple, which its signature shows."""
-    return True if (getattr(obj, "__doc__", None) or "").startswith("Alias for field number") else None
+    """Leaves out the fields of a named tuple, which its signature shows, and the conversions that every system has."""
+    field = (getattr(obj, "__doc__", None) or "").startswith("Alias for field number")
+    return True if field or name.startswith(("ToAutoDiffXd", "ToSymbolic", "ToScalarType")) else None
 
 
 def with_literal_blocks(lines: list[str]) -> list[str]:

@@ -127,7 +127,7 @@ def _size(bracket: str | None) -> str | None:
 
 def _meaning(bracket: str | None, rest: str) -> str:
     inside = re.split(r"[,:]", bracket, maxsplit=1)[1:] if bracket else []
-    outside = re.split(r";|\.(?=\s|$)", rest)[0].strip(" ,:")
+    outside = re.split(r";(?![^\[\]]*\])|\.(?=\s|$)", rest)[0].strip(" ,:")
     return ", ".join(part for part in (*(piece.strip() for piece in inside), outside) if part)
 
 

@@ -41,7 +41,7 @@ def DrakeReaction_(T):
             - cop
             - free_moment
 
-        Inputs: contact_results, abstract. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m
+        Inputs: contact_results, of the plant. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m
         about +z_W, on the foot. Without load all three are zero.
 
         Wiring: `wire_foot` does it. contact_results from MultibodyPlant.

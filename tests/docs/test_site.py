@@ -1,0 +1,96 @@
+"""The documentation builds without a warning, its links resolve, and every public system is in it with its ports."""
+
+from __future__ import annotations
+
+import html.parser
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import port_text
+import pytest
+from made_systems import public_diagrams, public_systems
+
+ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
+
+
+class Page(html.parser.HTMLParser):
+    """Links, anchors and text of a page."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.links, self.anchors, self.text = [], set(), []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
+        self.links += [given[key] for key in ("href", "src") if given.get(key)]
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The built pages by their path."""
+    folder = tmp_path_factory.mktemp("documentation")
+    source = shutil.copytree(ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "_build"))
+    done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", source,
+                           folder / "html"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr.strip()
+    return {path.relative_to(folder / "html").as_posix(): Page(path) for path in (folder / "html").rglob("*.html")}
+
+
+def test_every_internal_link_leads_somewhere(site):
+    dead = []
+    for name, page in site.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc or link.startswith("data:"):
+                continue
+            target = (Path(name).parent / unquote(parts.path)) if parts.path else Path(name)
+            target = Path(*_without_dots(target)).as_posix()
+            if target.endswith(".html") and target not in site:
+                dead.append(f"{name}: {link}")
+            elif target in site and parts.fragment and unquote(parts.fragment) not in site[target].anchors:
+                dead.append(f"{name}: {link}")
+    assert not dead, "\n".join(dead[:20])
+
+
+def _without_dots(path):
+    parts = []
+    for part in path.parts:
+        parts = parts[:-1] if part == ".." else [*parts, part]
+    return parts
+
+
+def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):
+    for cls in (*public_systems(), *public_diagrams()):
+        page = site[f"api/{cls.__module__}.html"]
+        block, words = port_text.port_block(cls.__doc__), set(re.findall(r"\w+", " ".join(page.text)))
+        name = cls.__name__.split("_")[0]
+        assert f"{cls.__module__}.{name}" in page.anchors
+        if block:
+            assert {block.name, *block.inputs, *block.outputs} <= words
+            assert "input_ports" not in words, f"{name}: the block is shown as it is typed"
+        assert "Impl" not in words
+
+
+def test_the_pages_of_ports_and_parameters_show_what_the_model_says(site):
+    ports = " ".join(" ".join(site["ports.html"].text).split())
+    assert "free_moment" in ports and "KelvinVoigtContact" in ports and "FootForces" in ports
+    parameters = " ".join(site["api/vsf_drake.parameters.html"].text)
+    assert "flexural_modulus_pa" in parameters and "1.86e+10" in parameters and "N/m" in parameters
+
+
+def test_no_page_names_a_place_on_the_machine_that_built_it(site):
+    places = (str(ROOT), str(Path.home()), "/tmp/", "/work/", "site-packages")
+    for name, page in site.items():
+        text = "".join(page.text) + " ".join(page.links)
+        assert not [place for place in places if place in text and len(place) > 2], name
