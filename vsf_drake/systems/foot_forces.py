@@ -78,7 +78,7 @@ def FootForces_(T):
         zero. With `law` None there is no contact and no output from grf on.
 
         Wiring: `wire_foot` does it. body_poses, body_spatial_velocities and state from MultibodyPlant; spatial_forces
-        to its applied_spatial_force and generalized_force to its applied_generalized_force, see `share_forces`.
+        to its applied_spatial_force and generalized_force to its applied_generalized_force, see `share_spatial_forces`.
 
         Args:
             num_positions, num_velocities: of the plant.
