@@ -66,9 +66,17 @@ def _stand(fulcrum_m: float, duration_s: float) -> dict:
         "difference": central_difference(leg, root), "open": np.linalg.eigvals(A),
         "locked": np.linalg.eigvals(A - B @ lock), "closed": np.linalg.eigvals(A - B @ gain),
         "grf": leg.wired.GetOutputPort("grf").Eval(forces), "cop": leg.wired.GetOutputPort("cop").Eval(forces),
-        "com": leg.plant.CalcCenterOfMassPositionInWorld(context),
+        "com": leg.plant.CalcCenterOfMassPositionInWorld(context), "outline": _outline(leg, context, forces),
         "weight": leg.plant.CalcTotalMass(context) * 9.81, "regulated": regulated, "dropped": dropped,
         "predicted": np.array(predicted) + x0}
+
+
+def _outline(leg: StandingLeg, context: Context, forces: Context) -> np.ndarray:
+    """(n, 2) forward of the centre of pressure and up (m): trunk, hip, knee, pylon, keel."""
+    frames = [leg.plant.GetFrameByName(name) for name in ("trunk", "hip", "shank", "pylon_end")]
+    points = [frame.CalcPoseInWorld(context).translation() for frame in frames]
+    points += [body.EvalPoseInWorld(context).translation() for body in leg.wired.foot.keel]
+    return (np.array(points) - leg.wired.GetOutputPort("cop").Eval(forces))[:, [0, 2]]
 
 
 def slow_lqr(leg: StandingLeg, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, float]:
@@ -127,28 +135,35 @@ def _respond(
 
 def _draw(out: Path, found: dict) -> None:
     with style():
-        figure = new_figure(10.0, 3.2)
-        modes, lean, torque = figure.subplots(1, 3)
+        figure = new_figure(11.0, 3.2)
+        body, modes, lean, torque = figure.subplots(1, 4, width_ratios=(0.8, 1.0, 1.0, 1.0))
+        ticks = [(name, fulcrum_m) for name in ("open", "locked", "closed") for fulcrum_m in found]
         for fulcrum_m, run in found.items():
             colour, leg = condition_colour(fulcrum_m), run["leg"]
-            for name, marker in (("open", "x"), ("locked", "^"), ("closed", "o")):
-                near = run[name][np.abs(run[name]) < SLOW]
-                modes.plot(near.real, near.imag, marker, color=colour, fillstyle="none", markersize=5,
-                           label=f"{name}, {1e3 * fulcrum_m:g} mm")
-            i, time_s = leg.index("pitch"), run["regulated"]["time"]
-            angle = np.degrees(run["regulated"]["state"][:, i] - run["x0"][i])
-            lean.plot(time_s, angle, color=colour, label=condition_label(fulcrum_m))
-            lean.plot(time_s, np.degrees(run["predicted"][:, i] - run["x0"][i]), ":", color=colour, label="linear")
-            fall = run["dropped"]
-            lean.plot(fall["time"], np.degrees(fall["state"][:, i] - run["x0"][i]), "--", color=colour,
-                      linewidth=0.9, label="not regulated")
+            body.plot(*run["outline"].T, "-", color=colour, label=condition_label(fulcrum_m))
+            body.plot(run["com"][0] - run["cop"][0], run["com"][2], "o", color=colour, markersize=4)
+            for name in ("open", "locked", "closed"):
+                rates = run[name].real[np.abs(run[name]) < SLOW]
+                modes.plot(rates, np.full(len(rates), ticks.index((name, fulcrum_m))), "o", color=colour, markersize=5)
+            i, time_s, fall = leg.index("pitch"), run["regulated"]["time"], run["dropped"]
+            for times, states, kind, what in (
+                    (time_s, run["regulated"]["state"], "-", "LQR"), (time_s, run["predicted"], ":", "LQR, linear"),
+                    (fall["time"], fall["state"], "--", "constant torques")):
+                lean.plot(times, np.degrees(states[:, i] - run["x0"][i]), kind, color=colour, label=what)
             for k, kind in enumerate(("-", "--")):
-                torque.plot(time_s, run["regulated"]["torque"][:, k], kind, color=colour,
-                            label=f"{('hip', 'knee')[k]}, {1e3 * fulcrum_m:g} mm")
+                torque.plot(time_s, run["regulated"]["torque"][:, k], kind, color=colour, label=("hip", "knee")[k])
+        body.set_aspect("equal")
+        body.set_xlim(-0.25, 0.25)
+        body.axhline(0.0, color="0.3", linewidth=0.8)
         modes.axvline(0.0, color="0.3", linewidth=0.8)
-        for axes, place in ((modes, "upper left"), (lean, "upper right"), (torque, (0.55, 0.55))):
+        modes.set_xlim(-20.0, 21.0)
+        modes.set_yticks(range(len(ticks)), [f"{name}, {1e3 * fulcrum_m:g} mm" for name, fulcrum_m in ticks])
+        modes.invert_yaxis()
+        for axes, place in ((lean, "upper right"), (torque, (0.6, 0.55))):
             axes.legend(fontsize=7, loc=place)
-        label(modes, x="real part (1/s)", y="imaginary part (1/s)", title="Slow eigenvalues")
+        figure.legend(*body.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        label(body, x="from its pressure (m)", y="up (m)", title="At rest")
+        label(modes, x="growth rate of slow modes (1/s)", y="", title="Eigenvalues' real parts")
         label(lean, x="time (s)", y="trunk, from rest (deg)", title=f"After a push of {PUSH_RAD_PER_S:g} rad/s")
         label(torque, x="time (s)", y="torque (N m)", title="What it takes")
         save_figure(figure, out / "standing_lqr")
