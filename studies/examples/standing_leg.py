@@ -76,12 +76,12 @@ def make_standing_leg(fulcrum_m: float, controller: LeafSystem | None = None) ->
     return StandingLeg(diagram=builder.Build(), plant=plant, wired=wired)
 
 
-def equilibrium(leg: StandingLeg) -> tuple[Context, np.ndarray]:
+def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Context, np.ndarray]:
     """A Context in which nothing moves or accelerates, and the torques (2,) that it takes.
 
     Newton's method with derivatives by AutoDiff. Unknown are height, trunk lean, hip angle, keel, carriage and torques;
     equations are all generalized forces but the one along x, which is friction and zero at rest, and that the centre of
-    mass is PRESSURE_M ahead of A.
+    mass is `pressure_m` ahead of A.
 
     Raises:
         RuntimeError: there is no rest to be found.
@@ -104,7 +104,7 @@ def equilibrium(leg: StandingLeg) -> tuple[Context, np.ndarray]:
         leg.diagram.get_input_port(0).FixValue(root, unknown[-2:])
         accelerations = leg.diagram.EvalTimeDerivatives(root).CopyToVector()[count:]
         ahead = (plant.CalcCenterOfMassPositionInWorld(context) - foot.frame.EvalPoseInWorld(context).translation())[0]
-        return np.append(plant.CalcMassMatrix(context) @ accelerations, 1e4 * (ahead - PRESSURE_M))
+        return np.append(plant.CalcMassMatrix(context) @ accelerations, 1e4 * (ahead - pressure_m))
 
     def jacobian(unknown: np.ndarray) -> np.ndarray:
         residual(unknown)
@@ -126,3 +126,25 @@ def equilibrium(leg: StandingLeg) -> tuple[Context, np.ndarray]:
             part *= 0.5
         unknown = unknown + part * step
     raise RuntimeError("there is no rest to be found")
+
+
+def inverted_pendulum(fulcrum_m: float, shift_m: float = 0.002) -> tuple[float, float, float]:
+    """Of the person with locked joints: stiffness of the foot against tilt, weight times height (N m/rad), inertia.
+
+    From statics alone: between two states of rest, the centre of pressure `shift_m` to either side of PRESSURE_M, the
+    foot's stiffness is weight times the shift over the change of the foot's tilt. Inertia (kg m^2) about the pressure.
+    """
+    leg, tilts = make_standing_leg(fulcrum_m), []
+    for pressure_m in (PRESSURE_M - shift_m, PRESSURE_M + shift_m):
+        root, _ = equilibrium(leg, pressure_m)
+        context = leg.plant.GetMyContextFromRoot(root)
+        x_F = leg.wired.foot.frame.EvalPoseInWorld(context).rotation().col(0)
+        tilts.append(np.arctan2(-x_F[2], x_F[0]))
+    pressure = leg.wired.GetOutputPort("cop").Eval(leg.wired.forces.GetMyContextFromRoot(root))
+    weight = leg.plant.CalcTotalMass(context) * 9.81
+    bodies = ("hip", "trunk", "thigh", "shank", leg.wired.foot.frame.name())
+    height = leg.plant.CalcCenterOfMassPositionInWorld(context)[2] - pressure[2]
+    inertia = leg.plant.CalcSpatialInertia(
+        context, leg.plant.world_frame(), [leg.plant.GetBodyByName(name).index() for name in bodies])
+    about = inertia.Shift(pressure).CalcRotationalInertia().CopyToFullMatrix3()[1, 1]
+    return weight * 2.0 * shift_m / (tilts[1] - tilts[0]), weight * height, float(about)
