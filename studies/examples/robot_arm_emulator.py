@@ -104,7 +104,7 @@ def _row(root: Context, arm: ArmWithFoot) -> dict:
 def _mount(arm: ArmWithFoot, context: Context) -> np.ndarray:
     """Forward, up (m) and toes up (rad) of the foot's mount."""
     X_WM = arm.wired.foot.mount.CalcPoseInWorld(context)
-    x_M = X_WM.rotation().col(0)
+    x_M = X_WM.rotation().matrix()[:, 0]
     return np.array([*X_WM.translation()[[0, 2]], np.arctan2(x_M[2], x_M[0])])
 
 

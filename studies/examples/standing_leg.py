@@ -138,7 +138,8 @@ def inverted_pendulum(fulcrum_m: float, shift_m: float = 0.002) -> tuple[float, 
     for pressure_m in (PRESSURE_M - shift_m, PRESSURE_M + shift_m):
         root, _ = equilibrium(leg, pressure_m)
         context = leg.plant.GetMyContextFromRoot(root)
-        x_F = leg.wired.foot.frame.EvalPoseInWorld(context).rotation().col(0)
+        X_WF = leg.wired.foot.frame.EvalPoseInWorld(context)
+        x_F = X_WF.rotation().matrix()[:, 0]
         tilts.append(np.arctan2(-x_F[2], x_F[0]))
     pressure = leg.wired.GetOutputPort("cop").Eval(leg.wired.forces.GetMyContextFromRoot(root))
     weight = leg.plant.CalcTotalMass(context) * 9.81
