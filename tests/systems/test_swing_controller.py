@@ -66,6 +66,21 @@ def test_the_position_wanted_at_the_onset_of_swing_holds_until_the_next():
     assert commanded[-1] == 0.14
 
 
+def test_a_signal_that_is_not_a_number_switches_the_motor_off():
+    enabled, _, _ = follow(SwingController(), loads(0, 0, 0, 0, 0, 0, np.nan, np.nan))
+    assert enabled.tolist() == [0, 0, 0, 0, 1, 1, 0, 0]
+    swinging = [{"shank_angle": [0.7, -3.0], "desired_position": 0.12}] * 6
+    enabled, _, _ = follow(SwingController(signal="shank"), [*swinging, {"shank_angle": [0.7, np.nan]}])
+    assert enabled.tolist() == [0, 0, 0, 0, 1, 1, 0]
+
+
+def test_a_desired_position_that_is_not_a_number_is_refused():
+    inputs = loads(0, 0, 0, 0, 0, 0)
+    inputs[0]["desired_position"] = np.nan
+    with pytest.raises(InputError, match=r"desired_position: is nan at 0\.02 s"):
+        follow(SwingController(), inputs)
+
+
 def shank_cycle():
     """Lean (rad) and rate of the shank of level walking, one stride of 1.1 s, by samples of the period; toe-off at
     0.62 of the stride, initial contact at its end. The shape of level walking, in five straight strokes."""

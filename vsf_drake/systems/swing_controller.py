@@ -39,7 +39,7 @@ def SwingController_(T):
 
         The sign must last for the debounce time before the phase is swing; stance follows at once, at the next
         sample, and lasts for least_stance, for a heel may bounce. So a period after touch-down at the latest the
-        motor is off. All thresholds are choices.
+        motor is off; a signal that is not a number counts as stance. All thresholds are choices.
 
         .. pydrake_system::
 
@@ -75,8 +75,9 @@ def SwingController_(T):
         Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
 
         Raises:
-            InputError: the signal is unknown, the period is not above 0, or load_force is not above unload_force or
-                swing_rate not above stop_rate, so that there is no hysteresis.
+            InputError: the signal is unknown, the period is not above 0, load_force is not above unload_force or
+                swing_rate not above stop_rate, so that there is no hysteresis; or, while it runs, the desired
+                position is not a number at the onset of a swing.
         """
 
         __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
@@ -130,8 +131,15 @@ def SwingController_(T):
             elif phase == UNCONFIRMED and not begins:
                 phase, held = T(STANCE), T(c["least_stance"])
             if phase == UNCONFIRMED and held > c["debounce"] - 1e-9:
-                phase, held, commanded = T(SWING), T(0.0), self._desired_port.Eval(context)[0]
+                phase, held, commanded = T(SWING), T(0.0), self._desired(context)
             discrete.set_value(np.array([phase, held, commanded]))
+
+        def _desired(self, context) -> Any:
+            desired = self._desired_port.Eval(context)[0]
+            if not abs(desired) < np.inf:
+                raise InputError(f"is {desired} at {context.get_time()} s", where="desired_position",
+                                 right="It must be a position in m from A")
+            return desired
 
         def _sign(self, context) -> tuple[bool, bool]:
             """Whether a swing would begin, and whether one would end, at what the inputs are now."""
@@ -139,11 +147,11 @@ def SwingController_(T):
             if self._signal != "shank":
                 load = self._grf_port.Eval(context)[2]
                 begins.append(bool(load < c["unload_force"]))
-                ends.append(bool(load > c["load_force"]))
+                ends.append(not bool(load <= c["load_force"]))
             if self._signal != "contact":
                 angle, rate = self._shank_port.Eval(context)
                 begins.append(bool(-rate > c["swing_rate"]) and bool(angle > c["least_lean"]))
-                ends.append(bool(-rate < c["stop_rate"]))
+                ends.append(not bool(-rate >= c["stop_rate"]))
             return all(begins), any(ends)
 
     return Impl
