@@ -13,7 +13,8 @@ contact: smooth
 robot: two_legs.dmd.yaml
 directives:
   - add_weld: {parent: world, child: "a::hip", X_PC: {translation: [0, 0.1, 0.845]}}
-  - add_weld: {parent: world, child: "b::hip", X_PC: {translation: [0, -0.1, 0.845]}}
+  - add_weld: {parent: world, child: "b::hip", X_PC: {translation: [0, -0.1, 0.845],
+      rotation: !Rpy {deg: [0, 3, 0]}}}
 feet:
   - {name: left, parent_frame: "a::pylon_end", side: left, fulcrum_mm: 66}
   - {name: right, parent_frame: "b::pylon_end", side: right, model: foot.yaml, contact: hunt_crossley}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +14,11 @@ from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants import station as station_module
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.gait_over_ground import make_gait_over
@@ -32,6 +37,7 @@ PORTS = {
     "leg": ({"fulcrum_position", "desired_state", "generalized_force"},
             {"state", "support_force", "joint_moment", "body_poses", "body_spatial_velocities", "query", *FOOT}),
 }
+STATM = Path("/proc/self/statm")
 LEG = "package://vsf_drake/leg.urdf"
 STANDING_M = 0.93
 """Pelvis height at which the prosthetic foot of SUBJECT is in the ground."""
@@ -60,6 +66,37 @@ def test_shipped_scenarios_build_with_the_ports_that_the_module_lists(kind):
     assert names(drawn.diagram) == (inputs, outputs | {"query"})
     query = drawn.diagram.GetOutputPort("query").Eval(drawn.diagram.CreateDefaultContext())
     assert query.inspector().num_geometries() > 20
+
+
+def test_every_port_stands_in_the_modules_table():
+    listed = set(re.findall(r"^    (\w.*?)  ", station_module.__doc__, flags=re.MULTILINE))
+    listed = {name.strip() for row in listed for name in row.split(",")} - {"input", "output"}
+    ports = set().union(*(inputs | outputs for inputs, outputs in PORTS.values()))
+    assert listed == {name.removeprefix("intact_") for name in ports} | {"actuation"}
+
+
+def test_files_of_subject_and_contact_reach_person_and_foot():
+    contact = resource("data/reference_subject/exact/contact.yaml")
+    station = make_station(Scenario(
+        kind="person", subject=str(resource("data/reference_subject/exact/medium_1.yaml")), contact_file=str(contact)))
+    assert station.parts.person.subject.mass_kg == 78.0
+    fitted = load_contact(contact).values
+    zone = station.feet["vsf"].parameters.zones[0]
+    assert (zone.stiffness, zone.exponent) == (fitted["contact.heel_posterior.stiffness"],
+                                               fitted["contact.heel_posterior.exponent"])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not STATM.exists(), reason="the process tells its memory in another way")
+def test_legs_built_again_and_again_do_not_grow_the_process(leg):
+    """A diagram that is kept alive costs a quarter of a megabyte each time."""
+    pages = []
+    for builds in (15, 40):
+        for _ in range(builds):
+            make_station(leg.scenario).diagram.CreateDefaultContext()
+        gc.collect()
+        pages.append(int(STATM.read_text().split()[1]))
+    assert (pages[1] - pages[0]) * 4096 < 4e6
 
 
 def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it():
@@ -165,6 +202,9 @@ def test_several_feet_have_their_names_before_their_ports(tmp_path):
     assert station.feet["right"].parameters.mass_kg == 0.7
     assert (station.feet["left"].contact, station.feet["right"].contact) == ("smooth", "hunt_crossley")
     context = station.diagram.CreateDefaultContext()
+    hips = [station.plant.GetBodyByName("hip", station.plant.GetModelInstanceByName(name)) for name in "ab"]
+    leans = [hip.EvalPoseInWorld(station.plant_context(context)).rotation().matrix()[0, 2] for hip in hips]
+    np.testing.assert_allclose(leans, [0.0, np.sin(np.radians(3.0))], atol=1e-12)
     for name, place in (("left", 0.066), ("right", 0.087)):
         joint = station.plant.GetJointByName("fulcrum", station.feet[name].instance)
         assert joint.get_translation(station.plant_context(context)) == pytest.approx(place)

@@ -22,8 +22,9 @@ Ports mean the same under every kind that has them. With several feet, a foot's 
     socket_wrench      6           person          see `SocketBushing`
     driver_force       nv          person          of the servos that prescribe
     load               1           bench           N on the platen
-    body_poses, body_spatial_velocities            leg: of the plant, for further systems
-    query              -           all with visual or meshcat, and every leg: of the SceneGraph
+    body_poses         bodies      leg             of the plant, for further systems
+    body_spatial_velocities  bodies  leg           of the plant, for further systems
+    query              -           leg, and all that are visual: of the SceneGraph
 
 A foot of Drake's own contact has the outputs of `DrakeReaction` in place of those of `FootForces`.
 """
