@@ -61,6 +61,7 @@ def leg():
 def test_shipped_scenarios_build_with_the_ports_that_the_module_lists(kind):
     scenario = load_scenario(resource(f"models/scenarios/{kind}.yaml"))
     assert names(make_station(scenario).diagram) == PORTS[kind]
+    assert names(make_station(scenario).diagram.ToAutoDiffXd()) == PORTS[kind]
     drawn = make_station(scenario, visual=True)
     inputs, outputs = PORTS[kind]
     assert names(drawn.diagram) == (inputs, outputs | {"query"})
@@ -117,6 +118,19 @@ def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it
     carriage = station.plant.GetJointByName("fulcrum").get_translation(
         station.plant_context(station.diagram.CreateDefaultContext()))
     assert carriage == pytest.approx(0.087)
+
+
+def test_under_simulator_the_bench_settles_to_the_balance_of_moments_about_the_keels_end():
+    """Load at 199 mm from A, support at 108 mm, nothing else off A: a lever, but for the keel's slope."""
+    station = make_station(load_scenario(resource("models/scenarios/bench.yaml")))
+    simulator = Simulator(station.diagram)
+    context = simulator.get_mutable_context()
+    station.diagram.GetInputPort("platen").FixValue(context, [station.parts.contact_height + 0.002, 0.0])
+    ApplySimulatorConfig(station.simulator_config(), simulator)
+    simulator.AdvanceTo(0.3)
+    load, support = (station.diagram.GetOutputPort(name).Eval(context)[0] for name in ("load", "support_force"))
+    assert load > 10.0
+    assert support == pytest.approx(-load * 0.199 / 0.108, rel=2e-3)
 
 
 def standing(gait):
