@@ -4,7 +4,8 @@
 
 Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of walking the root mean
 square difference of the 40 Hz resultants of the prosthetic foot's ground reaction in percent of body weight (BW),
-of the bench the largest difference of the load. Nothing is asserted: times belong to the machine.
+of the bench the largest difference of the load; of the wiring what the foot adds to one evaluation of a plant's
+derivatives. Nothing is asserted: times belong to the machine.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import importlib.util
 
 from table import Row, format_table
 
-QUICK = ("stepper", "integrators", "mujoco_foot")
+QUICK = ("stepper", "integrators", "mujoco_foot", "wiring")
 LONG = ("sweeps", "scaling")
 GROUPS = tuple(name for name in QUICK + LONG if importlib.util.find_spec(name))
 
