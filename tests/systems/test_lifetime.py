@@ -7,6 +7,7 @@ import weakref
 
 import numpy as np
 import pytest
+from made_systems import public_systems
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
@@ -71,6 +72,10 @@ def collect() -> None:
     """Three rounds: what a converted diagram holds in C++ is seen only after the diagram itself has gone."""
     for _ in range(3):
         gc.collect()
+
+
+def test_every_public_system_is_tried():
+    assert {type(make()) for make in MAKERS.values()} == public_systems()
 
 
 @pytest.mark.parametrize("name", MAKERS)
