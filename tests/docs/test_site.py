@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import api_pages
 import port_text
 import pytest
 from made_systems import public_diagrams, public_systems
@@ -80,6 +81,15 @@ def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):
             assert {block.name, *block.inputs, *block.outputs} <= words
             assert "input_ports" not in words, f"{name}: the block is shown as it is typed"
         assert "Impl" not in words
+
+
+def test_everything_public_that_is_described_has_a_place(site):
+    missing = []
+    for module in api_pages.public_modules():
+        for name in api_pages.described(Path(module.__file__)):
+            page = site[f"api/{api_pages.page_of(module.__name__)}.html"]
+            missing += [] if f"{module.__name__}.{name}" in page.anchors else [f"{module.__name__}.{name}"]
+    assert not missing, ", ".join(missing)
 
 
 def test_the_pages_of_ports_and_parameters_show_what_the_model_says(site):
