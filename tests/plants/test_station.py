@@ -16,12 +16,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants import station as station_module
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.gait import make_gait
-from vsf_drake.plants.gait_over_ground import make_gait_over
 from vsf_drake.plants.station import make_station
 from vsf_drake.resources import resource
 from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
@@ -39,8 +36,6 @@ PORTS = {
 }
 STATM = Path("/proc/self/statm")
 LEG = "package://vsf_drake/leg.urdf"
-STANDING_M = 0.93
-"""Pelvis height at which the prosthetic foot of SUBJECT is in the ground."""
 
 
 def names(diagram):
@@ -133,41 +128,6 @@ def test_under_simulator_the_bench_settles_to_the_balance_of_moments_about_the_k
     assert support == pytest.approx(-load * 0.199 / 0.108, rel=2e-3)
 
 
-def standing(gait):
-    """A moving person with both feet in the ground, fulcrum and prescribed coordinates at rest."""
-    context, random = gait.diagram.CreateDefaultContext(), np.random.default_rng(8)
-    plant, plant_context = gait.plant, gait.plant_context(context)
-    nq = plant.num_positions()
-    plant.SetPositionsAndVelocities(plant_context, random.uniform(-1, 1, 2 * nq) * np.repeat([0.01, 0.05], nq))
-    for name, value in (("pelvis_ty", STANDING_M), ("fulcrum", 0.1)):
-        plant.GetJointByName(name).set_translation(plant_context, value)
-    gait.diagram.GetInputPort("fulcrum_position").FixValue(context, 0.1)
-    gait.diagram.GetInputPort("desired_state").FixValue(context, np.zeros(2 * len(gait.prescribed)))
-    return context
-
-
-def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_systems():
-    ports = tuple(sorted(FOOT | {f"intact_{name}" for name in FOOT} | {"support_force", "socket_wrench"}))
-    plane, patches = make_gait(SUBJECT, ModelParameters()), make_gait_over(SUBJECT, ModelParameters(), Ground())
-    contexts = standing(plane), standing(patches)
-    one, two = values(plane.diagram, contexts[0], ports), values(patches.diagram, contexts[1], ports)
-    assert one["grf"][2] > 100.0
-    assert one["intact_grf"][2] > 100.0
-    for name, value in one.items():
-        np.testing.assert_allclose(two[name], value, rtol=1e-9, atol=1e-9, err_msg=name)
-    rates = [gait.diagram.EvalTimeDerivatives(context).CopyToVector() for gait, context in
-             zip((plane, patches), contexts, strict=True)]
-    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-6, atol=1e-6 * np.abs(rates[0]).max())
-
-
-def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone():
-    ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
-    level, kerb = (make_gait_over(SUBJECT, ModelParameters(), g) for g in (Ground(), ground))
-    one, two = (values(g.diagram, standing(g), ("grf", "intact_grf")) for g in (level, kerb))
-    assert two["intact_grf"][2] > one["intact_grf"][2] + 50.0
-    np.testing.assert_array_equal(one["grf"], two["grf"])
-
-
 def test_two_stations_in_one_diagram_have_the_forces_of_one_alone(leg):
     builder = DiagramBuilder()
     both = [make_station(replace(leg.scenario, name=name)) for name in "ab"]
@@ -256,6 +216,44 @@ def test_drakes_own_contact_in_a_plant_with_a_time_step_bears_the_same_load(leg)
         loads.append(station.diagram.GetOutputPort("grf").Eval(simulator.get_context())[2])
     assert loads[0] > 200.0
     assert loads[1] == pytest.approx(loads[0], rel=0.03)
+
+
+MOTORED = """
+<robot name="motored">
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="3"/><inertia ixx="0.04" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.01"/></inertial>
+  </link>
+  <joint name="knee" type="revolute">
+    <parent link="base"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="100" velocity="20"/>
+  </joint>
+  <transmission type="SimpleTransmission">
+    <joint name="knee"/><actuator name="knee_motor"/>
+  </transmission>
+</robot>
+"""
+
+
+def test_a_motors_torque_acts_as_the_same_generalized_force(tmp_path):
+    (tmp_path / "motored.urdf").write_text(MOTORED)
+    station = make_station(Scenario(kind="leg", feet=(ScenarioFoot(parent_frame="m::shank"),), gravity_m_per_s2=0.0,
+                                    directives=({"add_model": {
+                                        "name": "m", "file": (tmp_path / "motored.urdf").as_uri()}},
+                                        {"add_weld": {"parent": "world", "child": "m::base", "X_PC": {
+                                            "translation": [0.0, 0.0, 2.0]}}})))
+    assert names(station.diagram)[0] == {"fulcrum_position", "generalized_force", "actuation"}
+    rates = []
+    force = np.zeros(station.plant.num_velocities())
+    force[station.plant.GetJointByName("knee").velocity_start()] = 7.0
+    for port, value in ((None, None), ("actuation", [7.0]), ("generalized_force", force)):
+        context = station.diagram.CreateDefaultContext()
+        if port:
+            station.diagram.GetInputPort(port).FixValue(context, value)
+        rates.append(station.diagram.EvalTimeDerivatives(context).CopyToVector())
+    assert np.abs(rates[0]).max() < 1e-9
+    np.testing.assert_allclose(rates[1], rates[2], rtol=1e-9, atol=1e-9)
+    assert np.abs(rates[1]).max() > 10.0
 
 
 WRONG = (

@@ -179,8 +179,7 @@ def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, name: 
         port = diagram.get_input_port(i)
         if port.get_name() == "fulcrum_position":
             builder.Connect(hold.get_output_port(), port)
-            port = hold.get_input_port()
-            builder.ExportInput(port, "fulcrum_position")
+            builder.ExportInput(hold.get_input_port(), "fulcrum_position")
         else:
             builder.ExportInput(port, port.get_name())
     for i in range(diagram.num_output_ports()):
