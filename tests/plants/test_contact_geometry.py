@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -200,6 +203,28 @@ def test_why_drakes_contact_has_no_gradients_is_said_by_drake(point):
     context.SetTimeStateAndParametersFrom(point.context)
     with pytest.raises(RuntimeError, match=r"hunt_crossley_dissipation.*is of a different type"):
         autodiff.EvalTimeDerivatives(context)
+
+
+@pytest.mark.parametrize(("contact", "time_step"), [("drake_point", 0.0), ("hydroelastic", 1e-3)])
+def test_diagram_with_drakes_contact_is_freed_when_nobody_holds_it(contact, time_step):
+    """The plant meets its SceneGraph by hand, for AddMultibodyPlantSceneGraph keeps both alive (Drake 1.51)."""
+    def build():
+        builder = DiagramBuilder()
+        plant, graph = builder.AddSystem(MultibodyPlant(time_step)), builder.AddSystem(SceneGraph())
+        plant.RegisterAsSourceForSceneGraph(graph)
+        builder.Connect(graph.get_query_output_port(), plant.get_geometry_query_input_port())
+        builder.Connect(plant.get_geometry_pose_output_port(), graph.get_source_pose_port(plant.get_source_id()))
+        foot = add_foot(plant, plant.world_frame(), FOOT, contact=contact)
+        add_ground_geometry(plant, contact=contact)
+        plant.Finalize()
+        wired = wire_foot(builder, plant, foot)
+        builder.Build()
+        return weakref.ref(wired.reaction), weakref.ref(wired.forces)
+
+    held = build()
+    for _ in range(3):
+        gc.collect()
+    assert [reference() for reference in held] == [None, None]
 
 
 def plant_with_graph():

@@ -41,8 +41,8 @@ def DrakeReaction_(T):
             - cop
             - free_moment
 
-        Inputs: contact_results, of the plant. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m
-        about +z_W, on the foot. Without load all three are zero.
+        Inputs: contact_results, of the plant. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,)
+        N m about +z_W, on the foot. Without load all three are zero.
 
         Wiring: `wire_foot` does it. contact_results from MultibodyPlant.
 
@@ -65,7 +65,8 @@ def DrakeReaction_(T):
             converter=None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
-            self._bodies, self._geometries = frozenset(int(i) for i in body_indices), frozenset(geometry_ids)
+            self._bodies = frozenset(int(i) for i in body_indices)
+            self._geometries = frozenset(_number(id) for id in geometry_ids)
             self._arguments = {"body_indices": list(body_indices), "geometry_ids": self._geometries,
                                "ground_height": ground_height}
             self._results_port = self.DeclareAbstractInputPort(
@@ -103,12 +104,17 @@ def DrakeReaction_(T):
             for i in range(results.num_hydroelastic_contacts()):
                 info = results.hydroelastic_contact_info(i)
                 surface, F_Ac_W = info.contact_surface(), info.F_Ac_W()
-                on_M, on_N = surface.id_M() in self._geometries, surface.id_N() in self._geometries
+                on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
                 if on_M != on_N:
                     sign = 1.0 if on_M else -1.0
                     yield surface.centroid(), sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
 
     return Impl
+
+
+def _number(geometry_id: GeometryId | int) -> int:
+    """An id without what it comes from: those that a plant hands out keep the plant alive."""
+    return geometry_id if isinstance(geometry_id, int) else geometry_id.get_value()
 
 
 DrakeReaction = DrakeReaction_[float]
