@@ -41,6 +41,8 @@ def site(tmp_path_factory):
     """The built pages by their path."""
     folder = tmp_path_factory.mktemp("documentation")
     source = shutil.copytree(ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "_build"))
+    for beside in ("studies", "models"):  # pages offer files from there
+        (folder / beside).symlink_to(ROOT / beside)
     done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", source,
                            folder / "html"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
