@@ -52,12 +52,14 @@ def assert_alike(forces, context: Context, alone: LooseFoot, move: np.ndarray) -
 
 def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     builder = DiagramBuilder()
-    plant = builder.AddSystem(MultibodyPlant(0.0))
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     bodies = [plant.AddRigidBody(f"shank_{i}", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3)) for i in range(2)]
     feet = [add_foot(plant, body.body_frame(), PARAMETERS, name=f"foot_{i}") for i, body in enumerate(bodies)]
     plant.Finalize()
     wired = [wire_foot(builder, plant, foot) for foot in feet]
     diagram = builder.Build()
+    assert {system.get_name() for system in diagram.GetSystems()} == {
+        "plant", "foot_0_forces", "foot_1_forces", "applied_spatial_force_1", "applied_generalized_force_1"}
     context = diagram.CreateDefaultContext()
     own = plant.GetMyMutableContextFromRoot(context)
     moves = (0.0 * APART, APART)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import count
 
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
@@ -81,6 +82,11 @@ def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
                                    "share_spatial_forces or share_generalized_forces")
 
 
+def _unused_name(builder: DiagramBuilder, stem: str) -> str:
+    """`stem` with the first number behind it that no system in `builder` has yet."""
+    return next(name for name in (f"{stem}_{i}" for i in count(1)) if not builder.HasSubsystemNamed(name))
+
+
 def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, int]]:
     """System and output port that feed a system and input port, for all that are connected."""
     return {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
@@ -96,7 +102,7 @@ def _share(
         return
     earlier = source[0].get_output_port(source[1])
     builder.Disconnect(earlier, target)
-    union = builder.AddSystem(both())
+    union = builder.AddNamedSystem(_unused_name(builder, target.get_name()), both())
     builder.Connect(earlier, union.get_input_port(0))
     builder.Connect(port, union.get_input_port(1))
     builder.Connect(union.get_output_port(), target)

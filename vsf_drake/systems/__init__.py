@@ -9,6 +9,7 @@ from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder, Adjustment
 from vsf_drake.systems.bushing import SocketBushing, SocketBushing_
 from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_
 from vsf_drake.systems.driver import GaitDriver, GaitDriver_
+from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.friction import StickSlipFriction, StickSlipFriction_
 from vsf_drake.systems.fulcrum import FulcrumSupport, FulcrumSupport_
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator, FulcrumActuator_
@@ -21,6 +22,8 @@ from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
 __all__ = [
     "AdjustmentRecorder",
     "AdjustmentRecorder_",
+    "FootForces",
+    "FootForces_",
     "FulcrumActuator",
     "FulcrumActuator_",
     "FulcrumSupport",

@@ -1,4 +1,4 @@
-"""`_foot_values.foot_values` for float, compiled: the same numbers in a twentieth of the time.
+"""`_foot_values.foot_values` for float, compiled: the same numbers in a hundredth of the time.
 
 Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vector that `slices` cuts up.
 """
