@@ -10,6 +10,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint
 
+from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.foot import add_foot, keel_joint_positions, set_mount, sole_height
 
@@ -91,8 +92,9 @@ def test_parts_weigh_what_the_foot_weighs(alone):
 
 def test_keel_heavier_than_the_foot_is_refused():
     plant = MultibodyPlant(0.0)
-    with pytest.raises(ValueError, match="keel and carriage weigh"):
+    with pytest.raises(InputError, match="keel and carriage weigh"):
         add_foot(plant, plant.world_frame(), replace(FOOT, mass_kg=0.2))
+    assert not plant.HasModelInstanceNamed("vsf")  # nothing half added
 
 
 def test_24_spheres_lie_in_five_zones_three_of_them_at_the_heel(alone):

@@ -194,8 +194,7 @@ def add_foot(
     Raises:
         InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are
             for the other side, there is no such contact, the plant cannot have it, or its time step is too long for
-            it; the carriage cannot reach the position.
-        ValueError: keel and carriage weigh more than the whole foot.
+            it; the carriage cannot reach the position; keel and carriage weigh more than the whole foot.
     """
     check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
@@ -205,12 +204,13 @@ def add_foot(
     fulcrum_m = float(np.clip(FULCRUM_M, *reach)) if fulcrum_m is None else check_fulcrum(fulcrum_m, parameters)
     if contact in DRAKE_CONTACTS:
         check_scene_graph(plant, contact)
-    instance = plant.AddModelInstance(name)
     keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
     frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
     if frame_mass <= 0:
-        raise ValueError(f"keel and carriage weigh {parameters.mass_kg - frame_mass:.3f} kg, "
-                         f"the whole foot {parameters.mass_kg:.3f} kg")
+        raise InputError(f"keel and carriage weigh {parameters.mass_kg - frame_mass:.3f} kg, "
+                         f"the whole foot {parameters.mass_kg:.3f} kg", where="mass_kg",
+                         right="Give the mass of the whole foot, or make keel or carriage lighter")
+    instance = plant.AddModelInstance(name)
     rear, height = parameters.fulcrum.rearmost_m, parameters.build_height_m + sole_height(parameters)
     width = parameters.keel.width_m
     inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
