@@ -29,7 +29,8 @@ class GroundPatch:
     """A plane above a rectangle of W: z = height + tan(slope) (x - reference_x) + tan(bank) y.
 
     Where patches overlap the highest carries. `mu_static` and `mu_kinetic` replace the foot's coefficients where they
-    are given; `stiffness_n_per_m` is the ground's own spring under each contact sphere, in series with the sphere's.
+    are given; with `mu_static` alone the foot's kinetic one is lowered to it if need be. `stiffness_n_per_m` is the
+    ground's own spring under each contact sphere, in series with the sphere's.
     """
 
     name: str = "ground"
@@ -66,8 +67,14 @@ def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
     """Returns `ground` after checking its numbers.
 
     Raises:
-        InputError: there is no patch, a number is out of range, or bounds are in the wrong order.
+        InputError: it is no `Ground`, there is no patch, a number is out of range, or bounds are in the wrong order.
     """
+    if not isinstance(ground, Ground):
+        raise InputError(f"{ground!r} is no Ground", file=file, where="ground",
+                         right="Give Ground(patches=(GroundPatch(...),)), or load_ground(path)")
+    if not isinstance(ground.patches, (list, tuple)) or not all(isinstance(p, GroundPatch) for p in ground.patches):
+        raise InputError(f"{ground.patches!r} is no tuple of GroundPatch", file=file, where="patches",
+                         right="Write patches=(GroundPatch(...),), with the comma")
     check(ground, file=file)
     if not ground.patches:
         raise InputError("has no patch", file=file, where="patches", right="Give one at least; {} is the plane z = 0")
@@ -99,5 +106,12 @@ def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dic
         "ground_bank": np.tan(np.radians(column("bank_deg"))),
         "ground_compliance": 1.0 / column("stiffness_n_per_m", math.inf),
         "mu_static": column("mu_static", mu_static),
-        "mu_kinetic": column("mu_kinetic", mu_kinetic),
+        "mu_kinetic": np.array([_kinetic(patch, mu_kinetic) for patch in patches]),
     }
+
+
+def _kinetic(patch: GroundPatch, own: float) -> float:
+    """A place that is only said to be slippery is so for a foot that slides, too."""
+    if patch.mu_kinetic is not None:
+        return patch.mu_kinetic
+    return own if patch.mu_static is None else min(own, patch.mu_static)

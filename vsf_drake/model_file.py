@@ -125,6 +125,8 @@ def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | 
         InputError: it is outside the range of the carriage.
     """
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
+    if isinstance(fulcrum_m, str):
+        raise InputError(f"{fulcrum_m!r} is not a number", file=file, where=where, right="Its unit is m from A")
     if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
         raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,
                          where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm")

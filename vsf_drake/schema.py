@@ -142,6 +142,8 @@ def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
         raise InputError(
             f"{value!r} is not known", file=file, where=where, right=f"Known are: {', '.join(options)}"
         )
+    if isinstance(value, str) and "unit" in metadata:
+        raise InputError(f"{value!r} is not a number", file=file, where=where, right=f"Its unit is {metadata['unit']}")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
     low, high, unit = (metadata.get(key) for key in ("low", "high", "unit"))

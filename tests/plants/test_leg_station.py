@@ -54,6 +54,8 @@ WRONG = (
     ({"feet": (ScenarioFoot(name="vsf"),)}, "has no model instance 'vsf'"),
     ({"feet": (ScenarioFoot(parent_frame="pylon_end", fulcrum_mm=300.0),)}, r"feet\[0\].fulcrum_mm: .*reach"),
     ({"robot": None, "directives": ({"add_wedl": {}},)}, "directives: Drake cannot follow them"),
+    ({"robot": None, "directives": ({"add_model": {"name": "leg", "file": LEG}, "add_weld": {
+        "parent": "world", "child": "leg::hip"}},)}, "directives: Drake cannot follow them"),  # two keys in one
 )
 
 

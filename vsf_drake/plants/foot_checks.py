@@ -11,6 +11,10 @@ from vsf_drake.parameters import SIDES, FootParameters
 
 def check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
     """Raises InputError unless a foot `name` can be added to `parent_frame` of `plant`."""
+    check_type(plant, MultibodyPlant, "plant", "Give the MultibodyPlant itself, not a builder or a diagram")
+    check_type(parent_frame, Frame, "parent_frame", "Give a Frame: plant.GetFrameByName(name), or body.body_frame()")
+    if not isinstance(name, str) or not name:
+        raise InputError(f"{name!r} is no name", where="name", right="Give a text that is not empty")
     if plant.is_finalized():
         raise InputError("is finalised, so nothing can be added to it", where="plant",
                          right="Call add_foot before plant.Finalize()")
@@ -26,8 +30,15 @@ def check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
                          right="Give every foot a name of its own")
 
 
+def check_type(value: object, kind: type, where: str, right: str) -> None:
+    """Raises InputError unless `value` is a `kind`."""
+    if not isinstance(value, kind):
+        raise InputError(f"is a {type(value).__name__}, but must be a {kind.__name__}", where=where, right=right)
+
+
 def checked_side(parameters: FootParameters, side: str | None) -> str:
     """The foot's side, "either" where nobody said; raises InputError for parameters of the other one."""
+    check_type(parameters, FootParameters, "parameters", "Give FootParameters, such as load_model(path).foot")
     if side is not None and side not in SIDES:
         raise InputError(f"{side!r} is no side", where="side", right=f"It is one of {', '.join(SIDES)}, or None")
     if side is not None and parameters.side not in ("either", side):

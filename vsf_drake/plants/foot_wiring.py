@@ -14,6 +14,7 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
 from vsf_drake.plants.foot import FULCRUM_M, FootHandles  # noqa: F401 (others know the default from here)
+from vsf_drake.plants.foot_checks import check_type
 from vsf_drake.plants.wiring import (
     check_shareable,
     connect_kinematics,
@@ -106,6 +107,9 @@ def wire_foot(
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
             port of the plant is exported; ground or position cannot be. Nothing has been added then.
     """
+    check_type(builder, DiagramBuilder, "builder", "Call wire_foot(builder, plant, foot)")
+    check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
+    check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
     _check_wiring(builder, plant, foot, f"{foot.name}_forces")
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
     _check_suits(plant, foot, ground, fulcrum_m)

@@ -119,7 +119,7 @@ def _directives_text(directives: list[Any]) -> str:
 def _or_refuse(action: Callable[[], T], where: str, what: str, *, file: object = None, right: str | None = None) -> T:
     try:
         return action()
-    except RuntimeError as error:
+    except (RuntimeError, SystemExit) as error:  # SystemExit is what a failed assertion of Drake's becomes
         message = str(error).strip().rstrip(".")
         raise InputError(f"{what}: {message}", file=None if file is None else str(file), where=where,
                          right=right) from error

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import BasicVector_, Context
 
+from vsf_drake.errors import InputError
 from vsf_drake.systems._lifetime import Cached, Collectable
 
 
@@ -33,7 +34,9 @@ class NamedParameters(Collectable):
 
         Raises:
             ValueError: there is no constant of that name.
+            InputError: the Context is another system's, such as the whole diagram's.
         """
+        self._check_own(context)
         index, shape = self._lookup(name)
         return context.get_numeric_parameter(index).CopyToVector().reshape(shape)
 
@@ -41,18 +44,30 @@ class NamedParameters(Collectable):
         """Sets constants by name in this system's `context`; a scalar fills a whole array.
 
         Raises:
-            ValueError: there is no constant of that name, or the value does not fit its shape.
+            ValueError: there is no constant of that name, or the value does not fit its shape or is no number.
+            InputError: the Context is another system's, such as the whole diagram's.
                 Nothing has been set then.
         """
+        self._check_own(context)
         checked = {}
         for name, value in values.items():
             index, shape = self._lookup(name)
             try:
-                checked[index] = np.broadcast_to(value, shape).ravel()
+                vector = checked[index] = np.broadcast_to(value, shape).ravel()
             except ValueError:
                 raise ValueError(f"{name} has shape {shape}, but was given {np.shape(value)}") from None
+            if vector.dtype != object and (vector.dtype.kind not in "biuf" or np.isnan(vector).any()):
+                raise ValueError(f"{name} must be a number or numbers, but was given {value!r}")
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
+
+    def _check_own(self, context: Context) -> None:
+        """The numeric parameters of a diagram are numbered on; those of another system would be changed unseen."""
+        try:
+            self.ValidateContext(context)
+        except (RuntimeError, TypeError):
+            raise InputError("belongs to another system than this", where=f"context of {self.get_name()!r}",
+                             right="Take system.GetMyMutableContextFromRoot(root_context)") from None
 
     def _lookup(self, name: str) -> tuple[int, tuple[int, ...]]:
         if name not in self.parameter_index:

@@ -12,6 +12,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
 from vsf_drake.systems._foot_values import CONTACT_LAWS, FootLayout, foot_values
 from vsf_drake.systems._lifetime import PEERS
@@ -26,6 +27,8 @@ from vsf_drake.systems._sites import (
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FULCRUM = -1
 """Where the fulcrum position is in what the compiled function takes."""
+FARTHEST_M = 10.0
+"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may overshoot)."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -98,6 +101,7 @@ def FootForces_(T):
 
         Raises:
             ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
+            InputError: (when evaluated, as float) the fulcrum's position is no number within FARTHEST_M.
         """
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
@@ -169,6 +173,10 @@ def FootForces_(T):
             if T is float:
                 packed = self._packed.Eval(context)
                 position = self._fulcrum_port.Eval(context)[0] if given else packed[FULCRUM]
+                if not abs(position) <= FARTHEST_M:
+                    raise InputError(f"the fulcrum at {position:g} m from A is under no foot",
+                                     where=f"fulcrum_position of {self.get_name()!r}",
+                                     right="It is in metres: 0.066 to 0.151 for the nominal foot")
                 return foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, position)
             constants = self._full_constants(context)
             position = self._fulcrum_port.Eval(context)[0] if given else constants["fulcrum_m"]

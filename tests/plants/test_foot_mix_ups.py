@@ -1,0 +1,95 @@
+"""One thing given in the place of another: a body for a frame, a file for a ground, millimetres, another's Context."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_feet import PARAMETERS, add_loose_shank
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch, ground_arrays
+from vsf_drake.parameters import ModelParameters
+from vsf_drake.plants import add_foot, wire_foot
+
+
+@pytest.fixture
+def ready():
+    """(builder, finalised plant in it, foot)."""
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    foot = add_foot(plant, add_loose_shank(plant, "quaternion").body_frame(), PARAMETERS)
+    plant.Finalize()
+    return builder, plant, foot
+
+
+def test_something_else_than_a_foot_needs_is_refused():
+    plant = MultibodyPlant(0.0)
+    shank = add_loose_shank(plant, "quaternion")
+    frame = shank.body_frame()
+    for given, where in (
+            ({"parent_frame": shank}, "parent_frame: is a RigidBody"), ({"parent_frame": "shank"}, "parent_frame: is"),
+            ({"parameters": ModelParameters()}, "parameters: is a ModelParameters"), ({"parameters": None}, "paramet"),
+            ({"name": ""}, "name: '' is no name"), ({"name": None}, "name: None"), ({"fulcrum_m": "1"}, "not a number"),
+            ({"plant": DiagramBuilder()}, "plant: is a DiagramBuilder")):
+        with pytest.raises(InputError, match=where):
+            add_foot(**{"plant": plant, "parent_frame": frame, "parameters": PARAMETERS} | given)
+    add_foot(plant, frame, PARAMETERS)
+
+
+def test_something_else_than_wiring_needs_is_refused(ready):
+    builder, plant, foot = ready
+    ice = Ground(patches=(GroundPatch(mu_static="ice"),))
+    for given, where in (({"builder": plant}, "builder: is a MultibodyPlant"), ({"plant": builder}, "plant: is a Dia"),
+                         ({"foot": None}, "foot: is a NoneType"), ({"foot": foot.frame}, "foot: is a RigidBody"),
+                         ({"ground": "ground.yaml"}, "load_ground"), ({"ground": GroundPatch()}, r"ground: .*no Ground"),
+                         ({"ground": Ground(patches=GroundPatch())}, "with the comma"),
+                         ({"ground": ice}, r"patches\[0\].mu_static: 'ice'")):
+        with pytest.raises(InputError, match=where):
+            wire_foot(**{"builder": builder, "plant": plant, "foot": foot} | given)
+    with pytest.raises(InputError, match="foot: is a WiredFoot"):
+        wire_foot(builder, plant, wire_foot(builder, plant, foot))
+
+
+@pytest.mark.parametrize("position", [108.0, np.nan])
+def test_fulcrum_in_millimetres_is_told_at_the_first_evaluation(ready, position):
+    builder, plant, foot = ready
+    wired = wire_foot(builder, plant, foot)
+    wired.connect_fulcrum(builder, builder.AddSystem(ConstantVectorSource([position])).get_output_port())
+    context = builder.Build().CreateDefaultContext()
+    with pytest.raises(InputError, match=r"vsf_forces.*in metres"):
+        wired.GetOutputPort("support_force").Eval(wired.forces.GetMyContextFromRoot(context))
+
+
+def test_parameters_are_set_in_no_other_context_than_the_systems_own(ready):
+    builder, plant, foot = ready
+    wired = wire_foot(builder, plant, foot)
+    root = builder.Build().CreateDefaultContext()
+
+    def numbers():
+        return [root.get_numeric_parameter(i).CopyToVector() for i in range(root.num_numeric_parameter_groups())]
+
+    before = numbers()
+    for context in (root, plant.GetMyMutableContextFromRoot(root)):
+        with pytest.raises(InputError, match="GetMyMutableContextFromRoot"):
+            wired.forces.SetParameters(context, fulcrum_m=0.12)
+        with pytest.raises(InputError, match="vsf_forces"):
+            wired.forces.GetParameter(context, "fulcrum_m")
+    for new, old in zip(numbers(), before, strict=True):
+        np.testing.assert_array_equal(new, old)
+    own = wired.forces.GetMyMutableContextFromRoot(root)
+    for value in (np.nan, "soft"):
+        with pytest.raises(ValueError, match="fulcrum_m must be a number"):
+            wired.forces.SetParameters(own, fulcrum_m=value)
+    wired.forces.SetParameters(own, fulcrum_m=0.12)
+    assert wired.forces.GetParameter(own, "fulcrum_m") == 0.12
+
+
+def test_ice_is_slippery_for_a_sliding_foot_too():
+    patches = (GroundPatch(), GroundPatch(mu_static=0.1), GroundPatch(mu_static=0.9), GroundPatch(mu_kinetic=0.7),
+               GroundPatch(mu_static=0.117, mu_kinetic=0.336))
+    arrays = ground_arrays(Ground(patches=patches), mu_static=0.5, mu_kinetic=0.3)
+    np.testing.assert_array_equal(arrays["mu_static"], [0.5, 0.1, 0.9, 0.5, 0.117])
+    np.testing.assert_array_equal(arrays["mu_kinetic"], [0.3, 0.1, 0.3, 0.7, 0.336])
