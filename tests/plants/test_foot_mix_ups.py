@@ -44,7 +44,7 @@ def test_something_else_than_wiring_needs_is_refused(ready):
     ice = Ground(patches=(GroundPatch(mu_static="ice"),))
     for given, where in (({"builder": plant}, "builder: is a MultibodyPlant"), ({"plant": builder}, "plant: is a Dia"),
                          ({"foot": None}, "foot: is a NoneType"), ({"foot": foot.frame}, "foot: is a RigidBody"),
-                         ({"ground": "ground.yaml"}, "load_ground"), ({"ground": GroundPatch()}, r"ground: .*no Ground"),
+                         ({"ground": "ground.yaml"}, "load_ground"), ({"ground": GroundPatch()}, r"ground: .*no G"),
                          ({"ground": Ground(patches=GroundPatch())}, "with the comma"),
                          ({"ground": ice}, r"patches\[0\].mu_static: 'ice'")):
         with pytest.raises(InputError, match=where):
