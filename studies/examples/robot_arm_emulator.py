@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from foot_energy import LOSSES, foot_energy
+from matplotlib.axes import Axes
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context
 from robot_arm import ArmWithFoot, make_arm
@@ -95,7 +96,8 @@ def _row(root: Context, arm: ArmWithFoot) -> dict:
              + R_WM.multiply(reaction.rotational()) @ V_WM.rotational())
     mass, place = foot.parameters.mass_kg, plant.CalcCenterOfMassPositionInWorld(context, [foot.instance])
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, [foot.instance], place).translational()
-    return {"time": root.get_time(), "mount": _mount(arm, context), "power": power,
+    return {"time": root.get_time(), "state": plant.GetPositionsAndVelocities(context),
+            "mount": _mount(arm, context), "power": power,
             "grf": arm.wired.GetOutputPort("grf").Eval(forces), "cop": arm.wired.GetOutputPort("cop").Eval(forces),
             "mechanical": 0.5 * momentum @ momentum / mass + 9.81 * mass * place[2],
             **foot_energy(arm.wired, plant, root)}
@@ -123,8 +125,10 @@ def _integral(power: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def _draw(out: Path, found: dict) -> None:
     with style():
-        figure = new_figure(9.0, 5.2)
-        (force, pressure), (work, error) = figure.subplots(2, 2)
+        figure = new_figure(10.5, 5.2)
+        axes = figure.subplot_mosaic([["arm", "force", "pressure"], ["arm", "work", "error"]], width_ratios=(0.8, 1, 1))
+        arm, force, pressure, work, error = (axes[name] for name in ("arm", "force", "pressure", "work", "error"))
+        _draw_arm(arm, next(iter(found.values())))
         for fulcrum_m, run in found.items():
             colour, t, loaded = condition_colour(fulcrum_m), run["time"], run["loaded"]
             force.plot(t, run["grf"][:, 2], color=colour, label=condition_label(fulcrum_m))
@@ -138,9 +142,27 @@ def _draw(out: Path, found: dict) -> None:
         figure.legend(*force.get_legend_handles_labels(), loc="outside lower center", ncols=2)
         label(force, x="time (s)", y="force (N)", title="Vertical, fore-aft (thin), implicit stepper (dots)")
         label(pressure, x="time (s)", y="forward (mm)", title="Centre of pressure, heel to toe")
-        label(work, x="time (s)", y="energy (J)", title="Put in by the arm, and in the foot's springs (dashed)")
-        label(error, x="time (s)", y="error (mm, deg)", title="How far the arm yields: up, and toes up (dashed)")
+        label(work, x="time (s)", y="energy (J)", title="Work put in; held by springs (dashed)")
+        label(error, x="time (s)", y="error (mm, deg)", title="The arm yields: up; toes up (dashed)")
         save_figure(figure, out / "robot_arm_emulator")
+
+
+def _draw_arm(axes: Axes, run: dict) -> None:
+    plant, foot = run["arm"].plant, run["arm"].wired.foot
+    context = plant.CreateDefaultContext()
+    frames = [plant.GetFrameByName(name) for name in ("base", "upper", "forearm", "wrist", "tool")]
+    for share, shade in ((0.05, 0.75), (0.45, 0.5), (0.85, 0.0)):
+        plant.SetPositionsAndVelocities(context, run["state"][np.searchsorted(run["time"], share * DURATION_S)])
+        lines = [[frame.CalcPoseInWorld(context).translation() for frame in frames],
+                 [body.EvalPoseInWorld(context).translation() for body in (foot.frame, *foot.keel)]]
+        for line, kind in zip(lines, ("o-", "-"), strict=True):
+            axes.plot(np.array(line)[:, 0], np.array(line)[:, 2], kind, color=str(shade))
+        ends = np.array([lines[0][-1], lines[1][0]])
+        axes.plot(ends[:, 0], ends[:, 2], color=str(shade), linewidth=0.8, label=f"{share * DURATION_S:.2f} s")
+    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    axes.set_aspect("equal")
+    axes.legend()
+    label(axes, x="forward (m)", y="up (m)", title="The arm and the foot")
 
 
 if __name__ == "__main__":
