@@ -5,10 +5,10 @@ bound method, or a lambda that names `self`, would keep it for ever (RobotLocomo
 here refer to their system weakly; whoever owns the diagram keeps the system.
 
 A port refers to its system and the system to its ports. pydrake stores that where the collector sees it, in the
-attribute PEERS; but Python 3.11 and 3.12 count what is in the `__dict__` of a Python class under a pybind11 class
-twice, and then never free it. So PEERS and the attributes that hold ports are slots: every system begins with
-`__slots__ = (PEERS, "_some_port", ...)`. If pydrake renames its attribute, systems live longer than they should, and
-nothing else happens.
+attribute PEERS; but with pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is
+counted twice (`gc.get_referents` shows it), and what is in it is then never freed. So PEERS and the attributes that
+hold ports are slots: every system begins with `__slots__ = (PEERS, "_some_port", ...)`. If pydrake renames its
+attribute, systems live longer than they should, and nothing else happens.
 """
 
 from __future__ import annotations
