@@ -167,6 +167,15 @@ def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
     assert swings[-1] == 1
 
 
+def test_recorder_counts_the_inrush_before_it_sees_the_motor_enabled():
+    """The motor is enabled between samples and takes 0.3 J at once, a fifth more later."""
+    rows = [(0, 2.0, 0.02), (1, 2.3, 0.019), (1, 2.36, 1e-4), (0, 2.36, 1e-4)]
+    inputs = [dict(zip(("enabled", "energy", "position_error"), row, strict=True)) for row in rows]
+    ended, energy, _ = follow(AdjustmentRecorder(), inputs)
+    assert ended[-1] == 1
+    assert energy[-1] == pytest.approx(0.36)
+
+
 def test_recorder_refuses_a_period_of_nothing():
     with pytest.raises(InputError, match="period: is 0"):
         AdjustmentRecorder(period=0.0)

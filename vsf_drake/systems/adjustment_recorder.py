@@ -22,7 +22,8 @@ def AdjustmentRecorder_(T):
 
         An adjustment begins when the motor is enabled with an error above `reached` and ends when it is off again
         with an error within: it may take several swings, and a new desired position in between prolongs it. Its
-        energy is what the supply gave from its beginning to its end.
+        energy is what the supply gave from its beginning to its end. A motor that is seen enabled was enabled up to a
+        period earlier, so the energy is counted from the sample before: the inrush is in it.
 
         .. pydrake_system::
 
@@ -62,8 +63,9 @@ def AdjustmentRecorder_(T):
             self._arguments = {"period": period, "reached": reached}
             self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("enabled", "energy", "position_error")]
             self._declare_parameters(T, reached=(reached, ()))
-            # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled
-            self.DeclareDiscreteState(BasicVector_[T](np.zeros(6)))
+            # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled and
+            # energy at the sample before
+            self.DeclareDiscreteState(BasicVector_[T](np.zeros(7)))
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
             for i, name in enumerate(("adjustments", "adjustment_energy", "adjustment_swings")):
                 self.DeclareVectorOutputPort(
@@ -74,17 +76,17 @@ def AdjustmentRecorder_(T):
             Impl._construct(self, converter=converter, **other._arguments)
 
         def _update(self, context, discrete) -> None:
-            ended, last_energy, last_swings, start, swings, before = _state(context)
+            ended, last_energy, last_swings, start, swings, before, energy_before = _state(context)
             enabled, energy, error = (port.Eval(context)[0] for port in self._inputs)
             reached = abs(error) <= self._constants(context)["reached"]
             if enabled > 0.5 and swings == 0.0 and not reached:
-                start, swings = energy, T(1.0)
+                start, swings = energy_before, T(1.0)
             elif enabled > 0.5 and swings > 0.0 and before < 0.5:
                 swings = swings + 1.0
             elif enabled < 0.5 and swings > 0.0 and reached:
                 ended, last_energy, last_swings = ended + 1.0, energy - start, swings
                 swings = T(0.0)
-            discrete.set_value(np.array([ended, last_energy, last_swings, start, swings, enabled]))
+            discrete.set_value(np.array([ended, last_energy, last_swings, start, swings, enabled, energy]))
 
     return Impl
 
