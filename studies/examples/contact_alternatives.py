@@ -1,8 +1,8 @@
 """Which contact runs under which integrator, at what cost, and how far it is from the fitted law.
 
 Five contacts (the paper's law, its smooth variant, Hunt-Crossley, Drake's point contact and hydroelastic pads) under
-Drake's Simulator: continuous plants under five integrators, discrete plants with two time steps. Each drops the same
-leg, 10 kg on a vertical slide, its shank leaning 15 degrees so that the forefoot lands; each presses the same keel
+Drake's Simulator: continuous plants under five integrators, discrete plants with three time steps. Each drops the same
+leg, 10 kg on a damped slide, its shank leaning 15 degrees so that the forefoot lands; each presses the same keel
 with dead loads of 200 and 600 N. Writes contact_alternatives.md, .csv, .json and the picture.
 
 Found on one core: at 1 ms a discrete plant with Drake's contact is the cheapest that is right. cenic is right with
@@ -101,7 +101,7 @@ def _comes_to_rest(row: Row) -> bool:
 
 
 def _figure(made: Comparison) -> Figure:
-    figure = new_figure(9.0, 3.6)
+    figure = new_figure(9.0, 3.9)
     force, cost = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
     force.plot(made.time_s, made.reference_n, color="0.75", linewidth=4.0, label="reference")
     drawn: set[str] = set()
@@ -113,6 +113,9 @@ def _figure(made: Comparison) -> Figure:
     force.axhline(made.weight_n, color="0.4", linestyle=":", linewidth=0.8)
     force.legend()
     label(force, x="time (s)", y="vertical force (N)", title="The drop: each contact by its fastest way to rest")
+    for contact in dict.fromkeys(row.contact for row in made.rows):
+        cost.plot([], [], "o", color=COLOURS[contact], label=contact)
+    figure.legend(*cost.get_legend_handles_labels(), loc="outside lower center", ncols=len(CONTACTS))
     ways = list(dict.fromkeys(row.way for row in made.rows))
     for row in made.rows:
         if row.real_time_factor is not None:

@@ -1,6 +1,6 @@
 """Every contact under every way to advance it: what runs, how fast, how far from the fitted law.
 
-One leg for all: a mass on a vertical slide with the foot under it, its shank leaning so that the forefoot lands,
+One leg for all: a mass on a damped vertical slide with the foot under it, its shank leaning so that the forefoot lands,
 dropped from DROP_M. And one press for all: dead loads on the bench's load point of a foot whose mount is held. What is
 compared is the whole of foot, contact and integrator, under Drake's own Simulator.
 """
@@ -30,8 +30,9 @@ from vsf_drake.plants.foot_wiring import wire_foot
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.wiring import share_spatial_forces
 
-LEG_KG, LEAN_RAD, DROP_M = 10.0, np.radians(15.0), 0.01
-"""Of the dropped leg without foot; its shank's lean forward; height of the lowest sphere above the ground (choices)."""
+LEG_KG, LEAN_RAD, DROP_M, RAIL_N_S_PER_M = 10.0, np.radians(15.0), 0.01, 150.0
+"""Of the dropped leg without foot; its shank's lean forward; height of the lowest sphere above the ground; damping of
+the slide, with which the leg is at rest at the end of the drop (choices)."""
 DROP_S, LAST_S = 0.8, 0.05
 """Length of a drop, and of its end over which the settled load is averaged."""
 SAMPLE_S = 1e-3
@@ -62,6 +63,7 @@ WAYS = (
     Advance("cenic, steps to 0.1 ms", scheme="cenic", max_step_s=1e-4),
     Advance("discrete 1 ms", time_step_s=1e-3),
     Advance("discrete 0.1 ms", time_step_s=1e-4),
+    Advance("discrete 0.05 ms", time_step_s=5e-5),
 )
 
 
@@ -152,7 +154,8 @@ def make_leg(
     plant.set_name("plant")
     size = (0.1, 0.1, 0.4)
     shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(LEG_KG, *size))
-    slide = plant.AddJoint(PrismaticJoint("height", plant.world_frame(), shank.body_frame(), [0.0, 0.0, 1.0]))
+    slide = plant.AddJoint(PrismaticJoint(
+        "height", plant.world_frame(), shank.body_frame(), [0.0, 0.0, 1.0], damping=RAIL_N_S_PER_M))
     ankle = plant.AddFrame(FixedOffsetFrame(
         "ankle", shank.body_frame(), RigidTransform(RotationMatrix.MakeYRotation(LEAN_RAD), np.zeros(3))))
     handles = add_foot(plant, ankle, foot, contact=contact, fulcrum_m=fulcrum_m)
