@@ -33,7 +33,7 @@ def standing(gait):
 
 
 def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_systems():
-    ports = (*FOOT, *(f"intact_{name}" for name in FOOT), "support_force", "socket_wrench")
+    ports = (*FOOT, *(f"intact_{name}" for name in FOOT), "support_force", "socket_wrench", "driver_force")
     plane, patches = make_gait(SUBJECT, ModelParameters()), make_gait_over(SUBJECT, ModelParameters(), Ground())
     contexts = standing(plane), standing(patches)
     one, two = values(plane.diagram, contexts[0], ports), values(patches.diagram, contexts[1], ports)
@@ -43,7 +43,7 @@ def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_syste
         np.testing.assert_allclose(two[name], value, rtol=1e-9, atol=1e-9, err_msg=name)
     rates = [gait.diagram.EvalTimeDerivatives(context).CopyToVector() for gait, context in
              zip((plane, patches), contexts, strict=True)]
-    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-6, atol=1e-6 * np.abs(rates[0]).max())
+    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-9, atol=1e-9 * np.abs(rates[0]).max())
 
 
 def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone():

@@ -103,10 +103,11 @@ def make_gait_over(
     person = add_person(plant, subject, model)
     plant.Finalize()
     prescribed = prescribed_coordinates(person, free)
+    inertia = servo_inertia(plant, prescribed)  # as make_gait: with the carriage still at A
     wired = wire_foot(builder, plant, person.foot, ground=ground)
     intact = add_rigid_foot(builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot")
     bushing = builder.AddNamedSystem("bushing", socket_bushing(plant, person.socket))
-    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, servo_inertia(plant, prescribed)))
+    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, inertia))
     connect_kinematics(builder, plant, [bushing, driver])
     for system in (bushing, driver):
         share_generalized_forces(builder, plant, system.GetOutputPort("generalized_force"))
