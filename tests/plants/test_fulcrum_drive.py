@@ -152,6 +152,34 @@ def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
     assert carriage == pytest.approx(position, abs=1e-3)  # its own servo of 100 Hz lags by 0.4 mm
 
 
+def test_the_screw_starts_where_wire_foot_put_the_carriage():
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(0.0))
+    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    plant.Finalize()
+    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot, fulcrum_m=0.13))
+    builder.ExportInput(drive.desired_position)
+    root = builder.Build().CreateDefaultContext()
+    assert drive.actuator.get_output_port(0).Eval(drive.actuator.GetMyContextFromRoot(root))[0] == 0.13
+    assert plant.GetJointByName("fulcrum").get_translation(plant.GetMyContextFromRoot(root)) == 0.13
+
+
+def test_a_new_context_of_the_simulator_gets_its_support_moved_too():
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(1e-3))
+    foot = add_foot(plant, plant.world_frame(), FootParameters(), contact="drake_point")
+    plant.Finalize()
+    wired = wire_foot(builder, plant, foot)
+    builder.Connect(builder.AddSystem(ConstantVectorSource([0.14])).get_output_port(), wired.fulcrum_position)
+    it = Simulator(builder.Build())
+    follow_fulcrum(it, plant, wired)
+    it.AdvanceTo(0.005)
+    it.reset_context(it.get_system().CreateDefaultContext())
+    it.AdvanceTo(0.005)
+    rod = plant.GetDistanceConstraintParams(plant.GetMyContextFromRoot(it.get_context()), foot.support)
+    assert rod.p_BQ()[0] == 0.14
+
+
 def test_two_feet_are_driven_apart():
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))

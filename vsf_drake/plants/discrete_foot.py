@@ -116,16 +116,17 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
     """
     for wired in feet:
         _support(wired.foot)
-    earlier, at = simulator.get_monitor(), {}
+    earlier = simulator.get_monitor()
 
     def monitor(root: Context) -> EventStatus | None:
         status = earlier(root) if earlier else None
         for wired in feet:
             own = wired.command.GetMyContextFromRoot(root)
             wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
-            if abs(wanted - at.get(wired.foot.name, np.inf)) > MOVED_M:
-                place_fulcrum(plant, plant.GetMyMutableContextFromRoot(root), wired.foot, wanted)
-                at[wired.foot.name] = wanted
+            plant_context = plant.GetMyMutableContextFromRoot(root)
+            stands = plant.GetDistanceConstraintParams(plant_context, _support(wired.foot)).p_BQ()[0]
+            if abs(wanted - stands) > MOVED_M:
+                place_fulcrum(plant, plant_context, wired.foot, wanted)
         return status
 
     simulator.set_monitor(monitor)

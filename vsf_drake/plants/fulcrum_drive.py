@@ -94,8 +94,8 @@ def add_fulcrum_drive(
         shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame,
             which has no ankle and turns with the shank.
         grf: (3,) N on the foot, z_W up; by default that of the foot's own contact.
-        initial_m: where the carriage starts (m from A); by default where `add_foot` put it. Give the plant's carriage
-            joint the same position.
+        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does, that
+            is where `add_foot` or `wire_foot` put it. Give that joint the same position.
         period_s: sampling period of controller and recorder.
 
     Raises:
@@ -106,7 +106,8 @@ def add_fulcrum_drive(
     if builder.IsConnectedOrExported(wired.fulcrum_position):
         raise InputError("is connected or exported already", where=f"{name}'s fulcrum_position",
                          right="A fulcrum has one master: leave the port free, and give the drive a desired position")
-    initial_m = foot.fulcrum_m if initial_m is None else initial_m
+    if initial_m is None:
+        initial_m = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_default_translation()
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
     actuator = FulcrumActuator(
         parameters=parameters, carriage_mass=foot.parameters.fulcrum.carriage_mass_kg,
