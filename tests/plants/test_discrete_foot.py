@@ -215,6 +215,14 @@ def test_support_of_a_continuous_plant_cannot_be_placed():
         place_fulcrum(plant, plant.CreateDefaultContext(), foot, 0.1)
 
 
+def test_what_is_no_context_or_wired_foot_of_the_plant_is_refused():
+    foot = Held()
+    with pytest.raises(InputError, match=r"plant_context: is not the plant's.*GetMyMutableContextFromRoot"):
+        place_fulcrum(foot.plant, foot.context, foot.foot, 0.1)
+    with pytest.raises(InputError, match="what wire_foot returned"):
+        follow_fulcrum(foot.simulator, foot.plant, foot.foot)
+
+
 def test_solver_without_constraints_is_refused():
     plant = MultibodyPlant(1e-5)
     if not hasattr(DiscreteContactApproximation, "kTamsi"):

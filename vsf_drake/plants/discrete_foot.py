@@ -99,10 +99,15 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
     """Puts the support of `foot` at `fulcrum_m` (m from A) in the plant's Context; the carriage stays where it is.
 
     Raises:
-        InputError: the carriage cannot reach it, or the plant has no time step.
+        InputError: the carriage cannot reach it, the plant has no time step, or the Context is not the plant's.
     """
-    check_fulcrum(fulcrum_m, foot.parameters)
-    plant.SetDistanceConstraintParams(plant_context, _support(foot), _rod(foot, fulcrum_m))
+    support, rod = _support(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
+    try:
+        plant.ValidateContext(plant_context)
+    except RuntimeError:
+        raise InputError("is not the plant's", where="plant_context",
+                         right="Give plant.GetMyMutableContextFromRoot(root_context)") from None
+    plant.SetDistanceConstraintParams(plant_context, support, rod)
 
 
 def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
@@ -112,9 +117,11 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
     monitor of your own goes on working if it is set before this: it is called first, and what it returns counts.
 
     Raises:
-        InputError: a foot is not in a plant with a time step.
+        InputError: a foot is not what `wire_foot` returned, or not in a plant with a time step.
     """
     for wired in feet:
+        if not hasattr(wired, "command"):
+            raise InputError(f"is a {type(wired).__name__}", where="feet", right="Give what wire_foot returned")
         _support(wired.foot)
     earlier = simulator.get_monitor()
 
