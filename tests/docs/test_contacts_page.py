@@ -20,5 +20,6 @@ def test_example_of_the_page_wires_a_foot_on_drakes_contact():
 
 
 def test_table_has_every_contact_under_every_way_once():
-    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| [^|]+ \| [^|]+ \| [^|]+ \| [^|]+ \|[^|]*\|$", PAGE, flags=re.MULTILINE)
+    cells = r"^\| `(\w+)` \| ([^|]+) \|(?: [^|]+ \|){4}[^|]*\|$"
+    rows = re.findall(cells, PAGE, flags=re.MULTILINE)
     assert sorted(rows) == sorted((contact, way.name) for contact in CONTACTS for way in WAYS)
