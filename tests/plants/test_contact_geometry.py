@@ -27,7 +27,7 @@ from vsf_drake.plants.contact_geometry import (
     pad_widths,
     point_law,
 )
-from vsf_drake.plants.foot import FootHandles
+from vsf_drake.plants.foot_handles import FootHandles
 
 FOOT = FootParameters()
 NAMES = ("grf", "cop", "free_moment")

@@ -20,7 +20,8 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from vsf_drake.plants import add_foot, mirrored, share_generalized_forces, share_spatial_forces, wire_foot
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.foot import FootHandles, mount_pose
+from vsf_drake.plants.foot import mount_pose
+from vsf_drake.plants.foot_handles import FootHandles
 
 SEED = 5
 APART = np.array([0.0, 1.5, 0.0])

@@ -1,7 +1,10 @@
 """Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a person."""
 
-from vsf_drake.plants.discrete_foot import follow_fulcrum, place_fulcrum
-from vsf_drake.plants.foot import FootHandles, add_foot, mirrored
+from vsf_drake.plants.discrete_foot import place_fulcrum
+from vsf_drake.plants.following import follow_fulcrum
+from vsf_drake.plants.foot import add_foot, mirrored
+from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_visuals import add_foot_visuals
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.fulcrum_drive import FulcrumDrive, add_fulcrum_drive
 from vsf_drake.plants.ground_geometry import add_ground_geometry
@@ -13,6 +16,7 @@ __all__ = [
     "FulcrumDrive",
     "WiredFoot",
     "add_foot",
+    "add_foot_visuals",
     "add_fulcrum_drive",
     "add_ground_geometry",
     "follow_fulcrum",

@@ -11,7 +11,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.device import DeviceSystems, add_device
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
 from vsf_drake.systems.testing_machine import TestingMachine
 

@@ -21,7 +21,6 @@ first evaluation over a contact says that hunt_crossley_dissipation is of a diff
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -43,9 +42,8 @@ from pydrake.systems.framework import DiagramBuilder
 from vsf_drake.errors import InputError
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
-
-if TYPE_CHECKING:
-    from vsf_drake.plants.foot import ContactSites, FootHandles
+from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot_handles import FootHandles
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
 REFERENCE_LOAD_N = 50.0

@@ -11,7 +11,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
-from vsf_drake.plants.foot import FootHandles
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.systems.driver import GaitDriver
 from vsf_drake.systems.fulcrum import FulcrumSupport
 from vsf_drake.systems.keel import KeelElasticity

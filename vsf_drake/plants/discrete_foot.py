@@ -11,25 +11,19 @@ constraints, so
 
 The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel there
 over ROD_M, so as a support it is exact to 1e-5. Its place belongs to the plant's Context, not to a port:
-`place_fulcrum` moves it, and `follow_fulcrum` does so in every step of a Simulator.
+`place_fulcrum` moves it, and `following.follow_fulcrum` does so in every step of a Simulator.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
 from pydrake.multibody.tree import MultibodyConstraintId, PdControllerGains
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
+from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum
-
-if TYPE_CHECKING:
-    from vsf_drake.plants.foot import FootHandles
-    from vsf_drake.plants.foot_wiring import WiredFoot
+from vsf_drake.plants.foot_handles import FootHandles
 
 ROD_M = 10.0
 """Length of the rod that stands for the support's direction (a choice)."""
@@ -37,7 +31,6 @@ CARRIAGE_FREQUENCY = 2 * np.pi * 100.0
 """Natural frequency (rad/s) of the carriage's actuator, critically damped (a choice)."""
 STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
 """Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at 0.15 ms and 0.1 ms."""
-MOVED_M = 1e-9
 
 
 def largest_step(foot: FootHandles) -> float:
@@ -101,7 +94,7 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
     Raises:
         InputError: the carriage cannot reach it, the plant has no time step, or the Context is not the plant's.
     """
-    support, rod = _support(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
+    support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
     try:
         plant.ValidateContext(plant_context)
     except RuntimeError:
@@ -110,37 +103,8 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
     plant.SetDistanceConstraintParams(plant_context, support, rod)
 
 
-def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
-    """Makes the supports of `feet` follow their fulcrum positions: sets the simulator's monitor.
-
-    In a plant with a time step a support has its place in the Context, so somebody must move it between steps. A
-    monitor of your own goes on working if it is set before this: it is called first, and what it returns counts.
-
-    Raises:
-        InputError: a foot is not what `wire_foot` returned, or not in a plant with a time step.
-    """
-    for wired in feet:
-        if not hasattr(wired, "command"):
-            raise InputError(f"is a {type(wired).__name__}", where="feet", right="Give what wire_foot returned")
-        _support(wired.foot)
-    earlier = simulator.get_monitor()
-
-    def monitor(root: Context) -> EventStatus | None:
-        status = earlier(root) if earlier else None
-        for wired in feet:
-            own = wired.command.GetMyContextFromRoot(root)
-            wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
-            plant_context = plant.GetMyMutableContextFromRoot(root)
-            stands = plant.GetDistanceConstraintParams(plant_context, _support(wired.foot)).p_BQ()[0]
-            if abs(wanted - stands) > MOVED_M:
-                place_fulcrum(plant, plant_context, wired.foot, wanted)
-        return status
-
-    simulator.set_monitor(monitor)
-    monitor(simulator.get_mutable_context())
-
-
-def _support(foot: FootHandles) -> MultibodyConstraintId:
+def support_of(foot: FootHandles) -> MultibodyConstraintId:
+    """The constraint that is the support of `foot`; raises InputError for a foot in a continuous plant."""
     if foot.support is None:
         raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
                          right="There the support follows its port by itself: leave this call out")

@@ -18,7 +18,7 @@ bodies. Positive keel coordinates lift the toe. Nothing here exerts a force: `sy
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -27,7 +27,6 @@ from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
-    MultibodyConstraintId,
     PrismaticJoint,
     RevoluteJoint,
     RigidBody,
@@ -39,88 +38,17 @@ from pydrake.systems.framework import Context
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_fulcrum
-from vsf_drake.parameters import ContactZone, FootParameters, KeelParameters
+from vsf_drake.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
+from vsf_drake.plants.contact_sites import ContactSites, zone_sites
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.foot_checks import check_place, checked_side
+from vsf_drake.plants.foot_handles import FULCRUM_M, FootHandles
 from vsf_drake.plants.inertia import box
 from vsf_drake.plants.joints import FORWARD, RIGHTWARD
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
 """What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""
-FULCRUM_M = 0.108
-"""Of a foot that nobody sets: the middle of the five published positions (McGeehan 2021)."""
-
-
-@dataclass(frozen=True)
-class ContactSites:
-    """The contact spheres of one foot, one row each (N spheres).
-
-    Attributes:
-        body_indices: body that carries each sphere.
-        p_BS: (N, 3) sphere centres in their bodies' frames (m).
-        radius, stiffness, exponent, damping, full_damping_depth: (N,) SI.
-        zone: (N,) index into `zone_names`.
-    """
-
-    body_indices: list
-    p_BS: np.ndarray
-    radius: np.ndarray
-    stiffness: np.ndarray
-    exponent: np.ndarray
-    damping: np.ndarray
-    full_damping_depth: np.ndarray
-    zone: np.ndarray
-    zone_names: tuple[str, ...]
-
-    @property
-    def law(self) -> dict[str, np.ndarray]:
-        """The constants of the normal force, by the names that the contact law gives them."""
-        names = ("stiffness", "exponent", "damping", "full_damping_depth")
-        return {name: getattr(self, name) for name in names}
-
-
-@dataclass(frozen=True)
-class FootHandles:
-    """What `add_foot` put into the plant.
-
-    Attributes:
-        name: of the model instance, and before the names of the systems that `wire_foot` adds.
-        contact: one of CONTACTS.
-        side: "left", "right", or "either" where nobody said.
-        instance: the foot's model instance, in which its joint names are unique.
-        frame: rigid frame of the foot; its body frame is K.
-        mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
-        keel: the keel's bodies from A to the toe, their frames at their joints, x along the keel.
-        keel_starts: (len(keel),) distance (m) of each body's frame from A.
-        keel_joint_names: the pin at A, then the sprung joints.
-        joint_stiffness, joint_damping: (len(keel),) N m/rad and N m s/rad; zero for the pin.
-        carriage_joint_name: slide of the fulcrum carriage, coordinate = distance from A (m).
-        sites: contact spheres.
-        fulcrum_m: fulcrum position (m from A) where no other is commanded.
-        support: in a plant with a time step, the constraint that is the fulcrum's support; else None.
-    """
-
-    parameters: FootParameters
-    name: str
-    contact: str
-    side: str
-    instance: ModelInstanceIndex
-    frame: RigidBody
-    mount: Frame
-    keel: list[RigidBody]
-    keel_starts: np.ndarray
-    keel_joint_names: tuple[str, ...]
-    joint_stiffness: np.ndarray
-    joint_damping: np.ndarray
-    carriage_joint_name: str
-    sites: ContactSites
-    fulcrum_m: float = FULCRUM_M
-    support: MultibodyConstraintId | None = None
-
-    def keel_body_at(self, x: float) -> int:
-        """Index into `keel` of the body that carries the point `x` (m from A)."""
-        return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
 
 
 def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
@@ -273,17 +201,3 @@ def _foot_sites(
             indices.append((frame if on_frame else keel[j]).index())
             points.append([x if on_frame else x - starts[j], 1e-3 * y_mm, z])
     return zone_sites(foot.zones, indices, np.array(points))
-
-
-def zone_sites(zones: tuple[ContactZone, ...], body_indices: list, p_BS: np.ndarray) -> ContactSites:
-    """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
-    count = [len(zone.x_mm) for zone in zones]
-
-    def repeated(field: str) -> np.ndarray:
-        return np.repeat([float(getattr(zone, field)) for zone in zones], count)
-
-    return ContactSites(
-        body_indices=body_indices, p_BS=p_BS, radius=repeated("radius_m"), stiffness=repeated("stiffness"),
-        exponent=repeated("exponent"), damping=repeated("damping_n_s_per_m"),
-        full_damping_depth=repeated("full_damping_depth_m"),
-        zone=np.repeat(np.arange(len(zones)), count), zone_names=tuple(zone.name for zone in zones))

@@ -13,7 +13,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.errors import InputError
-from vsf_drake.plants.foot import ContactSites, FootHandles
+from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot_handles import FootHandles
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each 0 to 1."""

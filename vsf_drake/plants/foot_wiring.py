@@ -13,8 +13,8 @@ from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
-from vsf_drake.plants.foot import FootHandles
 from vsf_drake.plants.foot_checks import check_type
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.wiring import (
     check_shareable,
     connect_kinematics,

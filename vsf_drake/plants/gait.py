@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
+from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.device import DeviceSystems, add_device, servo, velocity_indices
-from vsf_drake.plants.foot import ContactSites
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.socket import SocketHandles
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces

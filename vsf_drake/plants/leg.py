@@ -23,7 +23,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_visuals import add_foot_visuals
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.ground_geometry import add_ground_geometry

@@ -9,7 +9,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from vsf_drake.errors import InputError
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export.rigid_foot import rigid_foot
-from vsf_drake.plants.foot import CONTACTS, FootHandles
+from vsf_drake.plants.foot import CONTACTS
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 

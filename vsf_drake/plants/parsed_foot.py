@@ -29,8 +29,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.export.rigid_foot import NAME
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_checks import checked_side
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.parsed_contact import parsed_contact
 
 AGREEMENT = 1e-9

@@ -23,7 +23,9 @@ from vsf_drake.plants.anthropometry import (
     pelvis_semi_axes,
     scale_body,
 )
-from vsf_drake.plants.foot import ContactSites, FootHandles, add_foot, zone_sites
+from vsf_drake.plants.contact_sites import ContactSites, zone_sites
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.inertia import ellipsoid_central_moments, from_central, frustum, frustum_taper
 from vsf_drake.plants.joints import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
 from vsf_drake.plants.socket import SocketHandles, add_socket

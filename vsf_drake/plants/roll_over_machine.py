@@ -23,7 +23,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from vsf_drake.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants.device import DeviceSystems, add_device, servo
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import FootGround, add_foot_ground
 from vsf_drake.plants.inertia import box
 from vsf_drake.plants.joints import FORWARD, RIGHTWARD, UPWARD, add_chain

@@ -48,7 +48,8 @@ from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.subject_file import load_subject
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_visuals import add_foot_visuals
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.gait_over_ground import make_gait_over

@@ -16,7 +16,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from vsf_drake.errors import InputError
 from vsf_drake.plants.bench import BenchDiagram
 from vsf_drake.plants.device import DeviceSystems, velocity_indices
-from vsf_drake.plants.foot import FootHandles
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import FootGround, GaitDiagram
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of

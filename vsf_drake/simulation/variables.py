@@ -25,7 +25,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.foot import ContactSites
+from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.edit import Edit
 

@@ -16,7 +16,8 @@ from vsf_drake.analysis.recording.foot import FootMotion
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.foot import ContactSites, set_mount, sole_height
+from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.person import PersonHandles, add_person
 
 

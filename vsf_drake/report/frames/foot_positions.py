@@ -11,7 +11,8 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import Context
 
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 
 
 @dataclass(frozen=True)

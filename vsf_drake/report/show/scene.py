@@ -13,7 +13,8 @@ from pydrake.multibody.tree import FixedOffsetFrame, Frame, JointIndex, Prismati
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
-from vsf_drake.plants.foot import FootHandles, add_foot
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_visuals import Colour, add_foot_visuals, draw
 from vsf_drake.plants.illustration import METAL, add_visuals
 from vsf_drake.plants.joints import UPWARD
