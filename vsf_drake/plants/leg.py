@@ -30,7 +30,7 @@ from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.model_package import add_model_package
 from vsf_drake.plants.parsed_foot import find_foot
-from vsf_drake.plants.station_drawing import draw_ground
+from vsf_drake.plants.station_drawing import connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces
 from vsf_drake.scenario import Scenario, ScenarioFoot, file_of, scenario_ground
 from vsf_drake.systems.driver import GaitDriver
@@ -78,12 +78,8 @@ def add_leg(
 
 
 def _add_plant(builder: DiagramBuilder, time_step_s: float) -> tuple[MultibodyPlant, SceneGraph]:
-    """As AddMultibodyPlantSceneGraph does it, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call."""
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(time_step_s))
-    scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
-    builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
-    builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(plant.get_source_id()))
+    plant, scene_graph = builder.AddNamedSystem("plant", MultibodyPlant(time_step_s)), SceneGraph()
+    connect_scene_graph(builder, plant, scene_graph)
     return plant, scene_graph
 
 
@@ -146,11 +142,17 @@ def _foot(
 
 
 def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[FootHandles]) -> None:
-    """The ground as shapes, once, where a foot meets it by a contact of Drake's own."""
+    """The ground as shapes, once, where a foot meets it by a contact of Drake's own; it is made for one friction."""
     meeting = [foot for foot in feet if foot.contact in DRAKE_CONTACTS]
+    for foot in meeting:
+        if foot.parameters.friction != meeting[0].parameters.friction:
+            raise InputError(f"{foot.name!r} has another friction than {meeting[0].name!r}, and Drake's own contact "
+                             "takes one ground for both", where=f"feet[{feet.index(foot)}].model",
+                             right="Give both the same friction, or one of them another contact")
     if meeting:
+        contacts = {foot.contact for foot in meeting}
         add_ground_geometry(plant, scenario_ground(scenario), foot=meeting[0].parameters,
-                            contact=meeting[0].contact)
+                            contact="hydroelastic" if "hydroelastic" in contacts else "drake_point")
 
 
 def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> None:
