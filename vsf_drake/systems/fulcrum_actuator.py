@@ -44,6 +44,9 @@ def FulcrumActuator_(T):
         The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail
         friction, and the position follows from this system's own state. In a plant with a foot the carriage's body
         follows `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia.
+        What a loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero
+        unless it comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with
+        the fulcrum at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
 
         Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of
         max(V i, 0), as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding,
