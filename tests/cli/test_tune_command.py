@@ -163,24 +163,18 @@ def test_level_2_gets_its_options_and_tells_its_iterations(run, tmp_path, monkey
     """A made-up stride in place of the real one: what the command hands over, and what it makes of what comes back."""
     seen = {}
 
-    class Solved:
-        def table(self):
-            return small_table(level=2)
+    def stride(trials, *, cost, options, labels):
+        seen.update(trials=len(trials), cost=cost, options=options, labels=labels)
 
-        def arrays(self):
-            return {}
+    def solved(tuning, *, progress, warm_start):
+        progress("tracking, smoothing 1 of 4", 0.1, SimpleNamespace(number=7, cost=0.25))
+        progress("66 mm, cold", 0.2, None)
+        seen["warm"] = warm_start
 
-    class Stride:
-        def __init__(self, trials, *, cost, options, labels):
-            seen.update(trials=len(trials), cost=cost, options=options, labels=labels)
-
-        def solve(self, *, progress, warm_start):
-            progress("tracking, smoothing 1 of 4", 0.1, SimpleNamespace(number=7, cost=0.25))
-            progress("66 mm, cold", 0.2, None)
-            seen["warm"] = warm_start
-            return Solved()
-
-    monkeypatch.setattr(level2, "StrideTuning", Stride, raising=False)
+    monkeypatch.setattr(level2, "StrideTuning", stride)
+    monkeypatch.setattr(level2, "solve", solved)
+    monkeypatch.setattr(level2, "stride_table", lambda solution: small_table(level=2))
+    monkeypatch.setattr(level2, "stride_arrays", lambda solution: {})
     said = []
     monkeypatch.setattr(tune, "progress", lambda: nullcontext(lambda what, share: said.append(what)))
     code, out, _ = run("tune", LOW, "--contact", CONTACT, "--level", "2", "--cost", "metabolic", "--intervals", "30",

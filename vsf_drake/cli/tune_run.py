@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning import level2
+from vsf_drake.analysis.tuning import level1, level2
 from vsf_drake.analysis.tuning.inputs import TuningTrials
-from vsf_drake.analysis.tuning.level1 import StiffnessTuning, TuningOptions, TuningProgress, solve
-from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
 from vsf_drake.errors import InputError
 
@@ -75,16 +73,16 @@ def _motion_given(
                               "pareto": options.pareto, "joints": options.joints, "workers": options.workers}
     if options.quick:
         chosen |= {"sweep_mm": _QUICK_SWEEP_MM, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
-    tuning = StiffnessTuning(
-        given.trials, cost=options.cost, labels=given.labels, tasks=tasks, options=TuningOptions(
+    tuning = level1.StiffnessTuning(
+        given.trials, cost=options.cost, labels=given.labels, tasks=tasks, options=level1.TuningOptions(
             design=options.design, seed=options.seed, **{k: v for k, v in chosen.items() if v is not None}))
 
-    def told(p: TuningProgress) -> None:
+    def told(p: level1.TuningProgress) -> None:
         best = "" if p.cost is None or p.fulcrum_mm is None else f", {p.fulcrum_mm:.1f} mm, cost {p.cost:.5g}"
         show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
 
-    solution = solve(tuning, progress=told, warm_start=None if warm is None else warm.table)
-    return solution.table(), solution.arrays()
+    solution = level1.solve(tuning, progress=told, warm_start=None if warm is None else warm.table)
+    return level1.tuning_table(solution), level1.tuning_arrays(solution)
 
 
 def _motion_free(
@@ -100,7 +98,7 @@ def _motion_free(
         chosen = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": (),
                   "draws": 0} | {
             name: value for name, value in chosen.items() if value is not None}
-    problem = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels, options=StrideOptions(
+    tuning = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels, options=level2.StrideOptions(
         design=tuple(_DESIGN_OF_STRIDE.get(name, name) for name in options.design),
         **{name: value for name, value in chosen.items() if value is not None}))
 
@@ -108,5 +106,5 @@ def _motion_free(
         best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
         show(f"{what}{best}", fraction)
 
-    solution = problem.solve(progress=told, warm_start=None if warm is None else warm.arrays)
-    return solution.table(), solution.arrays()
+    solution = level2.solve(tuning, progress=told, warm_start=None if warm is None else warm.arrays)
+    return level2.stride_table(solution), level2.stride_arrays(solution)

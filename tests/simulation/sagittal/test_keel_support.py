@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.smooth_laws import IMAGINARY_STEP, Smoothing
 from vsf_drake.simulation.sagittal.support import SUPPORT_WIDTH
 
@@ -67,7 +68,7 @@ def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(pers
             by = []
             for side in (-1e-9, 1e-9):
                 at.p[0] = start + edge + side
-                by.append(model.linearise(*at.all, Smoothing())[1][:, by_fulcrum])
+                by.append(linearise(model, *at.all, Smoothing())[1][:, by_fulcrum])
             largest = np.abs(by[0]).max(axis=1) + 1e-9
             largest[keel] = largest[keel].max()
             assert (np.abs(by[1] - by[0]).max(axis=1) / largest).max() < 10.0 * 2e-9 / SUPPORT_WIDTH

@@ -10,6 +10,7 @@ from scipy.optimize import root
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.simulation.keel_statics import KeelStatics
 from vsf_drake.simulation.sagittal.contact_spheres import Spheres, normal_and_friction, touch
+from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.quasi_static import quasi_static_motion
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
@@ -56,7 +57,7 @@ def rise_under(model, load, fulcrum):
         return q, 0.0 * q, 0.0 * q, w, 0.0 * w, p
 
     def left(unknown):
-        y, by = model.linearise(*arguments(unknown), smoothing)
+        y, by = linearise(model, *arguments(unknown), smoothing)
         columns = [2, *range(27, 36)]
         return np.append(y[KEEL, 0], y[fz, 0] - load), np.vstack([by[KEEL], by[fz:fz + 1]])[:, columns, 0]
 

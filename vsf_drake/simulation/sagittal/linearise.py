@@ -17,18 +17,14 @@ Sums over what a link carries and products with the joints do the rest.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from vsf_drake.simulation.sagittal.contact_spheres import sole, touch
 from vsf_drake.simulation.sagittal.ground_change import GroundChange, ground_changes
+from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, cross, inertia_times
 from vsf_drake.simulation.sagittal.smooth_laws import IMAGINARY_STEP, Smoothing
 from vsf_drake.simulation.sagittal.springs import spring_forces
-
-if TYPE_CHECKING:
-    from vsf_drake.simulation.sagittal.model import SagittalModel
 
 
 class _Columns:
@@ -55,7 +51,10 @@ def linearise(
     model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
     smoothing: Smoothing
 ) -> tuple[np.ndarray, np.ndarray]:
-    """See `SagittalModel.linearise`."""
+    """Values (m, N) of the outputs at real arrays (n, N), and (m, 52, N) derivatives by what is given, in order.
+
+    Arguments and outputs are those of `SagittalModel.evaluate`.
+    """
     n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
     motion = model.motion(q, v, a, w, u, p)
     joints = _joints(dynamics, motion)

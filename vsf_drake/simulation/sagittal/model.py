@@ -27,7 +27,6 @@ from vsf_drake.simulation.sagittal.contact_spheres import (
     touch,
     wrenches,
 )
-from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion
 from vsf_drake.simulation.sagittal.planar_tree import planar_tree
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
@@ -135,13 +134,6 @@ class SagittalModel:
         return np.concatenate([
             load[:3], load[n:n + k] - spring, torque, torque * v[3:], prosthetic[[1, 2, 0]], intact[[1, 2, 0]],
             spring[:len(SOCKET)], np.stack([power, stored.sum(0) + held, *(sole(at.depth[f])[0] for f in self.feet)])])
-
-    def linearise(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
-        smoothing: Smoothing
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Values (m, N) of the outputs at real arrays (n, N), and (m, 52, N) derivatives by what is given, in order."""
-        return linearise(self, q, v, a, w, u, p, smoothing)
 
     def motion(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray

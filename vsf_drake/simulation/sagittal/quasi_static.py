@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from vsf_drake.errors import SimulationError
+from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
@@ -39,7 +40,7 @@ def quasi_static_motion(
 
     first = 3 * len(q)
     for _ in range(ITERATIONS):
-        y, by = model.linearise(q, v, a, w, (rates @ w.T).T, design, smoothing)
+        y, by = linearise(model, q, v, a, w, (rates @ w.T).T, design, smoothing)
         r, by = y[rows], by[rows, first:first + 2 * k]
         if np.abs(r).max() <= BALANCED * model.weight:
             return w, (rates @ w.T).T

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level1 import solve
+from vsf_drake.analysis.tuning.level1 import solve, tuning_arrays, tuning_table
 from vsf_drake.analysis.tuning.level1.search import search
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.report.tuning.table import KEYS, check_tuning_table
@@ -28,7 +28,7 @@ def test_an_optimum_is_below_its_neighbours_and_the_sweep(solution):
 
 
 def test_the_table_has_every_key_and_is_plain_json(solution):
-    table = solution.table()
+    table = tuning_table(solution)
     check_tuning_table(table)
     assert set(KEYS) <= set(table)
     assert json.loads(json.dumps(table, allow_nan=False)) == table
@@ -40,7 +40,7 @@ def test_the_table_has_every_key_and_is_plain_json(solution):
 
 
 def test_the_arrays_are_the_sweep_of_each_trial_and_its_forces(solution):
-    arrays = solution.arrays()
+    arrays = tuning_arrays(solution)
     assert arrays["sweep_cost_trials"].shape == (len(arrays["sweep_mm"]), 3)
     assert arrays["sweep_cost_trials"].mean(axis=1) == pytest.approx(solution.sweep.cost)
     for name in ("softest", "optimum", "stiffest", "recorded"):
@@ -73,7 +73,8 @@ def test_the_interval_holds_the_optimum_and_the_draws(solution):
 
 @pytest.mark.slow
 def test_the_numbers_repeat(made_tuning):
-    found = [solve(made_tuning("medium_1", draws=1, design=("alignment",), sweep_mm=20.0)).table() for _ in range(2)]
+    tuning = {"draws": 1, "design": ("alignment",), "sweep_mm": 20.0}
+    found = [tuning_table(solve(made_tuning("medium_1", **tuning))) for _ in range(2)]
     for table in found:
         del table["wall_s"]
     assert found[0] == found[1]
@@ -98,7 +99,7 @@ def test_an_interrupt_keeps_the_best_point_and_says_that_it_is_none(made_tuning)
     for name in ("fulcrum_mm", "cost", "values"):
         with pytest.raises(FitError, match="interrupted"):
             getattr(broken, name)
-    table = broken.table()
+    table = tuning_table(broken)
     check_tuning_table(table)
     assert table["optimal"] is False
     assert table["notes"][0].startswith("NOT OPTIMAL")
@@ -117,7 +118,7 @@ def test_an_interrupt_late_keeps_what_was_found(made_tuning, stage):
     assert not broken.success
     assert broken.searched.success
     assert (broken.sweep is None) == (stage == "sweep")
-    json.dumps(broken.table(), allow_nan=False)
+    json.dumps(tuning_table(broken), allow_nan=False)
 
 
 def test_an_interrupt_before_anything_was_found_is_passed_on(made_tuning):
@@ -137,15 +138,15 @@ def test_a_search_that_may_not_iterate_is_no_optimum(made_tuning):
 @pytest.mark.slow
 def test_a_warm_start_begins_where_the_last_tuning_ended(made_tuning, solution):
     tuning = made_tuning("medium_1", "medium_2", "high_1", **QUICK)
-    again = solve(tuning, warm_start=solution.table())
+    again = solve(tuning, warm_start=tuning_table(solution))
     assert again.searches[-1].start == pytest.approx(solution.best.x)
     assert again.fulcrum_mm == pytest.approx(solution.fulcrum_mm, abs=0.05)
     with pytest.raises(InputError, match="does not hold"):
-        solve(made_tuning(design=("alignment",)), warm_start=solution.table())
+        solve(made_tuning(design=("alignment",)), warm_start=tuning_table(solution))
 
 
 def test_a_narrow_range_ends_on_its_bound_and_says_so(made_tuning):
     found = solve(made_tuning(bounds_mm=(120.0, 140.0), sweep_mm=10.0))
     assert found.at_bound == ("fulcrum",)
-    assert found.table()["at_bound"] == ["fulcrum"]
+    assert tuning_table(found)["at_bound"] == ["fulcrum"]
     assert found.fulcrum_mm == pytest.approx(120.0, abs=1e-6)

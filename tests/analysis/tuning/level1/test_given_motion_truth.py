@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level1 import solve
+from vsf_drake.analysis.tuning.level1 import solve, tuning_table
 from vsf_drake.motion.plates import PlateRecording
 
 TRUE_MM = 93.4
@@ -68,7 +68,7 @@ def test_a_softer_foot_stores_less_under_the_same_motion_and_more_under_the_same
     """A spring pressed as far stores k x^2 / 2, one that bears the same F^2 / 2 k."""
     tuning = made_tuning(same_load=True, sweep_mm=20.0)
     solution = solve(tuning)
-    rows = {row["name"]: row for row in solution.table()["outcomes"]}
+    rows = {row["name"]: row for row in tuning_table(solution)["outcomes"]}
     for name in ("stored_energy", "push_off_work"):
         assert rows[name]["softest"] < rows[name]["recorded"] < rows[name]["stiffest"]
         same = rows[f"{name}_same_load"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
+from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
 from vsf_drake.analysis.tuning.level2.costs import NEGATIVE, POSITIVE
 from vsf_drake.analysis.tuning.level2.options import COSTS
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
@@ -114,10 +114,10 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
         if iteration is not None and iteration.number == 2:
             raise KeyboardInterrupt
 
-    solution = tuning.solve(stop)
-    table = solution.table()
+    solution = solve(tuning, progress=stop)
+    table = stride_table(solution)
     assert table["optimal"] is False and "interrupted" in table["status"]
-    assert np.isfinite(solution.arrays()["q"]).all()
+    assert np.isfinite(stride_arrays(solution)["q"]).all()
     with pytest.raises(FitError, match="interrupted"):
         _ = solution.fulcrum_mm
 

@@ -2,13 +2,14 @@
 
     trials = [trial_with(load_trial(path), contact) for path in paths]
     solution = solve(StiffnessTuning(trials, cost="joint_load", options=TuningOptions(design=("alignment",))))
-    solution.fulcrum_mm, solution.table()
+    solution.fulcrum_mm, tuning_table(solution)
 """
 
 from vsf_drake.analysis.tuning.level1.options import COSTS, DESIGN, WEIGHTED, TuningOptions
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution
 from vsf_drake.analysis.tuning.level1.solve import TuningProgress, solve
+from vsf_drake.analysis.tuning.level1.table import tuning_arrays, tuning_table
 
 __all__ = ("COSTS", "DESIGN", "WEIGHTED", "StiffnessTuning", "TuningOptions", "TuningProgress", "TuningSolution",
-           "solve")
+           "solve", "tuning_arrays", "tuning_table")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -92,13 +91,3 @@ class TuningSolution:
         u = self.tuning.to_u(self.best.x)
         return tuple(variable.name for variable, at in zip(self.tuning.design, u, strict=True)
                      if at < AT_BOUND or at > 1.0 - AT_BOUND)
-
-    def table(self) -> dict[str, Any]:
-        """The content of `tuning.json`; one that failed says so with `optimal` false."""
-        from vsf_drake.analysis.tuning.level1.table import tuning_table  # noqa: PLC0415 (it reads solutions)
-        return tuning_table(self)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The content of `tuning.npz`: sweeps by trial and term, forces at the four settings."""
-        from vsf_drake.analysis.tuning.level1.table import tuning_arrays  # noqa: PLC0415 (it reads solutions)
-        return tuning_arrays(self)

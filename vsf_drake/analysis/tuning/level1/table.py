@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,18 +11,19 @@ from vsf_drake.analysis.tuning.level1.outcomes import KINDS, OutcomeKind
 from vsf_drake.analysis.tuning.level1.same_load import KINDS as SAME_LOAD
 from vsf_drake.analysis.tuning.level1.search import Search
 from vsf_drake.analysis.tuning.level1.settings import OPTIMUM, RECORDED, SOFTEST, STIFFEST
+from vsf_drake.analysis.tuning.level1.solution import TuningSolution
 from vsf_drake.analysis.tuning.level1.uncertainty import Difference, FulcrumUncertainty, difference
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
-
-if TYPE_CHECKING:
-    from vsf_drake.analysis.tuning.level1.solution import TuningSolution
 
 FORMAT, LEVEL = "vsf_drake tuning 1", 1
 
 
 def tuning_table(solution: TuningSolution) -> dict[str, Any]:
-    """All keys of the format; None or empty where something is unknown or was not reached."""
+    """The content of `tuning.json`: all keys of the format, None or empty where something is not known or reached.
+
+    One of a tuning that failed says so with `optimal` false.
+    """
     tuning, best, found = solution.tuning, solution.best, solution.uncertainty
     whole = sum(abs(term.value) for term in best.terms) or 1.0  # terms of both signs may cancel
     return plain({
@@ -54,7 +55,7 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
 
 
 def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
-    """Arrays by name.
+    """The content of `tuning.npz`: arrays by name.
 
         sweep_mm (m,), sweep_cost_trials (m, T)         the tuned cost
         sweep_term_NAME, sweep_cost_NAME, sweep_outcome_NAME (m, T)

@@ -1,7 +1,13 @@
-"""Stiffness tuning in which the motion adapts: trajectory optimisation of one stride in the sagittal plane."""
+"""Stiffness tuning in which the motion adapts: trajectory optimisation of one stride in the sagittal plane.
+
+    solution = solve(StrideTuning([trial], cost="joint_load", options=StrideOptions(design=("alignment_rad",))))
+    solution.fulcrum_mm, stride_table(solution)
+"""
 
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.level2.solution import StrideSolution
+from vsf_drake.analysis.tuning.level2.solve import solve
+from vsf_drake.analysis.tuning.level2.table import stride_arrays, stride_table
 from vsf_drake.analysis.tuning.level2.tuning import StrideTuning
 
-__all__ = ["StrideOptions", "StrideSolution", "StrideTuning"]
+__all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from vsf_drake.analysis.collocation.confirm import ConfirmOptions, confirm
 from vsf_drake.analysis.collocation.solution import TrajectorySolution
 from vsf_drake.analysis.collocation.warm_start import resampled
 from vsf_drake.analysis.tuning.level2.search import Progress, StrideSearch
+from vsf_drake.analysis.tuning.level2.solution import StrideCheck, StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.analysis.tuning.resimulation import (
     resimulate_prescribed,
@@ -20,25 +20,9 @@ from vsf_drake.analysis.tuning.resimulation import (
 )
 from vsf_drake.errors import InputError, SimulationError
 
-if TYPE_CHECKING:
-    from vsf_drake.analysis.tuning.level2.solution import StrideSolution
-
 ANGLE_DEG, FORCE_BW = 2.0, 0.06
 """What a tracked stride may differ from its recording by, root mean square (a choice)."""
 VIOLATION = 1e-6
-
-
-@dataclass(frozen=True)
-class StrideCheck:
-    """One check: its value with unit, what it should be, whether it is (None: nothing is demanded), and in words."""
-
-    name: str
-    label: str
-    value: float | None
-    unit: str
-    target: str
-    met: bool | None
-    sentence: str
 
 
 def check_solution(found: StrideSolution, progress: Progress | None) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from vsf_drake.analysis.collocation.layout import Layout
+from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
@@ -45,7 +46,7 @@ class StrideFunction:
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N, m), (N, m, Z), (N, m, P)."""
-        y, by = self.model.linearise(*self._parts(z), np.repeat(p[:, None], len(z), 1), self.smoothing)
+        y, by = linearise(self.model, *self._parts(z), np.repeat(p[:, None], len(z), 1), self.smoothing)
         y, by = y.T, by.transpose(2, 0, 1)
         size, n = self.layout.size, self.layout.n
         moments_by = [by[:, my] + x[:, None] * by[:, fz] for my, fz, x in self._feet()]

@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vsf_drake.analysis.tuning.level1.draws import contact_draws
 from vsf_drake.analysis.tuning.level2.outcomes import outcomes
 from vsf_drake.analysis.tuning.level2.search import Progress, StrideSearch
+from vsf_drake.analysis.tuning.level2.solution import DrawnStride, StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.simulation.sagittal.model import SagittalModel
-
-if TYPE_CHECKING:
-    from vsf_drake.analysis.tuning.level2.solution import StrideSolution
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnStride:
-    """The optimum with one drawn contact: position and cost, NaN if none was found, and its outcomes."""
-
-    what: str
-    fulcrum_mm: float
-    cost: float
-    outcomes: dict[str, float]
 
 
 def drawn_strides(found: StrideSolution, progress: Progress | None) -> list[DrawnStride]:

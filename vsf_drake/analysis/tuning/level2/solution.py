@@ -3,25 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from vsf_drake.analysis.collocation.solution import TrajectorySolution
-from vsf_drake.analysis.tuning.level2.checks import StrideCheck
-from vsf_drake.analysis.tuning.level2.robustness import DrawnStride
 from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch
 from vsf_drake.analysis.tuning.level2.stride import MM
-from vsf_drake.analysis.tuning.level2.table import stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.tuning import StrideTuning
 from vsf_drake.errors import FitError
 
-if TYPE_CHECKING:
-    from vsf_drake.analysis.tuning.level2.tuning import StrideTuning
+
+@dataclass(frozen=True)
+class StrideCheck:
+    """One check: its value with unit, what it should be, whether it is (None: nothing is demanded), and in words."""
+
+    name: str
+    label: str
+    value: float | None
+    unit: str
+    target: str
+    met: bool | None
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnStride:
+    """The optimum with one drawn contact: position and cost, NaN if none was found, and its outcomes."""
+
+    what: str
+    fulcrum_mm: float
+    cost: float
+    outcomes: dict[str, float]
 
 
 @dataclass(eq=False)
 class StrideSolution:
-    """Searches of one tuning. `fulcrum_mm`, `cost` and `stride` demand an optimum; `table` and `arrays` never do.
+    """Searches of one tuning. `fulcrum_mm`, `cost` and `stride` demand an optimum.
 
     Attributes:
         tracked: the recorded stride as a possible motion. sweep: the best stride at each fixed position.
@@ -92,11 +110,3 @@ class StrideSolution:
         """The best there is, optimum or not."""
         fixed = [row.solution for row in self.sweep if row.solution is not None]
         return self.best or min(fixed, key=lambda s: s.last_cost, default=self.tracked)
-
-    def table(self) -> dict[str, Any]:
-        """As `tuning.json` holds it."""
-        return stride_table(self)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """As `tuning.npz` holds it."""
-        return stride_arrays(self)

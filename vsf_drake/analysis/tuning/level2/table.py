@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +10,11 @@ from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.outcomes import KINDS, outcomes
 from vsf_drake.analysis.tuning.level2.robustness import spread
+from vsf_drake.analysis.tuning.level2.solution import StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.sagittal.model import DESIGN
-
-if TYPE_CHECKING:
-    from vsf_drake.analysis.tuning.level2.solution import StrideSolution
 
 FORMAT, LEVEL = "vsf_drake tuning 1", 2
 UNITS = ("m", "1", "rad", "1")
@@ -35,7 +33,7 @@ NOTES = (
 
 
 def stride_table(found: StrideSolution) -> dict[str, Any]:
-    """All keys of the format; None or empty where something was not reached."""
+    """The content of `tuning.json`: all keys of the format; None or empty where something was not reached."""
     tuning, best, search = found.tuning, found.shown, found.search
     label = " and ".join(LABELS[name] for name in search.weights) if tuning.cost == "weighted" else LABELS[tuning.cost]
     whole = sum(abs(value) for value in best.terms.values()) or 1.0
@@ -80,7 +78,10 @@ def stride_table(found: StrideSolution) -> dict[str, Any]:
 
 
 def stride_arrays(found: StrideSolution) -> dict[str, np.ndarray]:
-    """Arrays by name: motion, torque (N m) and force (N) over the phase, recorded and, where it was, re-simulated."""
+    """The content of `tuning.npz`, by name.
+
+    Motion, torque (N m) and force (N) over the phase, recorded and, where it was, re-simulated.
+    """
     costs, grid, best = found.search.costs, found.search.grid, found.shown.unsealed()
     y, reference, index = best.y(), costs.reference, costs.function.index
     torque = costs.function.starting_with("torque_")
