@@ -143,7 +143,9 @@ def test_sliding_foot_is_held_back_by_the_patchs_kinetic_friction(contact):
 
 
 def test_force_stands_on_a_sloping_patch_as_our_law_has_it():
-    ground = Ground(patches=(GroundPatch(height_m=0.2, reference_x_m=0.1, slope_deg=8.0, bank_deg=-3.0),))
+    """Its bounds are not about the origin, nor about the foot."""
+    ground = Ground(patches=(GroundPatch(height_m=0.2, reference_x_m=0.1, slope_deg=8.0, bank_deg=-3.0, from_y_m=-0.5,
+                                         to_y_m=2.0),))
     made = {contact: stand(contact, ground) for contact in ("drake_point", "hunt_crossley")}
     for each in made.values():
         each.place((0.1, 0.0, 0.195), (0.0, -np.radians(8.0), 0.0))
