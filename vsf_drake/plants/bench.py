@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -13,6 +14,8 @@ from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.device import DeviceSystems, add_device
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_visuals import add_foot_visuals
+from vsf_drake.plants.station_drawing import connect_scene_graph
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
 from vsf_drake.systems.testing_machine import TestingMachine
 
@@ -51,7 +54,9 @@ class BenchDiagram:
     contact_height: float
 
 
-def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagram:
+def make_bench(
+    parameters: FootParameters, *, heel: bool = False, scene_graph: SceneGraph | None = None
+) -> BenchDiagram:
     """The foot on the bench, loaded at the forefoot, 30 mm behind the keel's tip, or at the heel.
 
     Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
@@ -59,11 +64,20 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
     slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law. The platen
     stays under its site, so the load stays vertical, on the same point of the foot. Weight is left
     out: a load cell is tared.
+
+    Args:
+        heel: press the heel instead of the forefoot.
+        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets the shapes of the foot, to be
+            seen only, and the diagram the output `query`. None: no shapes.
     """
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    if scene_graph is not None:
+        connect_scene_graph(builder, plant, scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters)
+    if scene_graph is not None:
+        add_foot_visuals(plant, foot)
     plant.Finalize()
     device = add_device(builder, plant, foot)
     sites = _sites(parameters, foot, heel)
@@ -77,6 +91,8 @@ def make_bench(parameters: FootParameters, *, heel: bool = False) -> BenchDiagra
         builder.ExportOutput(machine.GetOutputPort(name), name)
     builder.ExportOutput(plant.get_state_output_port(), "state")
     builder.ExportOutput(device.fulcrum.GetOutputPort("support_force"), "support_force")
+    if scene_graph is not None:
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     diagram = builder.Build()
     context = plant.CreateDefaultContext()
     heights = [

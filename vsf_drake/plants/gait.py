@@ -6,14 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
 from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.device import DeviceSystems, add_device, servo, velocity_indices
+from vsf_drake.plants.illustration import add_visuals
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.socket import SocketHandles
+from vsf_drake.plants.station_drawing import connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
 from vsf_drake.systems.bushing import SocketBushing
 from vsf_drake.systems.contact import KelvinVoigtContact
@@ -92,22 +96,24 @@ class GaitDiagram:
 
 
 def make_gait(
-    subject: Subject, model: ModelParameters, *, free: Sequence[str] = (), ground_height: float = 0.0
+    subject: Subject, model: ModelParameters, *, free: Sequence[str] = (), ground_height: float = 0.0,
+    scene_graph: SceneGraph | None = None
 ) -> GaitDiagram:
     """Builds the person of `subject` with the devices of `model`.
 
     Args:
         free: anatomical coordinates that are not prescribed but move under the forces on them.
         ground_height: z (m) of the ground in W.
+        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of person and ground, to
+            be seen only, and the diagram the output `query`. None: no shapes.
 
     Raises:
         InputError: see `anthropometry.scale_body`.
         ValueError: `free` names a coordinate that the person does not have.
     """
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    person = add_person(plant, subject, model)
-    plant.Finalize()
+    plane = Ground(patches=(GroundPatch(height_m=ground_height),))
+    plant, person = add_person_plant(builder, subject, model, plane, scene_graph)
     prescribed = prescribed_coordinates(person, free)
     device = add_device(builder, plant, person.foot)
     bushing = builder.AddNamedSystem("bushing", socket_bushing(plant, person.socket))
@@ -131,9 +137,26 @@ def make_gait(
     builder.ExportOutput(device.fulcrum.GetOutputPort("support_force"), "support_force")
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
+    if scene_graph is not None:
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     diagram = builder.Build()
     return GaitDiagram(diagram=diagram, plant=plant, person=person, prescribed=prescribed, device=device,
                        bushing=bushing, driver=driver, ground=ground)
+
+
+def add_person_plant(
+    builder: DiagramBuilder, subject: Subject, model: ModelParameters, ground: Ground, scene_graph: SceneGraph | None
+) -> tuple[MultibodyPlant, PersonHandles]:
+    """Adds the finalized plant of the person, drawn with `ground` in `scene_graph` where there is one."""
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    if scene_graph is not None:
+        connect_scene_graph(builder, plant, scene_graph)
+    person = add_person(plant, subject, model)
+    if scene_graph is not None:
+        add_visuals(plant, person)
+        draw_ground(plant, ground)
+    plant.Finalize()
+    return plant, person
 
 
 def prescribed_coordinates(person: PersonHandles, free: Sequence[str]) -> tuple[str, ...]:

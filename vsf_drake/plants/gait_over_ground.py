@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
@@ -20,8 +21,8 @@ from vsf_drake.plants.contact_geometry import dissipation
 from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.device import servo
 from vsf_drake.plants.foot_wiring import DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S, wire_foot
-from vsf_drake.plants.gait import prescribed_coordinates, servo_inertia, socket_bushing
-from vsf_drake.plants.person import PersonHandles, add_person
+from vsf_drake.plants.gait import add_person_plant, prescribed_coordinates, servo_inertia, socket_bushing
+from vsf_drake.plants.person import PersonHandles
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces, share_spatial_forces
 from vsf_drake.systems.bushing import SocketBushing
 from vsf_drake.systems.driver import GaitDriver
@@ -87,21 +88,22 @@ class GroundedGait:
 
 
 def make_gait_over(
-    subject: Subject, model: ModelParameters, ground: Ground, *, free: Sequence[str] = ()
+    subject: Subject, model: ModelParameters, ground: Ground, *, free: Sequence[str] = (),
+    scene_graph: SceneGraph | None = None
 ) -> GroundedGait:
     """Builds the person of `subject` with the devices of `model` on `ground`.
 
     Args:
         free: anatomical coordinates that are not prescribed but move under the forces on them.
+        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of person and ground, to
+            be seen only, and the diagram the output `query`. None: no shapes.
 
     Raises:
         InputError: see `anthropometry.scale_body` and `check_ground`.
         ValueError: `free` names a coordinate that the person does not have.
     """
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    person = add_person(plant, subject, model)
-    plant.Finalize()
+    plant, person = add_person_plant(builder, subject, model, ground, scene_graph)
     prescribed = prescribed_coordinates(person, free)
     inertia = servo_inertia(plant, prescribed)  # as make_gait: with the carriage still at A
     wired = wire_foot(builder, plant, person.foot, ground=ground)
@@ -121,6 +123,8 @@ def make_gait_over(
     builder.ExportOutput(plant.get_state_output_port(), "state")
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
+    if scene_graph is not None:
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     return GroundedGait(diagram=builder.Build(), plant=plant, person=person, prescribed=prescribed, bushing=bushing,
                         driver=driver, forces={"prosthetic": wired.forces, "intact": intact})
 

@@ -31,11 +31,11 @@ A foot of Drake's own contact has the outputs of `DrakeReaction` in place of tho
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
@@ -48,15 +48,10 @@ from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.subject_file import load_subject
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_visuals import add_foot_visuals
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.gait_over_ground import make_gait_over
-from vsf_drake.plants.illustration import add_visuals
 from vsf_drake.plants.leg import add_leg
-from vsf_drake.plants.person import add_person
-from vsf_drake.plants.station_drawing import draw_ground, draw_twin, show
 from vsf_drake.scenario import Scenario, check_scenario, file_of, scenario_ground
 
 
@@ -69,7 +64,6 @@ class Station:
         feet: variable-stiffness feet by name.
         parts: what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`,
             `GroundedGait`, or a dict of `WiredFoot` by name for a leg.
-        drawn: where the plant itself has no shapes, the plant that has them; else None.
     """
 
     scenario: Scenario
@@ -77,7 +71,6 @@ class Station:
     plant: MultibodyPlant
     feet: dict[str, FootHandles]
     parts: Any
-    drawn: MultibodyPlant | None = field(default=None, repr=False)
 
     def own_context(self, root: Context) -> Context:
         """The station's part of the Context of the diagram that holds it, or of its own."""
@@ -112,13 +105,13 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
     model = _model(scenario)
     builder = DiagramBuilder()
     build = {"bench": _bench, "person": _person, "leg": _leg}[scenario.kind]
-    plant, feet, parts, drawn = build(builder, scenario, model, visual or meshcat is not None, meshcat)
+    plant, feet, parts = build(builder, scenario, model, visual or meshcat is not None, meshcat)
     for foot in feet.values():
         carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance)
         carriage.set_default_positions(np.array([_fulcrum(scenario, foot.name)]))
     diagram = builder.Build()
     diagram.set_name(scenario.name)
-    return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts, drawn=drawn)
+    return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
 
 
 def _model(scenario: Scenario) -> ModelParameters:
@@ -136,42 +129,35 @@ def _fulcrum(scenario: Scenario, name: str) -> float:
 
 
 def _bench(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
-    bench = make_bench(model.foot, heel=scenario.heel)
-    _embed(builder, scenario, bench.diagram, "bench")
-
-    def draw(plant: MultibodyPlant) -> None:
-        add_foot_visuals(plant, add_foot(plant, plant.world_frame(), model.foot))
-
-    drawn = draw_twin(builder, draw, bench.diagram.GetOutputPort("state"), meshcat) if visual else None
-    return bench.plant, {bench.foot.name: bench.foot}, bench, drawn
+    bench = make_bench(model.foot, heel=scenario.heel, scene_graph=SceneGraph() if visual else None)
+    _embed(builder, scenario, bench.diagram, "bench", meshcat)
+    return bench.plant, {bench.foot.name: bench.foot}, bench
 
 
 def _person(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
     given = scenario.subject
     subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
-    ground = scenario_ground(scenario)
+    ground, scene_graph = scenario_ground(scenario), SceneGraph() if visual else None
     try:
-        gait: Any = (make_gait(subject, model, free=scenario.free) if ground is None
-                     else make_gait_over(subject, model, ground, free=scenario.free))
+        gait: Any = (make_gait(subject, model, free=scenario.free, scene_graph=scene_graph) if ground is None
+                     else make_gait_over(subject, model, ground, free=scenario.free, scene_graph=scene_graph))
     except ValueError as error:
         raise InputError(str(error), where="free") from error
-    _embed(builder, scenario, gait.diagram, "person")
-
-    def draw(plant: MultibodyPlant) -> None:
-        add_visuals(plant, add_person(plant, subject, model))
-        draw_ground(plant, ground)
-
-    drawn = draw_twin(builder, draw, gait.diagram.GetOutputPort("state"), meshcat) if visual else None
-    return gait.plant, {gait.person.foot.name: gait.person.foot}, gait, drawn
+    _embed(builder, scenario, gait.diagram, "person", meshcat)
+    return gait.plant, {gait.person.foot.name: gait.person.foot}, gait
 
 
 def _leg(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
     plant, scene_graph, wired = add_leg(builder, scenario, model, visual=visual)
-    show(builder, scene_graph, meshcat)
-    return plant, {name: foot.foot for name, foot in wired.items()}, wired, None
+    builder.ExportOutput(scene_graph.get_query_output_port(), "query")
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return plant, {name: foot.foot for name, foot in wired.items()}, wired
 
 
-def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, name: str) -> None:
+def _embed(
+    builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, name: str, meshcat: Meshcat | None
+) -> None:
     """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while unconnected."""
     diagram.set_name(name)
     builder.AddSystem(diagram)
@@ -185,3 +171,5 @@ def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, name: 
             builder.ExportInput(port, port.get_name())
     for i in range(diagram.num_output_ports()):
         builder.ExportOutput(diagram.get_output_port(i), diagram.get_output_port(i).get_name())
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, diagram.GetOutputPort("query"), meshcat)
