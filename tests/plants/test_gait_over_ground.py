@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vsf_drake.ground import Ground, GroundPatch
@@ -34,7 +36,10 @@ def standing(gait):
 
 def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_systems():
     ports = (*FOOT, *(f"intact_{name}" for name in FOOT), "support_force", "socket_wrench", "driver_force")
-    plane, patches = make_gait(SUBJECT, ModelParameters()), make_gait_over(SUBJECT, ModelParameters(), Ground())
+    model = ModelParameters()
+    rubber = replace(model.intact_foot.friction, mu_static=0.9, mu_kinetic=0.7)
+    model = replace(model, intact_foot=replace(model.intact_foot, friction=rubber))
+    plane, patches = make_gait(SUBJECT, model), make_gait_over(SUBJECT, model, Ground())
     contexts = standing(plane), standing(patches)
     one, two = values(plane.diagram, contexts[0], ports), values(patches.diagram, contexts[1], ports)
     assert one["grf"][2] > 100.0
