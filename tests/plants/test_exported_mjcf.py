@@ -179,8 +179,17 @@ def test_spheres_meet_the_floor_and_not_one_another():
 
 def test_foams_numbers_are_in_the_file():
     model = compiled(NOMINAL, 0.108)
-    known = [zone.stiffness for zone in NOMINAL.zones for _ in zone.x_mm]
-    np.testing.assert_allclose(model.numeric("sphere_stiffness").data, known, rtol=1e-11)
+    for name, field in (("stiffness", "stiffness"), ("exponent", "exponent"), ("damping", "damping_n_s_per_m")):
+        known = [getattr(zone, field) for zone in NOMINAL.zones for _ in zone.x_mm]
+        np.testing.assert_allclose(model.numeric(f"sphere_{name}").data, known, rtol=1e-11)
+
+
+def test_support_is_damped_by_its_time_and_the_carriages_hold_critically():
+    model = compiled(NOMINAL, 0.108)
+    assert np.ravel(model.tendon_damping)[0] == pytest.approx(
+        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10)
+    _, stiffness, damping = -model.actuator("fulcrum").biasprm[:3]
+    assert damping**2 == pytest.approx(4.0 * stiffness * NOMINAL.fulcrum.carriage_mass_kg, rel=1e-10)
 
 
 def test_foot_can_be_attached_to_another_model():

@@ -13,7 +13,12 @@ from pydrake.geometry import Role
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import ForceElementIndex, PrismaticJoint, RevoluteSpring
+from pydrake.multibody.tree import (
+    ForceElementIndex,
+    LinearBushingRollPitchYaw,
+    PrismaticJoint,
+    RevoluteSpring,
+)
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
@@ -217,6 +222,12 @@ def test_carriage_is_fixed_under_a_support_that_stands_still():
     X_KC = plant.CalcRelativeTransform(
         plant.CreateDefaultContext(), plant.GetFrameByName("vsf_frame"), plant.GetFrameByName("vsf_carriage"))
     np.testing.assert_allclose(X_KC.translation(), [0.12, 0.0, 0.0], atol=1e-12)
+    forces = [plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())]
+    (bushing,) = (force for force in forces if isinstance(force, LinearBushingRollPitchYaw))
+    support = NOMINAL.fulcrum
+    np.testing.assert_allclose(bushing.force_stiffness_constants(), [0.0, 0.0, support.stiffness_n_per_m])
+    np.testing.assert_allclose(bushing.force_damping_constants(),
+                               [0.0, 0.0, support.damping_time_s * support.stiffness_n_per_m])
 
 
 def test_fulcrum_out_of_reach_is_refused():

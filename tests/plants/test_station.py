@@ -16,14 +16,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants import station as station_module
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.station import make_station
 from vsf_drake.resources import resource
 from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
-from vsf_drake.schema import dump_yaml
 
 KINDS = ("bench", "person", "leg")
 SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -218,33 +216,6 @@ def test_drakes_own_contact_in_a_plant_with_a_time_step_bears_the_same_load(leg)
         loads.append(station.diagram.GetOutputPort("grf").Eval(simulator.get_context())[2])
     assert loads[0] > 200.0
     assert loads[1] == pytest.approx(loads[0], rel=0.03)
-
-
-TWO_LEGS = tuple(
-    directive for name, y in (("a", 0.2), ("b", -0.2)) for directive in (
-        {"add_model": {"name": name, "file": LEG}},
-        {"add_weld": {"parent": "world", "child": f"{name}::hip", "X_PC": {"translation": [0.0, y, 0.84]}}}))
-
-
-def test_two_feet_of_different_friction_are_refused_one_ground_of_drakes_own(tmp_path):
-    """Drake takes the harmonic mean of both sides, so one ground cannot give each its own coefficient."""
-    foot = ModelParameters().foot
-    slippery = replace(foot, friction=replace(foot.friction, mu_static=0.1, mu_kinetic=0.1))
-    (tmp_path / "slippery.yaml").write_text(dump_yaml(replace(ModelParameters(), foot=slippery)))
-    feet = (ScenarioFoot(name="left", parent_frame="a::pylon_end"),
-            ScenarioFoot(name="right", parent_frame="b::pylon_end", model=str(tmp_path / "slippery.yaml")))
-    scenario = Scenario(kind="leg", directives=TWO_LEGS, feet=feet, contact="drake_point")
-    with pytest.raises(InputError, match=r"feet\[1\].model: 'right' has another friction than 'left'"):
-        make_station(scenario)
-    make_station(replace(scenario, contact="hunt_crossley"))
-
-
-def test_soft_ground_is_refused_where_any_foot_has_pads():
-    feet = (ScenarioFoot(name="left", parent_frame="a::pylon_end", contact="drake_point"),
-            ScenarioFoot(name="right", parent_frame="b::pylon_end", contact="hydroelastic"))
-    soft = Ground(patches=(GroundPatch(stiffness_n_per_m=1e4),))
-    with pytest.raises(InputError, match="hydroelastic pads take the ground for rigid"):
-        make_station(Scenario(kind="leg", directives=TWO_LEGS, feet=feet, ground=soft))
 
 
 def test_a_coordinate_that_the_person_lacks_is_refused():
