@@ -29,7 +29,8 @@ from vsf_drake.plants.foot import CONTACTS
 from vsf_drake.report.style import label, new_figure, save_figure, style
 from vsf_drake.resources import resource
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.contact_comparison import REFERENCE, WAYS, Advance, Comparison, Row, compare_contacts
+from vsf_drake.simulation.contact_comparison import REFERENCE, WAYS, Comparison, Row, compare_contacts
+from vsf_drake.simulation.drop_and_press import Advance
 
 QUICK_CONTACTS = ("kelvin_voigt", "drake_point", "hydroelastic")
 QUICK_WAYS = tuple(way for way in WAYS if way.name in ("cenic, steps to 1 ms", "discrete 1 ms"))
