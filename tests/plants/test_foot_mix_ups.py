@@ -12,7 +12,9 @@ from pydrake.systems.primitives import ConstantVectorSource
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch, ground_arrays
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.plants import add_foot, share_generalized_forces, share_spatial_forces, wire_foot
+from vsf_drake.plants.bench import make_bench
+from vsf_drake.systems.fulcrum_command import FulcrumCommand
 
 
 @pytest.fixture
@@ -93,3 +95,37 @@ def test_ice_is_slippery_for_a_sliding_foot_too():
     arrays = ground_arrays(Ground(patches=patches), mu_static=0.5, mu_kinetic=0.3)
     np.testing.assert_array_equal(arrays["mu_static"], [0.5, 0.1, 0.9, 0.5, 0.117])
     np.testing.assert_array_equal(arrays["mu_kinetic"], [0.3, 0.1, 0.3, 0.7, 0.336])
+
+
+def test_a_command_and_a_support_in_millimetres_are_told_too():
+    command = FulcrumCommand(num_actuators=1, carriage=0, fulcrum_m=0.1)
+    context = command.CreateDefaultContext()
+    command.GetInputPort("fulcrum_position").FixValue(context, [108.0])
+    with pytest.raises(InputError, match="in metres"):
+        command.GetOutputPort("desired_state").Eval(context)
+    diagram = make_bench(PARAMETERS).diagram
+    root = diagram.CreateDefaultContext()
+    diagram.GetInputPort("fulcrum_position").FixValue(root, [108.0])
+    with pytest.raises(InputError, match="in metres"):
+        diagram.GetOutputPort("support_force").Eval(root)
+
+
+def test_a_force_is_shared_once(ready):
+    builder, plant, foot = ready
+    wired = wire_foot(builder, plant, foot)
+    push = builder.AddSystem(ConstantVectorSource(np.zeros(plant.num_velocities()))).get_output_port()
+    share_generalized_forces(builder, plant, push)
+    for port in (push, wired.GetOutputPort("generalized_force")):
+        with pytest.raises(InputError, match="acts on the plant already"):
+            share_generalized_forces(builder, plant, port)
+    with pytest.raises(InputError, match="acts on the plant already"):
+        share_spatial_forces(builder, plant, wired.GetOutputPort("spatial_forces"))
+    builder.Build()
+
+
+def test_a_force_waits_for_the_plant_to_be_finalised():
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(0.0))
+    push = builder.AddSystem(ConstantVectorSource([0.0])).get_output_port()
+    with pytest.raises(InputError, match="not finalised"):
+        share_generalized_forces(builder, plant, push)

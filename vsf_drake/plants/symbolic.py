@@ -24,7 +24,7 @@ def to_symbolic(diagram: Diagram) -> Diagram:
     reasons = [f"{system.GetSystemPathname()} ({type(system).__name__.split('_')[0]}): "
                f"{getattr(system, 'why_not_symbolic', OTHERS)}"
                for system in _leaves(diagram) if system.ToSymbolicMaybe() is None]
-    raise InputError("has no symbolic form, for " + "; ".join(reasons), where=diagram.GetSystemName(),
+    raise InputError("has no symbolic form, for " + "; ".join(reasons), where=diagram.get_name() or "diagram",
                      right="Take diagram.ToAutoDiffXd() for derivatives, or convert the part without these systems")
 
 

@@ -48,7 +48,8 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
     with `port` in an ExternallyAppliedSpatialForceMultiplexer.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram, or `port` is no list of spatial forces.
+        InputError: the plant's port is exported as an input of the diagram, `port` is no list of spatial forces, or it
+            acts on the plant already.
     """
     if port.get_data_type() != PortDataType.kAbstractValued:
         raise InputError(f"is a vector of {port.size()}", where=f"port {port.get_name()!r}",
@@ -62,8 +63,10 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
     """Applies the generalized force in `port` (num_velocities,) to `plant`, added to what is applied there already.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram, or `port` has another size.
+        InputError: the plant's port is exported as an input of the diagram, `port` has another size, or it
+            acts on the plant already.
     """
+    check_shareable(builder, plant)
     if port.get_data_type() != PortDataType.kVectorValued or port.size() != plant.num_velocities():
         raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
                          right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
@@ -73,6 +76,8 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
 
 def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
     """Raises InputError where one of the plant's two force ports is an input of the diagram."""
+    if not plant.is_finalized():
+        raise InputError("is not finalised", where="plant", right="Call plant.Finalize() first")
     sources = _sources(builder)
     for target in (plant.get_applied_spatial_force_input_port(), plant.get_applied_generalized_force_input_port()):
         if (plant, int(target.get_index())) not in sources and builder.IsConnectedOrExported(target):
@@ -92,10 +97,28 @@ def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, 
     return {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
 
 
+def _acts(builder: DiagramBuilder, target: InputPort, port: OutputPort) -> bool:
+    """Whether `port` is one of the summands that come to `target`."""
+    sources = _sources(builder)
+    inputs: list[tuple[System, int]] = [(target.get_system(), int(target.get_index()))]
+    while inputs:
+        source = sources.get(inputs.pop())
+        if source is None:
+            continue
+        if source == (port.get_system(), int(port.get_index())):
+            return True
+        if isinstance(source[0], (Adder, ExternallyAppliedSpatialForceMultiplexer)):
+            inputs += [(source[0], i) for i in range(source[0].num_input_ports())]
+    return False
+
+
 def _share(
     builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]
 ) -> None:
     check_shareable(builder, plant)
+    if _acts(builder, target, port):
+        raise InputError(f"acts on the plant already, by its {target.get_name()}", where=f"port {port.get_name()!r}",
+                         right="Share it once; the ports of a foot are shared by wire_foot")
     source = _sources(builder).get((plant, int(target.get_index())))
     if source is None:
         builder.Connect(port, target)

@@ -12,9 +12,9 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
 from vsf_drake.systems._foot_values import CONTACT_LAWS, FootLayout, foot_values
+from vsf_drake.systems._fulcrum_place import fulcrum_place
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import (
@@ -27,8 +27,6 @@ from vsf_drake.systems._sites import (
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FULCRUM = -1
 """Where the fulcrum position is in what the compiled function takes."""
-FARTHEST_M = 10.0
-"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may overshoot)."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -101,7 +99,7 @@ def FootForces_(T):
 
         Raises:
             ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
-            InputError: (when evaluated, as float) the fulcrum's position is no number within FARTHEST_M.
+            InputError: (when evaluated) the fulcrum's position is not a number, or in mm.
         """
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
@@ -173,13 +171,10 @@ def FootForces_(T):
             if T is float:
                 packed = self._packed.Eval(context)
                 position = self._fulcrum_port.Eval(context)[0] if given else packed[FULCRUM]
-                if not abs(position) <= FARTHEST_M:
-                    raise InputError(f"the fulcrum at {position:g} m from A is under no foot",
-                                     where=f"fulcrum_position of {self.get_name()!r}",
-                                     right="It is in metres: 0.066 to 0.151 for the nominal foot")
-                return foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, position)
+                return foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, fulcrum_place(position, self))
             constants = self._full_constants(context)
             position = self._fulcrum_port.Eval(context)[0] if given else constants["fulcrum_m"]
+            position = fulcrum_place(position, self)
             values = foot_values(self._layout, constants, X_WF, V_WF, state[self._at[0]], state[self._at[1]], position)
             force = np.zeros(len(state), dtype=object)
             force[self._at[1]] = np.append(values["moment"], values["carriage"])

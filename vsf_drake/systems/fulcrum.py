@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._fulcrum_place import fulcrum_place
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import (
@@ -110,7 +111,7 @@ def FulcrumSupport_(T):
             constants = self._constants(context)
             poses = self._poses_port.Eval(context)
             velocities = self._velocities_port.Eval(context)
-            position = self._position_port.Eval(context)[0]
+            position = fulcrum_place(self._position_port.Eval(context)[0], self)
             keel = int(np.searchsorted(self._starts, float(_value(position)), side="right")) - 1
             keel = min(max(keel, 0), len(self._starts) - 1)
             body = self._keel[keel]

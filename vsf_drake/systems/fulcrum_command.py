@@ -10,6 +10,7 @@ from pydrake.symbolic import Expression
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.systems._fulcrum_place import fulcrum_place
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
@@ -42,6 +43,9 @@ def FulcrumCommand_(T):
             fulcrum_m: m from A.
 
         Parameters in the Context: fulcrum_m.
+
+        Raises:
+            InputError: (when evaluated) the fulcrum's position is not a number, or in mm.
         """
 
         __slots__ = (PEERS, "_position_port")
@@ -58,9 +62,9 @@ def FulcrumCommand_(T):
             Impl._construct(self, converter=converter, **other._arguments)
 
         def _position(self, context):
-            if self._position_port.HasValue(context):
-                return self._position_port.Eval(context)[0]
-            return self._constants(context)["fulcrum_m"]
+            given = self._position_port.HasValue(context)
+            position = self._position_port.Eval(context)[0] if given else self._constants(context)["fulcrum_m"]
+            return position if T is Expression else fulcrum_place(position, self)
 
         def _calc_position(self, context) -> list:
             return [self._position(context)]
