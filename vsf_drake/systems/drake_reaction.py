@@ -14,19 +14,19 @@ from pydrake.multibody.plant import ContactResults_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake.systems._lifetime import PEERS
-from vsf_drake.systems._parameters import NamedParameters
+from vsf_drake.systems._lifetime import PEERS, Collectable
 from vsf_drake.systems._sites import cross
 
 
 @TemplateSystem.define("DrakeReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def DrakeReaction_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(Collectable, LeafSystem_[T]):
         """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
 
         The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
-        hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the
-        plane z = ground_height. A level plane is taken; on a slope cop is where the force crosses that plane.
+        hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the level
+        plane through the mean of what is touched, weighted by the size of the forces: on level ground that is its
+        surface; on a slope cop is where the force crosses that plane.
 
         No geometry query is needed: contact results hold points, forces and bodies, and of a hydroelastic contact the
         geometries. In a plant with a time step they are those of the last step, so before the first all is zero.
@@ -49,9 +49,6 @@ def DrakeReaction_(T):
         Args:
             body_indices: the foot's bodies.
             geometry_ids: the collision geometries on them.
-            ground_height: z of the ground in W (m).
-
-        Parameters in the Context: ground_height.
         """
 
         __slots__ = (PEERS, "_results_port")
@@ -61,18 +58,15 @@ def DrakeReaction_(T):
             *,
             body_indices: Sequence[int],
             geometry_ids: Iterable[GeometryId],
-            ground_height: float = 0.0,
             converter=None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self._bodies = frozenset(int(i) for i in body_indices)
             self._geometries = frozenset(_number(id) for id in geometry_ids)
-            self._arguments = {"body_indices": list(body_indices), "geometry_ids": self._geometries,
-                               "ground_height": ground_height}
+            self._arguments = {"body_indices": list(body_indices), "geometry_ids": self._geometries}
             self._results_port = self.DeclareAbstractInputPort(
                 "contact_results", AbstractValue.Make(ContactResults_[T]()))
-            self._declare_parameters(T, ground_height=(ground_height, ()))
-            self._reaction = self._declare_inputs_cache("reaction", self._calc_reaction)
+            self._reaction = self._declare_cached("reaction", self._calc_reaction, {self.all_input_ports_ticket()})
             for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
                 self._declare_value(name, size, partial(self._part, i))
 
@@ -83,31 +77,35 @@ def DrakeReaction_(T):
             return self._reaction.Eval(context)[i]
 
         def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            height = self._constants(context)["ground_height"]
-            F, M = np.zeros(3) + 0.0 * height, np.zeros(3) + 0.0 * height
-            for point, force, moment in self._contacts(self._results_port.Eval(context)):
+            F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
+            for point, touched, force, moment in self._contacts(self._results_port.Eval(context)):
                 F, M = F + force, M + moment + cross(point, force)
+                weight = np.sqrt(force @ force)
+                size, height = size + weight, height + weight * touched[2]
             if not F[2] > 0:
                 return F, 0.0 * F, 0.0 * F[2:]
+            height = height / size
             cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
             free_moment = M[2] - (cop_x * F[1] - cop_y * F[0])
             return F, np.array([cop_x, cop_y, height]), np.array([free_moment])
 
-        def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-            """Point in W, force and moment on the foot of each contact with what is not of the foot."""
+        def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+            """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
             for i in range(results.num_point_pair_contacts()):
                 info = results.point_pair_contact_info(i)
                 on_A, on_B = int(info.bodyA_index()) in self._bodies, int(info.bodyB_index()) in self._bodies
                 if on_A != on_B:
-                    force = info.contact_force()
-                    yield info.contact_point(), force if on_B else -force, np.zeros(3)
+                    force, pair = info.contact_force(), info.point_pair()
+                    yield (info.contact_point(), pair.p_WCa if on_B else pair.p_WCb, force if on_B else -force,
+                           np.zeros(3))
             for i in range(results.num_hydroelastic_contacts()):
                 info = results.hydroelastic_contact_info(i)
                 surface, F_Ac_W = info.contact_surface(), info.F_Ac_W()
                 on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
                 if on_M != on_N:
                     sign = 1.0 if on_M else -1.0
-                    yield surface.centroid(), sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
+                    centroid = surface.centroid()
+                    yield centroid, centroid, sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
 
     return Impl
 
