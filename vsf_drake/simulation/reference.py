@@ -11,14 +11,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import SimulatorConfig
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.plants.gait import make_gait
+from vsf_drake.plants.gait import GaitDiagram, make_gait
+from vsf_drake.plants.gait_over_ground import GroundedGait
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.reactions import LOADED_N
@@ -96,8 +98,8 @@ def simulate_reference(
                         offsets=offsets)
     moments = _samples(start_s, end_s, sample_s)
     prescribed = walker.gait.prescribed
-    motion = _motion(trajectory.ordered(prescribed), start_s, end_s)
-    position = _position(fulcrum_m, start_s, end_s)
+    motion = motion_path(trajectory.ordered(prescribed), start_s, end_s)
+    position = fulcrum_path(fulcrum_m, start_s, end_s)
     for extreme in (position.vector_values(moments).min(), position.vector_values(moments).max()):
         check_fulcrum(float(extreme), walker.model.foot)
 
@@ -118,18 +120,33 @@ def simulate_reference(
     q[columns] -= _servo_stretch(walker, mechanism, motion, position, q, v)
     gait.plant.SetPositionsAndVelocities(gait.plant_context(context), np.concatenate((q, v)))
 
-    names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
-    ports = [gait.diagram.GetOutputPort(name) for name in names]
     config = SimulatorConfig(
         integration_scheme=integrator, accuracy=accuracy, max_step_size=max_step_s, start_time=start_s)
+    return recorded(diagram, context, gait, motion, moments, config, progress)
+
+
+def recorded(
+    diagram: Diagram, context: Context, gait: GaitDiagram | GroundedGait, motion: PiecewisePolynomial,
+    moments: np.ndarray, config: SimulatorConfig, progress: Callable[[float], None] | None
+) -> ReferenceWalk:
+    """Advances `diagram`, which has `gait` in it, through `moments` (n,) s, and keeps what it did there.
+
+    Args:
+        motion: what the prescribed coordinates are to follow.
+
+    Raises:
+        SimulationError: the integrator gives up.
+    """
+    names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
+    ports, own = [gait.diagram.GetOutputPort(name) for name in names], gait.diagram.GetMyContextFromRoot(context)
     run = advance(diagram, context, moments, lambda: [port.Eval(own) for port in ports], config, progress)
     rows = {name: np.array(values) for name, values in zip(names, zip(*run.rows, strict=True), strict=True)}
-    n = tree.num_coordinates
+    n = gait.plant.num_positions()
     return ReferenceWalk(
-        time_s=moments, coordinate_names=tree.coordinate_names, q=rows["state"][:, :n], v=rows["state"][:, n:],
+        time_s=moments, coordinate_names=_coordinate_names(gait.plant), q=rows["state"][:, :n], v=rows["state"][:, n:],
         driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=_where_loaded(rows["cop"], rows["grf"]),
         intact_grf_W=rows["intact_grf"], intact_cop_W=_where_loaded(rows["intact_cop"], rows["intact_grf"]),
-        normal_n=rows["normal_force"], socket_wrench=rows["socket_wrench"], prescribed=prescribed,
+        normal_n=rows["normal_force"], socket_wrench=rows["socket_wrench"], prescribed=gait.prescribed,
         commanded=motion.vector_values(moments).T, steps=run.steps, evaluations=run.evaluations, wall_s=run.wall_s)
 
 
@@ -154,6 +171,13 @@ def _servo_stretch(
     return load / driver.GetParameter(driver.GetMyContextFromRoot(walker.context), "position_gain")
 
 
+def _coordinate_names(plant: MultibodyPlant) -> tuple[str, ...]:
+    """The joints of `plant`, of one degree of freedom or none, in the order of its positions."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    moving = sorted((joint.position_start(), joint.name()) for joint in joints if joint.num_positions())
+    return tuple(name for _, name in moving)
+
+
 def _samples(start_s: float, end_s: float, spacing_s: float) -> np.ndarray:
     return start_s + spacing_s * np.arange(round((end_s - start_s) / spacing_s) + 1)
 
@@ -162,14 +186,14 @@ def _knots(start_s: float, end_s: float) -> np.ndarray:
     return np.linspace(start_s, end_s, max(2, 1 + int(np.ceil((end_s - start_s) / KNOT_S))))
 
 
-def _motion(trajectory: CoordinateTrajectory, start_s: float, end_s: float) -> PiecewisePolynomial:
+def motion_path(trajectory: CoordinateTrajectory, start_s: float, end_s: float) -> PiecewisePolynomial:
     """Cubic pieces through positions and velocities of `trajectory`."""
     knots = _knots(start_s, end_s)
     q, v, _ = trajectory.sample(knots)
     return PiecewisePolynomial.CubicHermite(knots, q.T, v.T)
 
 
-def _position(fulcrum_m: float | Callable, start_s: float, end_s: float) -> PiecewisePolynomial:
+def fulcrum_path(fulcrum_m: float | Callable, start_s: float, end_s: float) -> PiecewisePolynomial:
     """Straight pieces through the positions of the fulcrum."""
     knots = _knots(start_s, end_s)
     values = np.broadcast_to(fulcrum_m(knots) if callable(fulcrum_m) else fulcrum_m, knots.shape)

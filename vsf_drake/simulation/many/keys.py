@@ -19,8 +19,8 @@ import numpy as np
 from vsf_drake.simulation.provenance import provenance
 
 PACKAGE = Path(__file__).resolve().parents[2]
-SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "model_file.py", "parameters.py",
-           "schema.py", "subject.py")
+SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "actuator_parameters.py", "ground.py",
+           "model_file.py", "parameters.py", "schema.py", "subject.py")
 """Parts of the package that the numbers of a walk come from, once its recording is read."""
 
 

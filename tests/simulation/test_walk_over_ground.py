@@ -1,0 +1,129 @@
+"""The whole person over patches under Simulator: level ground by the stepper, raised ground as a lowered person."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsf_drake.contact_file import load_contact
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.resources import resource
+from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk_over_ground import walk_over
+
+STEP_M = 0.005
+BEFORE_S, LENGTH_S = 0.02, 0.15
+"""Beginning before heel strike, with the prosthetic foot in the air and the intact one loaded, until it bears most."""
+SAME = 0.005
+"""Body weights, as in `test_accuracy`."""
+PROSTHETIC = {"to_y_m": 0.0}
+"""A right prosthesis is on this side of the path."""
+GROUNDS = {
+    "level": Ground(),
+    "raised": Ground(patches=(GroundPatch(name="step", height_m=STEP_M, **PROSTHETIC), GroundPatch())),
+    "mat": Ground(patches=(GroundPatch(name="mat", stiffness_n_per_m=1e4, **PROSTHETIC), GroundPatch())),
+}
+
+
+@pytest.fixture(scope="module")
+def trial():
+    folder = resource("data/reference_subject/exact")
+    return trial_with(load_trial(folder / "medium_1.yaml"), load_contact(folder / "contact.yaml"))
+
+
+@pytest.fixture(scope="module")
+def span(trial):
+    """Where and when to walk, a little before heel strike and after."""
+    plate = trial.prosthetic_plate
+    strike = float(plate.time_s[plate.force_W[:, 2] > 20.0][0])
+    start = round(strike - BEFORE_S, 3)
+    return {"fulcrum_m": trial.fulcrum_m, "offsets": trial.offsets, "start_s": start, "end_s": start + LENGTH_S}
+
+
+@pytest.fixture(scope="module")
+def over(trial, span):
+    assert trial.subject.prosthetic_side == "right"
+    return {name: walk_over(trial.subject, trial.model, trial.trajectory, ground, **span)
+            for name, ground in GROUNDS.items()}
+
+
+@pytest.fixture(scope="module")
+def by_stepper(trial, span):
+    """by_stepper(drop_m): the walk of the pelvis that much lower on level ground, each millisecond."""
+    walker = Walker(trial.subject, trial.model)
+
+    def walk(drop_m):
+        values = trial.trajectory.values.copy()
+        values[:, trial.trajectory.names.index("pelvis_ty")] -= drop_m
+        lower = CoordinateTrajectory(trial.trajectory.time_s, values, trial.trajectory.names)
+        return walker.walk(lower, step_s=2.5e-4, **span)
+
+    return walk
+
+
+def apart(one, two, trial):
+    """Largest difference of the vertical forces (n, 3) after 40 Hz, in body weights."""
+    filtered = [low_pass(force[:, 2], rate_hz=1e3, cutoff_hz=40.0) for force in (one, two)]
+    return float(np.abs(filtered[0] - filtered[1]).max() / (GRAVITY * trial.subject.mass_kg))
+
+
+@pytest.mark.slow
+def test_on_level_ground_both_feet_bear_what_the_stepper_says(over, by_stepper, trial):
+    run, walk = over["level"], by_stepper(0.0)
+    assert run.grf_W[0, 2] == 0.0
+    assert run.grf_W[-1, 2] > 0.5 * GRAVITY * trial.subject.mass_kg
+    assert run.intact_grf_W[0, 2] > 0.5 * GRAVITY * trial.subject.mass_kg
+    for own, other in ((run.grf_W, walk.prosthetic.grf_W), (run.intact_grf_W, walk.intact.grf_W)):
+        assert apart(own[1:], other[3::4], trial) < SAME
+
+
+@pytest.mark.slow
+def test_a_raised_place_under_one_foot_is_that_foot_lowered_and_nothing_to_the_other(over, by_stepper, trial):
+    """Pelvis and joints are prescribed, so the feet do not feel each other."""
+    raised, level = over["raised"], over["level"]
+    assert apart(raised.grf_W[1:], by_stepper(STEP_M).prosthetic.grf_W[3::4], trial) < SAME
+    assert apart(raised.grf_W, level.grf_W, trial) > 0.1
+    assert apart(raised.intact_grf_W, level.intact_grf_W, trial) < SAME
+    loaded = raised.grf_W[:, 2] > 20.0
+    np.testing.assert_allclose(raised.cop_W[loaded, 2], STEP_M, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_mat_in_series_with_the_foam_takes_load_and_loading_rate_from_that_foot_alone(over, trial):
+    mat, level = over["mat"], over["level"]
+    noise = 1e-3 * GRAVITY * trial.subject.mass_kg
+    assert np.all(mat.grf_W[:, 2] <= level.grf_W[:, 2] + noise)
+    assert mat.grf_W[-1, 2] < 0.9 * level.grf_W[-1, 2]
+    assert np.diff(mat.grf_W[:, 2]).max() < np.diff(level.grf_W[:, 2]).max()
+    assert apart(mat.intact_grf_W, level.intact_grf_W, trial) < SAME
+
+
+@pytest.mark.slow
+def test_servos_begin_under_their_load_and_keep_to_the_motion(over):
+    """They sag by micrometres; begun without load they would fall through twice the sag and ring."""
+    run = over["level"]
+    columns = [run.coordinate_names.index(name) for name in run.prescribed]
+    error = np.abs(run.q[:, columns] - run.commanded).max(axis=0)
+    translations = [name in ("pelvis_tx", "pelvis_ty", "pelvis_tz") for name in run.prescribed]
+    assert error[translations].max() < 1e-4
+    assert np.degrees(error[np.logical_not(translations)].max()) < 0.05
+
+
+@pytest.mark.parametrize(("changes", "where"), [
+    ({"integrator": "runge_kutta3"}, "integrator"), ({"fulcrum_m": 0.5}, "fulcrum"), ({"end_s": 0.0}, "end_s"),
+    ({"offsets": 0.01}, "offsets")])
+def test_what_cannot_be_walked_is_refused(trial, span, changes, where):
+    with pytest.raises(InputError, match=where):
+        walk_over(trial.subject, trial.model, trial.trajectory, Ground(), **(span | changes))
+
+
+def test_a_free_coordinate_is_not_prescribed(trial, span):
+    walk = walk_over(trial.subject, trial.model, trial.trajectory, Ground(), free=("hip_flexion_r",),
+                     **(span | {"end_s": span["start_s"] + 2e-3}))
+    assert "hip_flexion_r" not in walk.prescribed
