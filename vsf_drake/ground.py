@@ -28,8 +28,9 @@ _FAR_M = 1e3
 class GroundPatch:
     """A plane above a rectangle of W: z = height + tan(slope) (x - reference_x) + tan(bank) y.
 
-    Where patches overlap the highest carries. `mu_static` and `mu_kinetic` replace the foot's coefficients where they
-    are given; with `mu_static` alone the foot's kinetic one is lowered to it if need be. `stiffness_n_per_m` is the
+    Where patches overlap the highest carries, of equally high ones the last: ice on a floor is named after the floor.
+    Where there is no patch nothing carries. `mu_static` and `mu_kinetic` replace the foot's coefficients where they are
+    given; with `mu_static` alone the foot's kinetic one is lowered to it if need be. `stiffness_n_per_m` is the
     ground's own spring under each contact sphere, in series with the sphere's.
     """
 

@@ -39,6 +39,13 @@ def test_highest_patch_under_a_point_carries_and_outside_all_there_is_none():
     np.testing.assert_array_equal(patch_below(x, 0.0 * x + 5.0, heights, bounds), [0, 0, 0, 0, -1])
 
 
+def test_of_equally_high_patches_the_last_carries_whatever_rounding_says():
+    bounds = np.array([FLOOR, [0.3, 0.6, -1.0, 1.0]])
+    x = np.array([0.0, 0.45])
+    for less in (0.0, 1e-16, 1e-12):
+        np.testing.assert_array_equal(patch_below(x, 0.0 * x, np.tile([1.0, 1.0 - less], (2, 1)), bounds), [0, 1])
+
+
 def test_linear_foam_and_ground_are_springs_in_series():
     k, ground, depth = 2.4e4, 1.7e4, np.array([0.0, 1e-4, 5e-3])
     d, share = foam_depth(depth, stiffness=k, exponent=1.0, compliance=1.0 / ground)

@@ -26,8 +26,8 @@ PROSTHETIC = {"to_y_m": 0.0}
 """A right prosthesis is on this side of the path."""
 GROUNDS = {
     "level": Ground(),
-    "raised": Ground(patches=(GroundPatch(name="step", height_m=STEP_M, **PROSTHETIC), GroundPatch())),
-    "mat": Ground(patches=(GroundPatch(name="mat", stiffness_n_per_m=1e4, **PROSTHETIC), GroundPatch())),
+    "raised": Ground(patches=(GroundPatch(), GroundPatch(name="step", height_m=STEP_M, **PROSTHETIC))),
+    "mat": Ground(patches=(GroundPatch(), GroundPatch(name="mat", stiffness_n_per_m=1e4, **PROSTHETIC))),
 }
 
 

@@ -234,8 +234,8 @@ def test_compliant_patch_is_a_spring_in_series_with_each_linear_sphere():
 
 
 def test_friction_of_a_patch_replaces_the_foots():
-    """Fast enough sliding has the kinetic coefficient: McGeehan 2021, eq. (2)."""
-    foot = loose_foot(ground=Ground(patches=(GroundPatch(mu_static=0.2, mu_kinetic=0.1),)))
+    """Fast enough sliding has the kinetic coefficient: McGeehan 2021, eq. (2). The ice lies in the floor's plane."""
+    foot = loose_foot(ground=Ground(patches=(GroundPatch(), GroundPatch(name="ice", mu_static=0.2, mu_kinetic=0.1))))
     X, _, q, v = some_state(0)
     foot.place(RigidTransform(X.translation()), np.array([0.0, 0.0, 0.0, 0.6, -0.8, 0.0]), 0.0 * q, 0.0 * v)
     F = foot.output("grf")

@@ -1,8 +1,9 @@
 """Ground of several plane patches, and a spring of the ground in series with a sphere's foam.
 
 Patch i is the plane z = height + slope (x - reference_x) + bank y over a rectangle of the world's x and y. A sphere
-meets the highest patch that has its centre above its rectangle; the edges of patches are not touched, so a sphere that
-crosses the edge of a step finds itself in it or above it at once.
+meets the highest patch whose rectangle its centre is over or under, and of equally high ones the last, so that what is
+laid on a floor counts. The edges of patches are not touched: a sphere that crosses the edge of a step finds itself in
+it or above it at once.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import numpy as np
 
 from vsf_drake.laws._elementwise import Array, Values, positive_part, power
 
+SAME_HEIGHT_M = 1e-9
+"""Patches whose heights differ by no more are equally high: rounding must not choose between them."""
 SERIES_ITERATIONS = 10
 """Newton steps of `foam_depth`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
@@ -29,7 +32,7 @@ def patch_normal(slope: Values, bank: Values) -> Array:
 
 
 def patch_below(x: Array, y: Array, heights: Array, bounds: Array) -> Array:
-    """Index (N,) of the patch that carries at x, y (N,); -1 where there is none.
+    """Index (N,) of the patch that carries at x, y (N,): the highest, of equally high ones the last; -1 without any.
 
     Args:
         heights: (N, M) z of every patch there.
@@ -38,8 +41,9 @@ def patch_below(x: Array, y: Array, heights: Array, bounds: Array) -> Array:
     inside = ((x[:, None] >= bounds[:, 0]) & (x[:, None] < bounds[:, 1])
               & (y[:, None] >= bounds[:, 2]) & (y[:, None] < bounds[:, 3]))
     reached = np.where(inside, heights, -np.inf)
-    best: Array = np.argmax(reached, axis=1)
-    return np.where(inside.any(axis=1), best, -1)
+    highest = inside & (reached >= reached.max(axis=1, keepdims=True) - SAME_HEIGHT_M)
+    last: Array = heights.shape[1] - 1 - np.argmax(highest[:, ::-1], axis=1)
+    return np.where(inside.any(axis=1), last, -1)
 
 
 def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance: Values) -> tuple[Array, Array]:

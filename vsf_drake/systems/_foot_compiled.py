@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from vsf_drake.laws.compiled import compiled, internal
-from vsf_drake.laws.ground import SERIES_ITERATIONS
+from vsf_drake.laws.ground import SAME_HEIGHT_M, SERIES_ITERATIONS
 from vsf_drake.laws.scalar import friction_per_speed, normal_force
 
 SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness", "fulcrum_damping", "carriage_gain",
@@ -85,14 +85,14 @@ def _stick(law, speed, mu_static, mu_kinetic, threshold):
 
 @internal
 def _patch(x, y, bounds, patches):
-    """Highest patch over x, y, and its height; -1 where there is none."""
-    best, top = -1, -math.inf
+    """The patch that carries at x, y (see `laws.ground.patch_below`) and its height; -1 where there is none."""
+    best, top, height = -1, -math.inf, -math.inf
     for i in range(len(patches)):
         if bounds[i, 0] <= x < bounds[i, 1] and bounds[i, 2] <= y < bounds[i, 3]:
             z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
-            if z > top:
-                best, top = i, z
-    return best, top
+            if z >= top - SAME_HEIGHT_M:
+                best, top, height = i, max(top, z), z
+    return best, height
 
 
 @compiled

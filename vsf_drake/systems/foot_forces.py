@@ -43,10 +43,10 @@ def FootForces_(T):
         joints. Laws and sources: `vsf_drake.laws` (kelvin_voigt, smooth_contact or hunt_crossley, as `law` says;
         stick_slip, with its smooth variant where the law is "smooth"; ground), McGeehan 2021 (doi 10.1115/1.4050456).
 
-        The sphere touches the highest patch below its centre S. Depth, depth rate and slip are taken along and across
-        that patch's normal n, friction acts at C, a radius from S against n. The centre of pressure is the point about
-        which the moment has no component across the mean normal, in the plane through the mean contact point; for a
-        level ground that is what `GroundReaction` computes.
+        A sphere touches the highest patch at its centre S, of equally high ones the last, and none beyond all bounds.
+        Depth, depth rate and slip are taken along and across that patch's normal n, friction acts at C, a radius from S
+        against n. The centre of pressure is the point about which the moment has no component across the mean normal,
+        in the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
 
         .. pydrake_system::
 
