@@ -137,11 +137,12 @@ def test_two_stations_in_one_diagram_have_the_forces_of_one_alone(leg):
     root, alone = whole.CreateDefaultContext(), leg.diagram.CreateDefaultContext()
     ports = ("grf", "cop", "depth", "support_force")
     for station in both:
-        own = station.own_context(root)
+        own = station.diagram.GetMyContextFromRoot(root)
         for name, value in values(station.diagram, own, ports).items():
             np.testing.assert_array_equal(value, leg.diagram.GetOutputPort(name).Eval(alone))
     both[0].plant.GetJointByName("hip_flexion").set_angle(both[0].plant_context(root), 0.2)
-    np.testing.assert_array_equal(both[1].diagram.GetOutputPort("grf").Eval(both[1].own_context(root)),
+    own = both[1].diagram.GetMyContextFromRoot(root)
+    np.testing.assert_array_equal(both[1].diagram.GetOutputPort("grf").Eval(own),
                                   leg.diagram.GetOutputPort("grf").Eval(alone))
     rates = whole.EvalTimeDerivatives(root).CopyToVector()
     np.testing.assert_allclose(rates[len(rates) // 2:], leg.diagram.EvalTimeDerivatives(alone).CopyToVector())

@@ -72,19 +72,9 @@ def screw_torque(force: Values, *, lead: Values, tangent: Values, friction: Valu
     return -force * lead / (2.0 * math.pi) * returning_efficiency(tangent, friction)
 
 
-def screw_force(torque: Values, *, lead: Values, tangent: Values, friction: Values) -> Values:
-    """Axial load (N) that `torque` (N m) moves steadily against its direction."""
-    return torque * (2.0 * math.pi) / lead * driving_efficiency(tangent, friction)
-
-
 def motor_current(voltage: Values, speed: Values, *, torque_constant: Values, resistance: Values) -> Values:
     """(voltage - torque constant · speed) / resistance (A); speed of the rotor in rad/s."""
     return (voltage - torque_constant * speed) / resistance
-
-
-def no_load_speed(voltage: Values, *, torque_constant: Values, resistance: Values, friction: Values) -> Values:
-    """Rotor speed (rad/s) at which the torque only overcomes the motor's own friction (N m)."""
-    return (voltage - resistance * friction / torque_constant) / torque_constant
 
 
 def direction(speed: Values, creep_speed: Values) -> Values:
@@ -168,15 +158,3 @@ def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_m
     acceleration = (drive - resistance * transmitted) / (rotor_mass + carriage_mass * transmitted)
     nut_force = carriage_mass * acceleration + resistance
     return CarriageMotion(acceleration, nut_force, nut_force * (transmitted - 1.0))
-
-
-def steady_speed(voltage: float, load: float, *, lead: float, tangent: float, friction: float, gear_ratio: float,
-                 torque_constant: float, resistance: float, motor_friction: float) -> float:
-    """Speed (m/s) at which the motor at `voltage` moves the carriage against an axial `load` (N); 0 if it cannot.
-
-    The motor's line at the torque screw_torque(load) / gear_ratio + motor_friction, times lead / (2 pi gear ratio).
-    """
-    torque = screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True) / gear_ratio
-    speed = no_load_speed(voltage, torque_constant=torque_constant, resistance=resistance,
-                          friction=torque + motor_friction)
-    return max(0.0, speed * lead / (2.0 * math.pi * gear_ratio))

@@ -26,7 +26,9 @@ Ports mean the same under every kind that has them. With several feet, a foot's 
     body_spatial_velocities  bodies  leg           of the plant, for further systems
     query              -           leg, and all that are visual: of the SceneGraph
 
-A foot of Drake's own contact has the outputs of `DrakeReaction` in place of those of `FootForces`.
+A foot of Drake's own contact has the outputs of `DrakeReaction` in place of those of `FootForces`. In a leg with a
+time step `fulcrum_position` moves the carriage alone until the supports follow:
+`follow_fulcrum(simulator, station.plant, *station.parts.values())`.
 """
 
 from __future__ import annotations
@@ -72,16 +74,12 @@ class Station:
     feet: dict[str, FootHandles]
     parts: Any
 
-    def own_context(self, root: Context) -> Context:
-        """The station's part of the Context of the diagram that holds it, or of its own."""
-        return self.diagram.GetMyContextFromRoot(root)
-
     def plant_context(self, root: Context) -> Context:
         """The plant's part of the Context of the diagram that holds the station, or of its own."""
         return self.plant.GetMyContextFromRoot(root)
 
     def simulator_config(self) -> SimulatorConfig:
-        """What the scenario says of Drake's Simulator, for `ApplySimulatorConfig`."""
+        """What the scenario says of Drake's Simulator, for `ApplySimulatorConfig`, of a continuous plant."""
         simulation = self.scenario.simulation
         return SimulatorConfig(integration_scheme=simulation.integrator, accuracy=simulation.accuracy,
                                max_step_size=simulation.max_step_s)

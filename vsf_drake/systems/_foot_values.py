@@ -22,7 +22,6 @@ from vsf_drake.laws.stick_slip import friction_force
 from vsf_drake.systems._sites import cross
 
 CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
-LAW_CONSTANTS = ("stiffness", "exponent", "damping", "full_damping_depth", "dissipation")
 
 Constants = dict[str, Any]
 
