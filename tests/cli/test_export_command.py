@@ -55,6 +55,7 @@ def test_one_format_and_no_collision_spheres(run, tmp_path):
 @pytest.mark.parametrize(("words", "message"), [
     (["--fulcrum-mm", "200"], "the fulcrum at 200 mm is out of the carriage's reach. It must be between 66 and 151 mm"),
     (["--fulcrum-mm", "nan"], "the fulcrum at nan mm is out of the carriage's reach"),
+    (["--format", "mjcf", "--no-springs"], "an MJCF file always has springs and contact spheres"),
     (["--format", "urdf"], "'urdf' is not known. Known are sdf, mjcf, both"),
     (["--model", "nothing.yaml"], "nothing.yaml")])
 def test_mistakes_end_with_a_message_and_leave_nothing(run, tmp_path, words, message):

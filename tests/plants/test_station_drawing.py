@@ -7,8 +7,13 @@ from dataclasses import replace
 import meshcat_page
 import numpy as np
 import pytest
+from pydrake.geometry import Role
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
 
+from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.plants.station import make_station
+from vsf_drake.plants.station_drawing import draw_ground
 from vsf_drake.report.show.serve import open_meshcat
 from vsf_drake.resources import resource
 from vsf_drake.scenario import load_scenario
@@ -48,6 +53,22 @@ def test_shapes_change_no_acceleration_and_a_drawn_station_converts(kind):
     converted.FixInputPortsFrom(drawn.diagram, two, context)
     own = [rate.value() for rate in converted.EvalTimeDerivatives(context).CopyToVector()]
     np.testing.assert_allclose(own, rates, rtol=1e-9, atol=1e-9 * np.abs(rates).max())
+
+
+def test_a_patch_far_off_is_drawn_where_it_is_and_whole():
+    """Its middle in the plane, its sides as long as the slope makes them."""
+    patch = GroundPatch(from_x_m=5.0, to_x_m=7.0, from_y_m=-8.0, to_y_m=-6.0, slope_deg=10.0, height_m=0.1)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    draw_ground(plant, Ground(patches=(patch, GroundPatch())))
+    inspector = scene_graph.model_inspector()
+    plates = {inspector.GetName(i).split("::")[-1]: i for i in inspector.GetAllGeometryIds(Role.kIllustration)}
+    far = plates["ground_0_ground"]
+    rise = np.tan(np.radians(10.0))
+    size = inspector.GetShape(far).size()
+    np.testing.assert_allclose(size[:2], [2.0 * np.hypot(1.0, rise), 2.0])
+    top = inspector.GetPoseInFrame(far) @ np.array([0.0, 0.0, 0.5 * size[2]])
+    np.testing.assert_allclose(top, [6.0, -7.0, 0.1 + 6.0 * rise], atol=1e-12)
+    np.testing.assert_allclose(inspector.GetShape(plates["ground_1_ground"]).size()[:2], [6.0, 6.0])
 
 
 @pytest.mark.parametrize("scenario", [BENCH, PERSON], ids=["bench", "person"])

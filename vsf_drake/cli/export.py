@@ -19,7 +19,8 @@ def export(
     form: Annotated[str, typer.Option(
         "--format", help="sdf (Drake, and what else reads SDFormat), mjcf (MuJoCo), or both.")] = "both",
     springs: Annotated[bool, typer.Option(
-        help="Write the keel's springs into vsf_foot.sdf; without them wire_foot brings them.")] = True,
+        help="Write the keel's springs into vsf_foot.sdf; without them wire_foot brings them. "
+        "The files in which the fulcrum stands always have them.")] = True,
     collision: Annotated[bool, typer.Option(help="Write contact spheres as collision shapes into the SDF.")] = True,
 ) -> None:
     """Writes the rigid foot with its lumped springs as SDF and MJCF.

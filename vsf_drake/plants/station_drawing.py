@@ -30,20 +30,29 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
 
 
 def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
-    """Gives the world a plate for each patch of `ground` (None: the plane z = 0), cut off 3 m from its middle."""
+    """Gives the world a plate for each patch of `ground` (None: the plane z = 0).
+
+    A plate ends 3 m from the patch's point that is nearest to x = reference_x, y = 0.
+    """
     for i, patch in enumerate((ground or Ground()).patches):
         plant.RegisterVisualGeometry(plant.world_body(), *_plate(patch), f"ground_{i}_{patch.name}",
                                      np.array(GROUND_COLOUR))
 
 
 def _plate(patch: GroundPatch) -> tuple[RigidTransform, Box]:
-    x = np.clip([patch.from_x_m, patch.to_x_m], patch.reference_x_m - _SHOWN_M, patch.reference_x_m + _SHOWN_M)
-    y = np.clip([patch.from_y_m, patch.to_y_m], -_SHOWN_M, _SHOWN_M)
+    x = _shown(patch.from_x_m, patch.to_x_m, patch.reference_x_m)
+    y = _shown(patch.from_y_m, patch.to_y_m, 0.0)
     slope, bank = np.tan(np.radians([patch.slope_deg, patch.bank_deg]))
     middle = np.array([x.mean(), y.mean(), 0.0])
     middle[2] = patch.height_m + slope * (middle[0] - patch.reference_x_m) + bank * middle[1]
     along = np.array([1.0, 0.0, slope]) / np.hypot(1.0, slope)
     normal = np.array([-slope, -bank, 1.0]) / np.sqrt(1.0 + slope**2 + bank**2)
     R_WG = RotationMatrix(np.column_stack((along, np.cross(normal, along), normal)))
-    size = np.maximum([np.ptp(x) * np.hypot(1.0, slope), np.ptp(y) * np.hypot(1.0, bank)], 1e-3)
+    size = np.ptp(x) * np.hypot(1.0, slope), np.ptp(y) * np.hypot(1.0, bank)
     return RigidTransform(R_WG, middle - 0.5 * _THICKNESS_M * normal), Box(*size, _THICKNESS_M)
+
+
+def _shown(start: float, end: float, about: float) -> np.ndarray:
+    """(2,) m, the part of a patch from `start` to `end` that is drawn."""
+    middle = np.clip(about, start, end)
+    return np.clip([start, end], middle - _SHOWN_M, middle + _SHOWN_M)

@@ -38,10 +38,14 @@ def write_export(
         inputs: SHA-256 by name of the files that the parameters come from.
 
     Raises:
-        InputError: there is no such format, the fulcrum is out of reach, or `out` cannot be written.
+        InputError: there is no such format, it is MJCF alone, which is whole and leaves nothing out, the fulcrum is out
+            of reach, or `out` cannot be written.
     """
     if form not in FORMATS:
         raise InputError(f"{form!r} is not known", where="format", right=f"Known are {', '.join(FORMATS)}")
+    if form == "mjcf" and not (springs and collision):
+        raise InputError("an MJCF file always has springs and contact spheres", where="format",
+                         right="Leave --no-springs and --no-collision out, or write SDF")
     check_fulcrum(fulcrum_m, foot, where="fulcrum")
     texts = {}
     if form in ("sdf", "both"):
@@ -53,7 +57,8 @@ def write_export(
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
         sidecar = {
-            "kind": "export", "fulcrum_m": fulcrum_m, "springs": springs, "collision_spheres": collision,
+            "kind": "export", "fulcrum_m": fulcrum_m,
+            **({} if form == "mjcf" else {"springs_of_movable": springs, "collision_spheres_of_sdf": collision}),
             "files_sha256": {name: sha256(folder / name) for name in texts},
             "foot": to_plain(foot), "provenance": provenance(inputs)}
         (folder / SIDECAR).write_text(yaml.safe_dump(sidecar, sort_keys=False, allow_unicode=True), encoding="utf-8")
