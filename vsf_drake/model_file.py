@@ -36,10 +36,20 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
             weigh more than the foot, or are higher than it.
     """
     check(model, file=file)
-    for group, zones in (("foot", model.foot.zones), ("intact_foot", model.intact_foot.zones)):
-        _check_zones(zones, group, file)
-    _check_foot(model.foot, file)
+    _check_zones(model.intact_foot.zones, "intact_foot.", file)
+    _check_foot(model.foot, file, "foot.")
     return model
+
+
+def check_foot(foot: FootParameters) -> FootParameters:
+    """Returns `foot` after checking its ranges and whether its parts make a foot.
+
+    Raises:
+        InputError: see `check_model`.
+    """
+    check(foot)
+    _check_foot(foot)
+    return foot
 
 
 def zones_under_load(foot: FootParameters) -> list[ContactZone]:
@@ -85,18 +95,19 @@ def _spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
     if not zones:
-        raise InputError("there are no contact zones", file=file, where=f"{group}.zones",
+        raise InputError("there are no contact zones", file=file, where=f"{group}zones",
                          right="A foot needs at least one")
     for i, zone in enumerate(zones):
         if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
             raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
-                             file=file, where=f"{group}.zones[{i}] ({zone.name})")
+                             file=file, where=f"{group}zones[{i}] ({zone.name})")
 
 
-def _check_foot(foot: FootParameters, file: str | Path | None) -> None:
+def _check_foot(foot: FootParameters, file: str | Path | None = None, group: str = "") -> None:
     def refuse(what: str, where: str, right: str | None = None) -> InputError:
-        return InputError(what, file=file, where=f"foot.{where}", right=right)
+        return InputError(what, file=file, where=f"{group}{where}", right=right)
 
+    _check_zones(foot.zones, group, file)
     length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
     if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12:
         raise refuse(f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
@@ -110,7 +121,8 @@ def _check_foot(foot: FootParameters, file: str | Path | None) -> None:
                      f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm")
     parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
     if parts >= foot.mass_kg:
-        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg")
+        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg",
+                     "Give the mass of the whole foot, or make keel or carriage lighter")
     below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
     if foot.build_height_m <= below:
         raise refuse(f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
@@ -122,10 +134,10 @@ def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | 
     """Returns `fulcrum_m` (m from A) if the carriage of `foot` can reach it.
 
     Raises:
-        InputError: it is outside the range of the carriage.
+        InputError: it is not a number, or outside the range of the carriage.
     """
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    if isinstance(fulcrum_m, str):
+    if np.ndim(fulcrum_m) or np.asarray(fulcrum_m).dtype.kind not in "iuf":
         raise InputError(f"{fulcrum_m!r} is not a number", file=file, where=where, right="Its unit is m from A")
     if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
         raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,

@@ -120,7 +120,9 @@ def _names(schema: type) -> str:
 def _check_dataclass(instance: Any, path: str, file: Any) -> None:
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
+        value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
         where = f"{path}{field.name}"
+        _check_number(value, field, where, file)
         if dataclasses.is_dataclass(value):
             _check_dataclass(value, f"{where}.", file)
         elif isinstance(value, (list, tuple)):
@@ -136,6 +138,14 @@ def _check_dataclass(instance: Any, path: str, file: Any) -> None:
             _check_scalar(value, field.metadata, where, file)
 
 
+def _check_number(value: Any, field: dataclasses.Field, where: str, file: Any) -> None:
+    """Raises InputError for None or a list in a field of one number."""
+    kind = str(field.type)
+    if kind == "float" and (value is None or isinstance(value, (list, tuple))):
+        raise InputError(f"{value!r} is not a number", file=file, where=where,
+                         right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None)
+
+
 def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
     options = metadata.get("options")
     if options and value is not None and value not in options:
@@ -147,14 +157,15 @@ def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
     low, high, unit = (metadata.get(key) for key in ("low", "high", "unit"))
+    unit = "" if unit in ("1", None) else f" {unit}"
     if not math.isfinite(value):
         raise InputError(f"{value} is not a finite number", file=file, where=where)
     if low is not None and not low <= value <= high:
         raise InputError(
-            f"{value:g} {unit} is outside its physical range",
+            f"{value:g}{unit} is outside its physical range",
             file=file,
             where=where,
-            right=f"It must be {_range(low, high)} {unit}",
+            right=f"It must be {_range(low, high)}{unit}",
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_feet import PARAMETERS, add_loose_shank
@@ -55,6 +57,38 @@ def test_something_else_than_wiring_needs_is_refused(ready):
         wire_foot(builder, plant, wire_foot(builder, plant, foot))
 
 
+def test_parameters_that_make_no_foot_are_refused_by_name_before_anything_is_added():
+    """Made in Python, they have been through no file's checks; nan or a negative stiffness would go on unseen."""
+    plant, keel, zones = MultibodyPlant(0.0), PARAMETERS.keel, PARAMETERS.zones
+    for changes, where in (
+            ({"mass_kg": np.nan}, "mass_kg: nan"), ({"mass_kg": "0.6"}, "mass_kg: '0.6' is not a number.*kg"),
+            ({"mass_kg": None}, "mass_kg: None is not a number.*kg"), ({"mass_kg": np.float32(np.inf)}, "mass_kg: inf"),
+            ({"mass_kg": 0.1}, "whole foot 0.1 kg.*make keel or carriage lighter"),
+            ({"build_height_m": 87.0}, "build_height_m: 87 m.*between 0.01 and 0.5 m"),
+            ({"keel": replace(keel, flexural_modulus_pa=-1.0)}, "keel.flexural_modulus_pa: -1 Pa"),
+            ({"keel": replace(keel, element_lengths_m=np.array([0.066, np.nan]))}, r"element_lengths_m\[1\]: nan"),
+            ({"friction": replace(PARAMETERS.friction, mu_static=-0.5)}, "mu_static: -0.5 is.*between 0 and 5$"),
+            ({"fulcrum": replace(PARAMETERS.fulcrum, rearmost_m=0.16)}, "must increase"),
+            ({"zones": ()}, "at least one"), ({"zones": (replace(zones[0], y_mm=(0.0,)),)}, "same length")):
+        with pytest.raises(InputError, match=where):
+            add_foot(plant, plant.world_frame(), replace(PARAMETERS, **changes))
+    assert not plant.HasModelInstanceNamed("vsf")
+
+
+@pytest.mark.parametrize("given", [{"height_m": None}, {"height_m": np.float32(np.nan)}, {"slope_deg": (5.0,)},
+                                   {"from_x_m": None}])
+def test_a_patch_without_a_number_is_refused_and_no_ground_that_nothing_touches(ready, given):
+    with pytest.raises(InputError, match=rf"patches\[0\]\.{next(iter(given))}"):
+        wire_foot(*ready, ground=Ground(patches=(GroundPatch(**given),)))
+
+
+def test_position_that_is_no_single_number_is_refused(ready):
+    for position in ([0.1], np.array([0.1]), 0.1j, True):
+        with pytest.raises(InputError, match=r"not a number.*m from A"):
+            wire_foot(*ready, fulcrum_m=position)
+    wire_foot(*ready, fulcrum_m=np.array(0.1))
+
+
 @pytest.mark.parametrize("position", [108.0, np.nan])
 def test_fulcrum_in_millimetres_is_told_at_the_first_evaluation(ready, position):
     builder, plant, foot = ready
@@ -82,7 +116,7 @@ def test_parameters_are_set_in_no_other_context_than_the_systems_own(ready):
     for new, old in zip(numbers(), before, strict=True):
         np.testing.assert_array_equal(new, old)
     own = wired.forces.GetMyMutableContextFromRoot(root)
-    for value in (np.nan, "soft"):
+    for value in (np.nan, "soft", None):
         with pytest.raises(ValueError, match="fulcrum_m must be a number"):
             wired.forces.SetParameters(own, fulcrum_m=value)
     wired.forces.SetParameters(own, fulcrum_m=0.12)
@@ -129,3 +163,36 @@ def test_a_force_waits_for_the_plant_to_be_finalised():
     push = builder.AddSystem(ConstantVectorSource([0.0])).get_output_port()
     with pytest.raises(InputError, match="not finalised"):
         share_generalized_forces(builder, plant, push)
+
+
+def test_a_force_that_cannot_act_leaves_those_that_do(ready):
+    """A port of another diagram, of another kind, or none."""
+    builder, plant, foot = ready
+    wired = wire_foot(builder, plant, foot)
+    size = np.zeros(plant.num_velocities())
+    before = builder.connection_map()
+    other = DiagramBuilder()
+    theirs = other.AddNamedSystem("theirs", ConstantVectorSource(size)).get_output_port()
+    for share, port, message in (
+            (share_generalized_forces, theirs, "'theirs'.*not in this builder"),
+            (share_spatial_forces, plant.get_body_poses_output_port(), "no list of spatial forces"),
+            (share_spatial_forces, None, "port: is a NoneType.*GetOutputPort"),
+            (share_generalized_forces, plant, "port: is a MultibodyPlant.*GetOutputPort")):
+        with pytest.raises(InputError, match=message):
+            share(builder, plant, port)
+    for port in (theirs, None):
+        with pytest.raises(InputError, match=r"not in this builder|is a NoneType"):
+            wired.connect_fulcrum(builder, port)
+    with pytest.raises(InputError, match=r"plant: is not in this builder.*AddSystem\(plant\)"):
+        share_generalized_forces(other, plant, theirs)
+    assert builder.connection_map() == before
+
+
+def test_nothing_is_wired_once_the_diagram_is_built(ready):
+    builder, plant, foot = ready
+    push = builder.AddSystem(ConstantVectorSource(np.zeros(plant.num_velocities()))).get_output_port()
+    diagram = builder.Build()
+    for wire in (lambda: wire_foot(builder, plant, foot), lambda: share_generalized_forces(builder, plant, push)):
+        with pytest.raises(InputError, match=r"built its diagram already.*before builder\.Build\(\)"):
+            wire()
+    assert diagram.HasSubsystemNamed("plant")

@@ -224,9 +224,9 @@ def test_foot_of_other_parameters_is_refused_and_the_difference_named(parameters
 
 def test_keel_with_fewer_elements_in_the_parameters_is_refused():
     """All of its bodies are there by name; the file's keel has one more."""
-    short = FOOT.keel.element_lengths_m[:-1]
+    *short, last, tip = FOOT.keel.element_lengths_m
     with pytest.raises(InputError, match=r"keel_body_7.*weighs|weighs"):
-        find_foot(parsed(foot_sdf(FOOT)), "vsf", replace(FOOT, keel=replace(FOOT.keel, element_lengths_m=short)))
+        find_foot(parsed(foot_sdf(FOOT)), "vsf", changed_keel(element_lengths_m=(*short, last + tip)))
 
 
 def test_support_in_the_file_is_refused():

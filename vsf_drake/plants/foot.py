@@ -37,7 +37,7 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model_file import check_fulcrum
+from vsf_drake.model_file import check_foot, check_fulcrum
 from vsf_drake.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
 from vsf_drake.plants.contact_sites import ContactSites, zone_sites
@@ -122,10 +122,12 @@ def add_foot(
     Raises:
         InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are
             for the other side, there is no such contact, the plant cannot have it, or its time step is too long for
-            it; the carriage cannot reach the position; keel and carriage weigh more than the whole foot.
+            it; the carriage cannot reach the position; a parameter is out of range or the parts make no foot
+            (`model_file.check_foot`).
     """
     check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
+    check_foot(parameters)
     if contact not in CONTACTS:
         raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
     reach = parameters.fulcrum.rearmost_m, parameters.fulcrum.foremost_m
@@ -134,10 +136,6 @@ def add_foot(
         check_scene_graph(plant, contact)
     keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
     frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
-    if frame_mass <= 0:
-        raise InputError(f"keel and carriage weigh {parameters.mass_kg - frame_mass:.3f} kg, "
-                         f"the whole foot {parameters.mass_kg:.3f} kg", where="mass_kg",
-                         right="Give the mass of the whole foot, or make keel or carriage lighter")
     instance = plant.AddModelInstance(name)
     rear, height = parameters.fulcrum.rearmost_m, parameters.build_height_m + sole_height(parameters)
     width = parameters.keel.width_m

@@ -16,6 +16,8 @@ from vsf_drake.plants.device import SERVO_FREQUENCY
 from vsf_drake.plants.foot_checks import check_type
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.wiring import (
+    check_open,
+    check_port,
     check_shareable,
     connect_kinematics,
     share_generalized_forces,
@@ -62,6 +64,7 @@ class WiredFoot:
         Raises:
             InputError: `port` is no single number, or the position has a source already.
         """
+        check_port(builder, port)
         if port.get_data_type() != PortDataType.kVectorValued or port.size() != 1:
             raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
                              right="A fulcrum position is one number, m from the keel's posterior end A")
@@ -107,7 +110,7 @@ def wire_foot(
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
             port of the plant is exported; ground or position cannot be. Nothing has been added then.
     """
-    check_type(builder, DiagramBuilder, "builder", "Call wire_foot(builder, plant, foot)")
+    check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
     _check_wiring(builder, plant, foot, f"{foot.name}_forces")
@@ -195,16 +198,13 @@ def _check_suits(plant: MultibodyPlant, foot: FootHandles, ground: Ground | None
 def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str) -> None:
     if not plant.is_finalized():
         raise InputError("is not finalised", where="plant", right="Call plant.Finalize() after the last add_foot")
-    if not any(system is plant for system in builder.GetSystems()):
-        raise InputError("is not in this builder", where="plant",
-                         right="Add it first: builder.AddSystem(plant), or AddMultibodyPlantSceneGraph(builder, ...)")
+    check_shareable(builder, plant)
     if not plant.HasModelInstanceNamed(foot.name) or plant.get_body(foot.frame.index()) is not foot.frame:
         raise InputError(f"the foot {foot.name!r} is part of another plant", where="foot",
                          right="Wire it in the diagram of the plant that it was added to")
     if builder.HasSubsystemNamed(name):
         raise InputError(f"the foot {foot.name!r} is wired already", where="foot",
                          right="Keep what the first wire_foot returned; a second foot needs a name of its own")
-    check_shareable(builder, plant)
 
 
 def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:

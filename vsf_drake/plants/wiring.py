@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
+from pydrake.common.value import Value
+from pydrake.multibody.plant import (
+    ExternallyAppliedSpatialForce,
+    ExternallyAppliedSpatialForceMultiplexer,
+    MultibodyPlant,
+)
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
+from vsf_drake.plants.foot_checks import check_type
 
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: Sequence[LeafSystem]) -> None:
@@ -48,11 +54,15 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
     with `port` in an ExternallyAppliedSpatialForceMultiplexer.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram, `port` is no list of spatial forces, or it
-            acts on the plant already.
+        InputError: the plant's port is exported as an input of the diagram, `port` is no list of spatial forces or of
+            no system in `builder`, or it acts on the plant already.
     """
-    if port.get_data_type() != PortDataType.kAbstractValued:
-        raise InputError(f"is a vector of {port.size()}", where=f"port {port.get_name()!r}",
+    check_shareable(builder, plant)
+    check_port(builder, port)
+    vector = port.get_data_type() == PortDataType.kVectorValued
+    if vector or not isinstance(port.Allocate(), Value[list[ExternallyAppliedSpatialForce]]):
+        raise InputError(f"is a vector of {port.size()}" if vector else "is no list of spatial forces",
+                         where=f"port {port.get_name()!r}",
                          right="Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to "
                                "share_generalized_forces")
     _share(builder, plant, port, plant.get_applied_spatial_force_input_port(),
@@ -63,10 +73,11 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
     """Applies the generalized force in `port` (num_velocities,) to `plant`, added to what is applied there already.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram, `port` has another size, or it
-            acts on the plant already.
+        InputError: the plant's port is exported as an input of the diagram, `port` has another size or is of no system
+            in `builder`, or it acts on the plant already.
     """
     check_shareable(builder, plant)
+    check_port(builder, port)
     if port.get_data_type() != PortDataType.kVectorValued or port.size() != plant.num_velocities():
         raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
                          right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
@@ -75,7 +86,11 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
 
 
 def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
-    """Raises InputError where one of the plant's two force ports is an input of the diagram."""
+    """Raises InputError unless `builder` holds the plant and nothing but systems acts on its two force ports."""
+    check_open(builder)
+    if not any(system is plant for system in builder.GetSystems()):
+        raise InputError("is not in this builder", where="plant",
+                         right="Add it first: builder.AddSystem(plant), or AddMultibodyPlantSceneGraph(builder, ...)")
     if not plant.is_finalized():
         raise InputError("is not finalised", where="plant", right="Call plant.Finalize() first")
     sources = _sources(builder)
@@ -85,6 +100,22 @@ def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
                              where=f"the plant's {target.get_name()}",
                              right="Export the input of a PassThrough instead, and give its output to "
                                    "share_spatial_forces or share_generalized_forces")
+
+
+def check_open(builder: DiagramBuilder) -> None:
+    """Raises InputError unless `builder` is a DiagramBuilder that has not built yet."""
+    check_type(builder, DiagramBuilder, "builder", "Give the DiagramBuilder that the plant was added to")
+    if builder.already_built():
+        raise InputError("has built its diagram already", where="builder", right="Do this before builder.Build()")
+
+
+def check_port(builder: DiagramBuilder, port: OutputPort) -> None:
+    """Raises InputError unless `port` is an output of a system in `builder`."""
+    check_open(builder)
+    check_type(port, OutputPort, "port", "Give an output port: system.GetOutputPort(name)")
+    if not any(system is port.get_system() for system in builder.GetSystems()):
+        raise InputError(f"is of {port.get_system().get_name()!r}, which is not in this builder",
+                         where=f"port {port.get_name()!r}", right="Add its system to the builder of the plant")
 
 
 def _unused_name(builder: DiagramBuilder, stem: str) -> str:

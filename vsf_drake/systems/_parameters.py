@@ -56,7 +56,9 @@ class NamedParameters(Collectable):
                 vector = checked[index] = np.broadcast_to(value, shape).ravel()
             except ValueError:
                 raise ValueError(f"{name} has shape {shape}, but was given {np.shape(value)}") from None
-            if vector.dtype != object and (vector.dtype.kind not in "biuf" or np.isnan(vector).any()):
+            numbers = all(item is not None for item in vector) if vector.dtype == object else (
+                vector.dtype.kind in "biuf" and not np.isnan(vector).any())
+            if not numbers:
                 raise ValueError(f"{name} must be a number or numbers, but was given {value!r}")
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
