@@ -1,4 +1,4 @@
-"""The picture of walking_over_grounds: foot and force over each ground above, force and its point over time below."""
+"""The picture of walking_over_grounds: the person, the prosthetic foot from near, and forces over time."""
 
 from __future__ import annotations
 
@@ -7,81 +7,128 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from pydrake.systems.framework import Context
 
 from vsf_drake.ground import Ground
-from vsf_drake.report.style import NEUTRAL, label, new_figure, style
+from vsf_drake.motion.trial import Trial
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
+from vsf_drake.report.style import MEASURED, NEUTRAL, label, new_figure, style
+from vsf_drake.simulation.reference import ReferenceWalk
 
-SHARES = (0.06, 0.3, 0.6, 0.9)
+SHARES = (0.07, 0.25, 0.55, 0.9)
 """Instants that are drawn, in shares of the time shown."""
-ARROW_M_PER_BW = 0.2
-SHOWN_N = 20.0
+PERSON_M_PER_BW, FOOT_M_PER_BW, SHOWN_N = 0.5, 0.08, 20.0
 
 
-def draw(runs: dict[str, Any], grounds: dict[str, Ground], plate: Any, body_weight_n: float) -> Figure:
-    """The figure of `runs` by ground name; `plate` is what was recorded on level ground."""
+def draw(runs: dict[str, ReferenceWalk], grounds: dict[str, Ground], trial: Trial) -> Figure:
+    """The figure of `runs` by ground name."""
+    gait = make_gait_over(trial.subject, trial.model, Ground())
+    colours = {name: colormaps["viridis"](0.9 * i / max(len(grounds) - 1, 1)) for i, name in enumerate(grounds)}
+    weight = GRAVITY * trial.subject.mass_kg
     with style():
-        figure = new_figure(2.55 * max(len(runs), 4), 6.2)
-        above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.0))
-        colours = {name: colormaps["viridis"](0.9 * i / max(len(grounds) - 1, 1)) for i, name in enumerate(grounds)}
-        shared = above.subplots(1, len(runs), sharex=True, sharey=True, squeeze=False)[0]
-        for axes, (name, run) in zip(shared, runs.items(), strict=True):
-            _draw_ground(axes, grounds[name])
-            _draw_step(axes, run, colours[name], body_weight_n)
-            axes.set_aspect("equal")
-            axes.grid(False)
-            axes.set_xlim(0.42, 0.80)
-            axes.set_ylim(-0.03, 0.33)
-            label(axes, x="x in W (m)", y="z in W (m)" if axes is shared[0] else "", title=name)
-        _draw_courses(below.subplots(1, 3), runs, colours, plate, body_weight_n)
-        above.suptitle("One recorded step, the limb's path the same on every ground (synthetic recording)", fontsize=10)
+        figure = new_figure(2.6 * len(runs), 8.4)
+        above, middle, below = figure.subfigures(3, 1, height_ratios=(1.2, 0.55, 1.0))
+        people, feet = (part.subplots(1, len(runs), sharex=True, sharey=True) for part in (above, middle))
+        for person, foot, (name, run) in zip(people, feet, runs.items(), strict=True):
+            first = person is people[0]
+            for axes in (person, foot):
+                _draw_ground(axes, grounds[name])
+                axes.set_aspect("equal")
+                axes.grid(False)
+            _draw_person(person, gait, run, colours[name], weight)
+            _draw_foot(foot, gait, run, colours[name], weight)
+            person.set(xlim=(-0.15, 1.35), ylim=(-0.1, 1.62))
+            foot.set(xlim=(0.44, 0.78), ylim=(-0.03, 0.15))
+            label(person, x="", y="z in W (m)" if first else "", title=name)
+            label(foot, x="x in W (m)", y="z in W (m)" if first else "")
+        _draw_courses(below.subplots(1, 4), runs, colours, trial, weight)
+        figure.suptitle("The same prescribed motion on five grounds (synthetic recording); prosthesis dark, "
+                        "force on both feet", fontsize=10)
     return figure
 
 
-def profile(ground: Ground, x: np.ndarray) -> np.ndarray:
-    """Height (n,) m of `ground` at x (n,) and y = 0; NaN where there is none."""
-    z = np.full(len(x), -np.inf)
-    for patch in ground.patches:
-        inside = (x >= patch.from_x_m) & (x < patch.to_x_m) & (patch.from_y_m <= 0.0 < patch.to_y_m)
-        plane = patch.height_m + np.tan(np.radians(patch.slope_deg)) * (x - patch.reference_x_m)
-        z = np.where(inside, np.maximum(z, plane), z)
-    return np.where(np.isfinite(z), z, np.nan)
-
-
 def _draw_ground(axes: Any, ground: Ground) -> None:
-    x = np.linspace(0.2, 1.0, 1601)
-    soft = any(patch.stiffness_n_per_m for patch in ground.patches)
-    axes.fill_between(x, -1.0, profile(ground, x), color="0.88", hatch="..." if soft else None, edgecolor="0.6", lw=0.0)
-    axes.plot(x, profile(ground, x), color="0.35", lw=1.0)
+    """The ground under the prosthetic foot, on the right of the path."""
+    x = np.linspace(-0.3, 1.5, 3601)
+    patches = [patch for patch in ground.patches if patch.from_y_m < 0.0]
+    planes = [np.where((x >= patch.from_x_m) & (x < patch.to_x_m), patch.height_m + np.tan(np.radians(patch.slope_deg))
+                       * (x - patch.reference_x_m), -np.inf) for patch in patches]
+    z = np.max(planes, axis=0)
+    soft = any(patch.stiffness_n_per_m for patch in patches)
+    axes.fill_between(x, -1.0, z, color="0.88", hatch="..." if soft else None, edgecolor="0.6", lw=0.0)
+    axes.plot(x, z, color="0.35", lw=0.8)
 
 
-def _draw_step(axes: Any, run: Any, colour: Any, body_weight_n: float) -> None:
+def _shown(gait: GroundedGait, run: ReferenceWalk) -> Any:
+    """Index, opacity and plant's Context of each instant that is drawn."""
+    context = gait.plant.CreateDefaultContext()
     for share in SHARES:
         i = round(share * (len(run.time_s) - 1))
-        fade = 0.3 + 0.7 * share
-        top, mount, *sole = run.outline[i]
-        axes.plot(*np.array([top, mount]).T, color=NEUTRAL, lw=2.2, alpha=fade)
-        axes.fill(*np.array([mount, *sole]).T, facecolor="0.6", edgecolor="0.15", lw=0.9, alpha=0.6 * fade)
-        if run.grf_W[i, 2] > SHOWN_N:
-            tip = ARROW_M_PER_BW * run.grf_W[i] / body_weight_n
-            axes.annotate("", xy=run.cop_W[i, [0, 2]] + tip[[0, 2]], xytext=run.cop_W[i, [0, 2]],
-                          arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.4, "shrinkA": 0, "shrinkB": 0})
+        gait.plant.SetPositions(context, run.q[i])
+        yield i, 0.3 + 0.7 * share, context
+
+
+def _draw_person(axes: Any, gait: GroundedGait, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
+    person, plant = gait.person, gait.plant
+    body, own = person.body, person.subject.prosthetic_side
+    other = "left" if own == "right" else "right"
+    for i, fade, context in _shown(gait, run):
+        pose = {name: segment.EvalPoseInWorld(context) for name, segment in person.segments.items()}
+        trunk = pose["pelvis"] @ np.array([[body.hip_forward] * 2, [0.0, 0.0],
+                                           [body.hip_up, body.hip_up + body.trunk_length]])
+        axes.plot(trunk[0], trunk[2], color="0.7", lw=5.0, alpha=fade, solid_capstyle="round")
+        for side, last, sites, shade in ((other, pose[f"foot_{other}"].translation(), person.intact_sites, "0.7"),
+                                         (own, person.foot.mount.CalcPoseInWorld(context).translation(),
+                                          person.foot.sites, "0.15")):
+            leg = np.array([pose[f"thigh_{side}"].translation(), pose[f"shank_{side}"].translation(), last])
+            axes.plot(leg[:, 0], leg[:, 2], color=shade, lw=2.0, alpha=fade)
+            axes.fill(*np.vstack([last[[0, 2]], _sole(plant, sites, context)]).T, color=shade, alpha=fade, lw=1.0)
+        for force, cop in ((run.grf_W, run.cop_W), (run.intact_grf_W, run.intact_cop_W)):
+            _arrow(axes, force[i], cop[i], PERSON_M_PER_BW / body_weight_n, colour, fade)
+
+
+def _draw_foot(axes: Any, gait: GroundedGait, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
+    for i, fade, context in _shown(gait, run):
+        sole = _sole(gait.plant, gait.person.foot.sites, context)
+        axes.plot(*sole.T, color="0.15", lw=1.2, alpha=fade)
+        _arrow(axes, run.grf_W[i], run.cop_W[i], FOOT_M_PER_BW / body_weight_n, colour, fade)
     loaded = run.grf_W[:, 2] > SHOWN_N
     axes.plot(run.cop_W[loaded, 0], run.cop_W[loaded, 2], color=colour, lw=3.0, solid_capstyle="round")
 
 
-def _draw_courses(panels: Any, runs: dict[str, Any], colours: dict[str, Any], plate: Any, body_weight_n: float) -> None:
-    start = next(iter(runs.values())).time_s[0]
-    for axes, column, scale, title in ((panels[0], 2, body_weight_n, "vertical"),
-                                       (panels[1], 0, body_weight_n, "fore-aft, forward positive")):
-        first = next(iter(runs.values()))
-        own = (plate.time_s >= first.time_s[0]) & (plate.time_s <= first.time_s[-1])
-        axes.plot(plate.time_s[own] - start, plate.force_W[own, column] / scale, color=NEUTRAL, lw=3.0, alpha=0.5,
-                  label="recorded, level")
+def _sole(plant: Any, sites: ContactSites, context: Context) -> np.ndarray:
+    """(N, 2) x and z (m) of the lowest points of the spheres, from heel to toe."""
+    centres = [plant.get_body(index).EvalPoseInWorld(context) @ centre
+               for index, centre in zip(sites.body_indices, sites.p_BS, strict=True)]
+    points = np.array(centres) - np.outer(sites.radius, [0.0, 0.0, 1.0])
+    return points[np.argsort(points[:, 0])][:, [0, 2]]
+
+
+def _arrow(axes: Any, force: np.ndarray, cop: np.ndarray, scale: float, colour: Any, fade: float) -> None:
+    if force[2] > SHOWN_N:
+        axes.annotate("", xy=(cop + scale * force)[[0, 2]], xytext=cop[[0, 2]], arrowprops={
+            "arrowstyle": "-|>", "color": colour, "alpha": fade, "lw": 1.3, "shrinkA": 0, "shrinkB": 0})
+
+
+def _draw_courses(panels: Any, runs: dict[str, ReferenceWalk], colours: dict[str, Any], trial: Trial,
+                  body_weight_n: float) -> None:
+    time = next(iter(runs.values())).time_s
+    own = trial.subject.prosthetic_side
+    other = "left" if own == "right" else "right"
+    shown = ((own, "grf_W", 2, "prosthetic foot, vertical"), (other, "intact_grf_W", 2, "intact foot, vertical"),
+             (own, "grf_W", 0, "prosthetic foot, forward"))
+    for axes, (side, force, column, title) in zip(panels[:3], shown, strict=True):
+        plate = trial.plates[side]
+        recorded = np.interp(time, plate.time_s, plate.force_W[:, column])
+        axes.plot(time - time[0], recorded / body_weight_n, color=NEUTRAL, label="recorded, level", **MEASURED)
         for name, run in runs.items():
-            axes.plot(run.time_s - start, run.grf_W[:, column] / scale, color=colours[name], lw=1.4, label=name)
-        label(axes, x="time (s)", y="ground reaction force (body weights)", title=title)
+            axes.plot(time - time[0], getattr(run, force)[:, column] / body_weight_n, color=colours[name], lw=1.3,
+                      label=name)
+        label(axes, x="time (s)", y="force in W (body weights)", title=title)
     for name, run in runs.items():
         loaded = run.grf_W[:, 2] > SHOWN_N
-        panels[2].plot(run.time_s[loaded] - start, run.cop_W[loaded, 0], color=colours[name], lw=1.4)
-    label(panels[2], x="time (s)", y="x of the centre of pressure (m)", title="centre of pressure")
-    panels[0].legend(loc="best", ncols=2)
+        panels[3].plot(time[loaded] - time[0], run.cop_W[loaded, 0], color=colours[name], lw=1.3)
+    label(panels[3], x="time (s)", y="x in W (m)", title="centre of pressure, prosthetic foot")
+    panels[1].legend(loc="best")
