@@ -199,13 +199,31 @@ def test_own_laws_are_refused_where_their_explicit_force_would_blow_up():
         add_foot(plant, plant.world_frame(), FOOT)
 
 
-def test_largest_step_is_in_proportion_to_mass_over_damping():
+def test_largest_step_is_in_proportion_to_mass_over_damping_and_without_damping_to_the_springs_period():
     plant = MultibodyPlant(1e-5)
-    twice = replace(FOOT, zones=tuple(
-        replace(zone, damping_n_s_per_m=2.0 * zone.damping_n_s_per_m) for zone in FOOT.zones))
-    one = add_foot(plant, plant.world_frame(), FOOT, name="one")
-    two = add_foot(plant, plant.world_frame(), twice, name="two")
-    assert largest_step(one) == pytest.approx(2.0 * largest_step(two))
+
+    def longest(name, stiffness=1.0, damping=1.0):
+        zones = tuple(replace(zone, stiffness=stiffness * zone.stiffness,
+                              damping_n_s_per_m=damping * zone.damping_n_s_per_m) for zone in FOOT.zones)
+        return largest_step(add_foot(plant, plant.world_frame(), replace(FOOT, zones=zones), name=name))
+
+    assert longest("one") == pytest.approx(2.0 * longest("two", damping=2.0))
+    assert longest("springs", damping=0.0) == pytest.approx(2.0 * longest("stiff", stiffness=4.0, damping=0.0))
+
+
+def test_undamped_foam_is_steady_at_the_largest_step_and_refused_beyond():
+    """Its force in a drop is that of steps of a tenth of a millisecond."""
+    bare = replace(FOOT, zones=tuple(replace(zone, damping_n_s_per_m=0.0) for zone in FOOT.zones))
+    plant = MultibodyPlant(1e-5)
+    longest = largest_step(add_foot(plant, plant.world_frame(), bare))
+    _, _, note = drop(bare, "kelvin_voigt", Advance("too long", time_step_s=1.05 * longest), 0.108, 0.4, np.inf)
+    assert note.startswith("refused")
+    (force, _, note), (fine, _, _) = (
+        drop(bare, "kelvin_voigt", Advance("", time_step_s=step), 0.108, 0.4, np.inf) for step in (5e-4, 1e-4))
+    assert note == ""
+    assert 5e-4 < longest < 1e-3
+    assert np.abs(np.diff(force)).max() < 1.5 * np.abs(np.diff(fine)).max()
+    assert force.max() == pytest.approx(fine.max(), rel=0.03)
 
 
 def test_position_that_is_not_the_supports_is_refused_at_wiring():

@@ -22,7 +22,8 @@ from pydrake.multibody.tree import MultibodyConstraintId, PdControllerGains
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import check_fulcrum
+from vsf_drake.model_file import check_fulcrum, secant_stiffness
+from vsf_drake.plants.contact_geometry import REFERENCE_LOAD_N
 from vsf_drake.plants.foot_handles import FootHandles
 
 ROD_M = 10.0
@@ -36,18 +37,24 @@ STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
 def largest_step(foot: FootHandles) -> float:
     """The longest time step (s) at which the foot's own contact law stays stable in a discrete plant; inf without.
 
-    Our laws act there as forces from the start of the step. What they must not do in one is reverse the speed of the
-    piece they act on: the bound is STABLE_STEPS times the least mass over damping of a keel piece, which lets through
-    what stayed smooth in drops of the nominal foot and little else.
+    Our laws act there as forces from the start of the step. The dampers must not reverse in one the speed of the keel
+    piece they act on: STABLE_STEPS times the least mass over damping lets through what stayed smooth in drops of the
+    nominal foot and little else. Nor may the springs: an undamped mass m on a spring k diverges beyond 2 sqrt(m / k),
+    of which half is taken, k the slope of the foam's force under REFERENCE_LOAD_N on each sphere.
     """
     if foot.contact not in STABLE_STEPS:
         return np.inf
-    damping: dict[int, float] = {}
-    for body, value in zip(foot.sites.body_indices, foot.sites.damping, strict=True):
-        damping[int(body)] = damping.get(int(body), 0.0) + float(value)
-    times = [body.default_mass() / damping[int(body.index())] for body in foot.keel
-             if damping.get(int(body.index()), 0.0) > 0.0]
-    return STABLE_STEPS[foot.contact] * min(times, default=np.inf)
+    sites, longest = foot.sites, np.inf
+    on = np.array([int(body) for body in sites.body_indices])
+    slope = [n * secant_stiffness(k, n, REFERENCE_LOAD_N) for k, n in zip(sites.stiffness, sites.exponent, strict=True)]
+    for body in foot.keel:
+        here = on == int(body.index())
+        damping, stiffness, mass = np.sum(sites.damping[here]), np.sum(np.array(slope)[here]), body.default_mass()
+        if damping > 0.0:
+            longest = min(longest, STABLE_STEPS[foot.contact] * mass / damping)
+        if stiffness > 0.0:
+            longest = min(longest, np.sqrt(mass / stiffness))
+    return float(longest)
 
 
 def check_step(time_step_s: float, foot: FootHandles) -> None:
