@@ -66,7 +66,10 @@ class ScenarioGuide:
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioSimulation:
-    """How Drake's Simulator is to advance the station; `Station.simulator_config` passes it on."""
+    """How Drake's Simulator is to advance the station's continuous states; `Station.simulator_config` passes it on.
+
+    A plant with a time step has none: it goes by its own step.
+    """
 
     integrator: str = choice("implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff")
     accuracy: float = quantity(1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE)

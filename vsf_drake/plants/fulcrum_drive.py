@@ -61,7 +61,9 @@ class FulcrumDrive:
         raise InputError(f"there is no output {name!r}", where="fulcrum drive", right=f"There are {', '.join(names)}")
 
     def SetPosition(self, root_context: Context, position: float) -> None:
-        """Puts carriage and command at `position` (m from A), resting, in the `root_context` of the whole diagram.
+        """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram.
+
+        Give the plant's carriage joint the same position: it is left where it is, and its servo would pull it there.
 
         Raises:
             InputError: it is outside the travel.

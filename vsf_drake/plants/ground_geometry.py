@@ -32,7 +32,8 @@ def add_ground_geometry(
         ground: by default the plane z = 0.
         foot: of the feet that will stand on it, by default the nominal one, for its friction. A patch with
             coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
-        contact: of the feet.
+        contact: of the feet. Say "hydroelastic" where one of them has it: pads do not feel a patch's stiffness, which
+            is refused then.
 
     Raises:
         InputError: see `check_ground`; the plant has no SceneGraph; two patches lie in one plane over one another; a

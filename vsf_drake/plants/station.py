@@ -79,7 +79,7 @@ class Station:
         return self.plant.GetMyContextFromRoot(root)
 
     def simulator_config(self) -> SimulatorConfig:
-        """What the scenario says of Drake's Simulator, for `ApplySimulatorConfig`, of a continuous plant."""
+        """What the scenario says of Drake's Simulator, for `ApplySimulatorConfig`."""
         simulation = self.scenario.simulation
         return SimulatorConfig(integration_scheme=simulation.integrator, accuracy=simulation.accuracy,
                                max_step_size=simulation.max_step_s)
