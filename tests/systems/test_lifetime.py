@@ -87,7 +87,7 @@ def test_system_ends_with_its_last_reference(name):
     assert seen() is None
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", [name for name in MAKERS if name != "command"])  # which does not convert
 def test_system_ends_with_its_diagram_and_with_the_converted_one(name):
     builder = DiagramBuilder()
     system = builder.AddNamedSystem("it", MAKERS[name]())

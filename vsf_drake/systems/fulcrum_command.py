@@ -10,6 +10,7 @@ from pydrake.symbolic import Expression
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.errors import InputError
 from vsf_drake.systems._fulcrum_place import fulcrum_place
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
@@ -44,8 +45,11 @@ def FulcrumCommand_(T):
 
         Parameters in the Context: fulcrum_m.
 
+        It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
+        Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
+
         Raises:
-            InputError: (when evaluated) the fulcrum's position is not a number, or in mm.
+            InputError: (when evaluated) the fulcrum's position is not a number, or in mm; (when converted) see above.
         """
 
         __slots__ = (PEERS, "_position_port")
@@ -59,7 +63,13 @@ def FulcrumCommand_(T):
             self._declare_value("position", 1, self._calc_position)
 
         def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+            if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
+                Impl._construct(self, converter=converter, **other._arguments)
+                return
+            raise InputError(
+                "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
+                "which here are the keel's springs", where=other.get_name(),
+                right="Build the diagram again for a second one, and take a continuous plant for derivatives")
 
         def _position(self, context):
             given = self._position_port.HasValue(context)
