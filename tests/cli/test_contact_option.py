@@ -56,7 +56,7 @@ def test_bench_presses_the_fitted_foot(run, tmp_path, contact):
     assert run(*words, "--out", tmp_path / "nominal")[0] == 0
     code, out, _ = run(*words, "--out", tmp_path / "fitted", "--contact", contact)
     assert code == 0
-    assert f"the foot has the fitted contact of {contact}".split() == out.split("unconverged")[1].split()[0:8]
+    assert f"the foot has the fitted contact of {contact}".replace(" ", "") in "".join(out.split())
     nominal, fitted = (read_json(tmp_path / name / "bench.json")["settings"][0]["stiffness_n_per_mm"]
                        for name in ("nominal", "fitted"))
     assert abs(fitted - nominal) > 0.3
