@@ -41,6 +41,17 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 9) @ _CROSS
 
 
+def level_reaction(F: np.ndarray, M: np.ndarray, height: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force, centre of pressure (m) in the plane z = height, free moment (1,) of F (N) and M (N m about W's origin) in W.
+
+    Without load both are zero: there is no centre of pressure.
+    """
+    if not F[2] > 0:
+        return F, 0.0 * F, 0.0 * F[2:]
+    cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
+    return F, np.array([cop_x, cop_y, height]), np.array([M[2] - (cop_x * F[1] - cop_y * F[0])])
+
+
 class ForcePacker:
     """Makes ExternallyAppliedSpatialForce objects at the origins of given bodies, for one scalar type T."""
 

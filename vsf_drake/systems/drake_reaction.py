@@ -15,7 +15,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.systems._lifetime import PEERS, Collectable
-from vsf_drake.systems._sites import cross
+from vsf_drake.systems._sites import cross, level_reaction
 
 
 @TemplateSystem.define("DrakeReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -82,12 +82,7 @@ def DrakeReaction_(T):
                 F, M = F + force, M + moment + cross(point, force)
                 weight = np.sqrt(force @ force)
                 size, height = size + weight, height + weight * touched[2]
-            if not F[2] > 0:
-                return F, 0.0 * F, 0.0 * F[2:]
-            height = height / size
-            cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
-            free_moment = M[2] - (cop_x * F[1] - cop_y * F[0])
-            return F, np.array([cop_x, cop_y, height]), np.array([free_moment])
+            return level_reaction(F, M, height / size if F[2] > 0 else height)
 
         def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
             """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""

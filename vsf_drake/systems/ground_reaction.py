@@ -13,7 +13,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import Sites, cross, declare_body_poses
+from vsf_drake.systems._sites import Sites, cross, declare_body_poses, level_reaction
 
 
 @TemplateSystem.define("GroundReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -105,11 +105,7 @@ def GroundReaction_(T):
             force = self._friction_force_port.Eval(context).reshape(-1, 3).copy()
             force[:, 2] += self._normal_force_port.Eval(context)
             F, M = force.sum(axis=0), cross(p_WC, force).sum(axis=0)
-            if not F[2] > 0:
-                return F, 0.0 * F, 0.0 * F[2:]
-            cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
-            free_moment = M[2] - (cop_x * F[1] - cop_y * F[0])
-            return F, np.array([cop_x, cop_y, height]), np.array([free_moment])
+            return level_reaction(F, M, height)
 
     return Impl
 
