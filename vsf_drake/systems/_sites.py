@@ -42,7 +42,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def level_reaction(F: np.ndarray, M: np.ndarray, height: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force, centre of pressure (m) in the plane z = height, free moment (1,) of F (N) and M (N m about W's origin) in W.
+    """Force, centre of pressure (m) in the plane z = height, and free moment (1,), of F (N) and M (N m about Wo) in W.
 
     Without load both are zero: there is no centre of pressure.
     """
