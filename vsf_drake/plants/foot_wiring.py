@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
@@ -13,6 +14,7 @@ from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
+from vsf_drake.plants.discrete_foot import grip_limit
 from vsf_drake.plants.foot_checks import check_type
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.wiring import (
@@ -129,7 +131,8 @@ def wire_foot(
     command = _add_command(builder, plant, foot, fulcrum_m)
     if law:
         without = dict.fromkeys(device, 0.0) | {"fulcrum_m": fulcrum_m}
-        forces = _add_forces(builder, plant, foot, "forces", law, without | contact)
+        forces = _add_forces(builder, plant, foot, "forces", law, without | contact,
+                             grip=grip_limit(foot, plant.time_step()))
         _apply(builder, plant, forces)
         told = _add_forces(builder, plant, foot, "device", None, device)
     else:
@@ -140,7 +143,7 @@ def wire_foot(
 
 def _add_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str, law: str | None,
-    constants: dict[str, Any]
+    constants: dict[str, Any], grip: np.ndarray | None = None
 ) -> FootForces:
     names = (*foot.keel_joint_names, foot.carriage_joint_name)
     joints = [plant.GetJointByName(joint, foot.instance) for joint in names]
@@ -149,7 +152,7 @@ def _add_forces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(),
         position_indices=[joint.position_start() for joint in joints],
         velocity_indices=[joint.velocity_start() for joint in joints], frame_body_index=foot.frame.index(),
-        keel_starts=foot.keel_starts, law=law, constants=constants,
+        keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices]))
     connect_kinematics(builder, plant, [forces])
     return forces

@@ -157,6 +157,6 @@ def _advance(
                 return time.perf_counter() - started, (
                     f"stopped after {wall_limit_s:g} s of wall time at {context.get_time():.3g} s")
             sample(context)
-    except RuntimeError as error:
+    except (RuntimeError, InputError) as error:
         return time.perf_counter() - started, f"fails at {context.get_time():.4g} s: {str(error)[:160]}"
     return time.perf_counter() - started, ""

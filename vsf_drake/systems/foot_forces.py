@@ -12,6 +12,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
 from vsf_drake.systems._foot_values import CONTACT_LAWS, FootLayout, foot_values
 from vsf_drake.systems._fulcrum_place import fulcrum_place
@@ -89,6 +90,8 @@ def FootForces_(T):
             site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
             law: one of CONTACT_LAWS, or None.
             constants: values of the parameters below by name; a scalar stands for equal values.
+            grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal force · mu_static
+                / threshold_velocity on the roughest patch, that each keel body bears there. None: no limit.
 
         Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
         fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m;
@@ -99,7 +102,8 @@ def FootForces_(T):
 
         Raises:
             ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
-            InputError: (when evaluated) the fulcrum's position is not a number, or in mm.
+            InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
+                beyond its grip_limit.
         """
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
@@ -116,6 +120,7 @@ def FootForces_(T):
             site_keel: Sequence[int],
             law: str | None,
             constants: dict[str, Any],
+            grip_limit: np.ndarray | None = None,
             converter=None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
@@ -125,8 +130,9 @@ def FootForces_(T):
                 "num_positions": num_positions, "num_velocities": num_velocities,
                 "position_indices": list(position_indices), "velocity_indices": list(velocity_indices),
                 "frame_body_index": int(frame_body_index), "keel_starts": keel_starts, "site_keel": list(site_keel),
-                "law": law, "constants": dict(constants),
+                "law": law, "constants": dict(constants), "grip_limit": grip_limit,
             }
+            self._grip_limit = grip_limit
             self._frame, self._count = int(frame_body_index), num_velocities
             self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
             self._layout = FootLayout(
@@ -171,7 +177,10 @@ def FootForces_(T):
             if T is float:
                 packed = self._packed.Eval(context)
                 position = self._fulcrum_port.Eval(context)[0] if given else packed[FULCRUM]
-                return foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, fulcrum_place(position, self))
+                values = foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, fulcrum_place(position, self))
+                if self._grip_limit is not None:
+                    self._check_grip(context, values[self._slices["normal_force"]])
+                return values
             constants = self._full_constants(context)
             position = self._fulcrum_port.Eval(context)[0] if given else constants["fulcrum_m"]
             position = fulcrum_place(position, self)
@@ -179,6 +188,18 @@ def FootForces_(T):
             force = np.zeros(len(state), dtype=object)
             force[self._at[1]] = np.append(values["moment"], values["carriage"])
             return {**values, "generalized_force": force[len(state) - self._count:]}
+
+        def _check_grip(self, context, normal_force: np.ndarray) -> None:
+            constants, on = self._constants(context), self._layout.site_keel
+            load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._layout.starts))
+            share = load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
+            worst = int(np.argmax(share))
+            if share[worst] > 1.0:
+                raise InputError(
+                    f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
+                    f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
+                    where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one shorter "
+                    "in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
 
         def _part(self, name: str, context) -> np.ndarray:
             values = self._values.Eval(context)
