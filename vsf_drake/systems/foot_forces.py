@@ -198,8 +198,8 @@ def FootForces_(T):
                 raise InputError(
                     f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
                     f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
-                    where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one shorter "
-                    "in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
+                    where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
+                    "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
 
         def _part(self, name: str, context) -> np.ndarray:
             values = self._values.Eval(context)
