@@ -232,8 +232,15 @@ def test_a_fulcrum_has_one_master():
 
 
 def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
-    builder, plant, _, wired = parts()
+    builder, plant, foot, wired = parts()
     before = len(builder.GetSystems())
+    for changes, message in (
+            ({"wired": foot}, "wired: is a FootHandles.*wire_foot"), ({"builder": DiagramBuilder()}, "not in this"),
+            ({"grf": wired.GetOutputPort("normal_force")}, "'normal_force': has 24 elements.*one vector of 3"),
+            ({"shank": plant.GetFrameByName("vsf_frame")}, "shank: is a RigidBodyFrame.*GetBodyByName"),
+            ({"parameters": FootParameters()}, "parameters: is a FootParameters")):
+        with pytest.raises(InputError, match=message):
+            add_fulcrum_drive(**{"builder": builder, "plant": plant, "wired": wired, "signal": "both"} | changes)
     with pytest.raises(InputError, match="'emg' is not known"):
         add_fulcrum_drive(builder, plant, wired, signal="emg")
     with pytest.raises(InputError, match="outside the carriage's travel"):

@@ -7,7 +7,9 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
 
+from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, Subject
 from vsf_drake.plants.foot import add_foot, mount_pose, set_mount
 from vsf_drake.plants.joints import add_chain, rotations
@@ -97,3 +99,17 @@ def test_a_trials_offsets_act_within_the_place_whatever_it_is(mirrored):
     seen = ALL.pose(mirrored=mirrored).inverse() @ handles.frame.EvalPoseInWorld(context)
     expected = mount_pose(parameters, **offsets).inverse()
     np.testing.assert_allclose(seen.GetAsMatrix34(), expected.GetAsMatrix34(), atol=1e-15)
+
+
+def test_a_mount_is_moved_in_no_other_context_than_its_plants():
+    """Drake would end the process, or change whatever has the same number in that Context."""
+    builder = DiagramBuilder()
+    other = builder.AddSystem(MultibodyPlant(0.0))
+    plant = builder.AddSystem(MultibodyPlant(0.0))
+    handles = add_foot(plant, plant.world_frame(), FootParameters())
+    other.Finalize()
+    plant.Finalize()
+    root = builder.Build().CreateDefaultContext()
+    for context in (None, root, other.GetMyMutableContextFromRoot(root)):
+        with pytest.raises(InputError, match=r"plant_context: .*GetMyMutableContextFromRoot"):
+            set_mount(context, handles, height=0.004)

@@ -74,10 +74,11 @@ def test_a_signal_that_is_not_a_number_switches_the_motor_off():
     assert enabled.tolist() == [0, 0, 0, 0, 1, 1, 0]
 
 
-def test_a_desired_position_that_is_not_a_number_is_refused():
+@pytest.mark.parametrize(("position", "said"), [(np.nan, "nan"), (108.0, "108.0")])
+def test_a_desired_position_that_is_not_a_number_or_in_millimetres_is_refused(position, said):
     inputs = loads(0, 0, 0, 0, 0, 0)
-    inputs[0]["desired_position"] = np.nan
-    with pytest.raises(InputError, match=r"desired_position: is nan at 0\.02 s"):
+    inputs[0]["desired_position"] = position
+    with pytest.raises(InputError, match=rf"desired_position: is {said} at 0\.02 s.*in m from A"):
         follow(SwingController(), inputs)
 
 

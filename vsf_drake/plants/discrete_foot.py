@@ -24,6 +24,7 @@ from pydrake.systems.framework import Context
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum, secant_stiffness
 from vsf_drake.plants.contact_geometry import REFERENCE_LOAD_N
+from vsf_drake.plants.foot_checks import check_context
 from vsf_drake.plants.foot_handles import FootHandles
 
 ROD_M = 10.0
@@ -114,11 +115,7 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
         InputError: the carriage cannot reach it, the plant has no time step, or the Context is not the plant's.
     """
     support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
-    try:
-        plant.ValidateContext(plant_context)
-    except RuntimeError:
-        raise InputError("is not the plant's", where="plant_context",
-                         right="Give plant.GetMyMutableContextFromRoot(root_context)") from None
+    check_context(plant, plant_context)
     plant.SetDistanceConstraintParams(plant_context, support, rod)
 
 

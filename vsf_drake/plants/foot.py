@@ -42,7 +42,7 @@ from vsf_drake.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
 from vsf_drake.plants.contact_sites import ContactSites, zone_sites
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
-from vsf_drake.plants.foot_checks import check_place, checked_side
+from vsf_drake.plants.foot_checks import check_context, check_place, checked_side
 from vsf_drake.plants.foot_handles import FULCRUM_M, FootHandles
 from vsf_drake.plants.inertia import box
 from vsf_drake.plants.joints import FORWARD, RIGHTWARD
@@ -86,7 +86,12 @@ def mount_pose(
 def set_mount(
     context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
 ) -> None:
-    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`; see `mount_pose`."""
+    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`; see `mount_pose`.
+
+    Raises:
+        InputError: the Context is not the plant's.
+    """
+    check_context(handles.mount.GetParentPlant(), context)
     pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment)
     handles.mount.SetPoseInParentFrame(context, pose)
 

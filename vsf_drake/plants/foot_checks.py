@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
+from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import SIDES, FootParameters
@@ -34,6 +35,16 @@ def check_type(value: object, kind: type, where: str, right: str) -> None:
     """Raises InputError unless `value` is a `kind`."""
     if not isinstance(value, kind):
         raise InputError(f"is a {type(value).__name__}, but must be a {kind.__name__}", where=where, right=right)
+
+
+def check_context(plant: MultibodyPlant, context: Context) -> None:
+    """Raises InputError unless `context` is one of `plant`."""
+    check_type(context, Context, "plant_context", "Give plant.GetMyMutableContextFromRoot(root_context)")
+    try:
+        plant.ValidateContext(context)
+    except RuntimeError:
+        raise InputError("is not the plant's", where="plant_context",
+                         right="Give plant.GetMyMutableContextFromRoot(root_context)") from None
 
 
 def checked_side(parameters: FootParameters, side: str | None) -> str:

@@ -17,8 +17,9 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ActuatorParameters
+from vsf_drake.plants.foot_checks import check_type
 from vsf_drake.plants.foot_wiring import WiredFoot
-from vsf_drake.plants.wiring import connect_kinematics
+from vsf_drake.plants.wiring import check_port, connect_kinematics
 from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
 from vsf_drake.systems.shank_angle import ShankAngle
@@ -101,9 +102,18 @@ def add_fulcrum_drive(
         period_s: sampling period of controller and recorder.
 
     Raises:
-        InputError: the fulcrum is moved by something else already, the signal is unknown, or a number cannot be (see
-            `FulcrumActuator`, `SwingController`).
+        InputError: the fulcrum is moved by something else already, the signal is unknown, a number cannot be (see
+            `FulcrumActuator`, `SwingController`), a port has another size or is not of this builder.
     """
+    check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
+    check_port(builder, wired.GetOutputPort("support_force"))
+    check_type(shank or wired.foot.frame, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
+    check_type(parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's")
+    grf = grf or wired.GetOutputPort("grf")
+    check_port(builder, grf)
+    if grf.size() != 3:
+        raise InputError(f"has {grf.size()} elements", where=f"port {grf.get_name()!r}",
+                         right="The ground reaction force is one vector of 3, N, z_W up")
     foot, name = wired.foot, wired.foot.name
     if builder.IsConnectedOrExported(wired.fulcrum_position):
         raise InputError("is connected or exported already", where=f"{name}'s fulcrum_position",
@@ -126,7 +136,7 @@ def add_fulcrum_drive(
         connect_kinematics(builder, plant, [sensor])
         builder.Connect(sensor.get_output_port(), controller.GetInputPort("shank_angle"))
     if signal != "shank":
-        builder.Connect(grf or wired.GetOutputPort("grf"), controller.GetInputPort("grf"))
+        builder.Connect(grf, controller.GetInputPort("grf"))
     builder.Connect(controller.GetOutputPort("commanded_position"), actuator.GetInputPort("desired_position"))
     builder.Connect(controller.GetOutputPort("enabled"), actuator.GetInputPort("enabled"))
     builder.Connect(wired.GetOutputPort("support_force"), actuator.GetInputPort("support_force"))

@@ -12,6 +12,7 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
+from vsf_drake.systems._fulcrum_place import FARTHEST_M
 from vsf_drake.systems._lifetime import PEERS
 from vsf_drake.systems._parameters import NamedParameters
 
@@ -77,7 +78,7 @@ def SwingController_(T):
         Raises:
             InputError: the signal is unknown, the period is not above 0, load_force is not above unload_force or
                 swing_rate not above stop_rate, so that there is no hysteresis; or, while it runs, the desired
-                position is not a number at the onset of a swing.
+                position is not a number at the onset of a swing, or in mm.
         """
 
         __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
@@ -136,7 +137,7 @@ def SwingController_(T):
 
         def _desired(self, context) -> Any:
             desired = self._desired_port.Eval(context)[0]
-            if not abs(desired) < np.inf:
+            if not abs(desired) <= FARTHEST_M:
                 raise InputError(f"is {desired} at {context.get_time()} s", where="desired_position",
                                  right="It must be a position in m from A")
             return desired
