@@ -6,8 +6,8 @@ leg, 10 kg on a damped slide, its shank leaning 15 degrees so that the forefoot 
 with dead loads of 200 and 600 N. Writes contact_alternatives.md, .csv, .json and the picture.
 
 Found on one core: at 1 ms a discrete plant with Drake's contact is the cheapest that is right. cenic is right with
-Drake's contact if its steps are kept to 1 ms, and with the paper's law if they are kept to 0.1 ms; longer ones it
-accepts and gets wrong, for of the support's force it keeps only the diagonal of the gradient.
+Drake's contact if its steps are kept to 1 ms, and with the paper's law, under this leg, if they are kept to 0.1 ms;
+longer ones it accepts and gets wrong, for of the support's force it keeps only the diagonal of the gradient.
 """
 
 from __future__ import annotations
