@@ -51,7 +51,7 @@ def add_ground_geometry(
         AddRigidHydroelasticProperties(1.0, properties)
         AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
                            properties)
-        plant.RegisterCollisionGeometry(plant.world_body(), *_box_under(patch), f"ground_{i}_{patch.name}", properties)
+        plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), f"ground_{i}_{patch.name}", properties)
 
 
 def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:
@@ -67,7 +67,7 @@ def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> 
     return CoulombFriction(max(made), made[1])
 
 
-def _box_under(patch: GroundPatch) -> tuple[RigidTransform, Box]:
+def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, Box]:
     """Pose in W and shape of the box whose top is the patch; exact bounds where it slopes one way only."""
     slope, bank = np.tan(np.radians([patch.slope_deg, patch.bank_deg]))
     x, y = 0.5 * (patch.from_x_m + patch.to_x_m), 0.5 * (patch.from_y_m + patch.to_y_m)
@@ -77,7 +77,7 @@ def _box_under(patch: GroundPatch) -> tuple[RigidTransform, Box]:
     R_WG = RotationMatrix(np.column_stack((along, np.cross(normal, along), normal)))
     length, width = patch.to_x_m - patch.from_x_m, patch.to_y_m - patch.from_y_m
     size = (length * np.hypot(1.0, slope), width * np.hypot(1.0, bank))
-    return RigidTransform(R_WG, top - 0.5 * GROUND_THICKNESS_M * normal), Box(*size, GROUND_THICKNESS_M)
+    return RigidTransform(R_WG, top - 0.5 * thickness_m * normal), Box(*size, thickness_m)
 
 
 def _check_apart(patches: Sequence[GroundPatch]) -> None:
