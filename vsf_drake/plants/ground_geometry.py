@@ -51,7 +51,8 @@ def add_ground_geometry(
         AddRigidHydroelasticProperties(1.0, properties)
         AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
                            properties)
-        plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), f"ground_{i}_{patch.name}", properties)
+        plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M),
+                                        f"ground_{i}_{patch.name}", properties)
 
 
 def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:
