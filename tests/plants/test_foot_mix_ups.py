@@ -123,6 +123,15 @@ def test_parameters_are_set_in_no_other_context_than_the_systems_own(ready):
     assert wired.forces.GetParameter(own, "fulcrum_m") == 0.12
 
 
+def test_a_constant_that_a_law_divides_by_is_told_when_it_is_zero(ready):
+    builder, plant, foot = ready
+    wired = wire_foot(builder, plant, foot)
+    own = wired.forces.GetMyMutableContextFromRoot(builder.Build().CreateDefaultContext())
+    wired.forces.SetParameters(own, threshold_velocity=0.0)
+    with pytest.raises(InputError, match=r"threshold_velocity of 'vsf_forces': is .*above 0"):
+        wired.GetOutputPort("grf").Eval(own)
+
+
 def test_ice_is_slippery_for_a_sliding_foot_too():
     patches = (GroundPatch(), GroundPatch(mu_static=0.1), GroundPatch(mu_static=0.9), GroundPatch(mu_kinetic=0.7),
                GroundPatch(mu_static=0.117, mu_kinetic=0.336))

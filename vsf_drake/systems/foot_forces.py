@@ -28,6 +28,7 @@ from vsf_drake.systems._sites import (
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FULCRUM = -1
 """Where the fulcrum position is in what the compiled function takes."""
+DIVISORS = ("threshold_velocity", "depth_width", "rate_width", "full_damping_depth")
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -103,7 +104,7 @@ def FootForces_(T):
         Raises:
             ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
             InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
-                beyond its grip_limit.
+                beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
         """
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
@@ -159,6 +160,10 @@ def FootForces_(T):
 
         def _pack_constants(self, context) -> tuple:
             c = self._full_constants(context)
+            for name in DIVISORS:
+                if not np.all(c[name] > 0.0):
+                    raise InputError(f"is {c[name]}", where=f"{name} of {self.get_name()!r}",
+                                     right="It must be above 0, for the law divides by it")
             columns = [np.column_stack([c[name] for name in names])
                        for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT)]
             return (CONTACT_LAWS.index(self._layout.law), self._layout.starts, self._layout.site_keel, c["p_BS"],
