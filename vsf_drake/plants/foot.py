@@ -122,7 +122,8 @@ def add_foot(
         fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or where the carriage
             comes closest to it.
 
-    In a plant with a time step, springs, carriage and support are actuators and a constraint (`discrete_foot`).
+    In a plant with a time step, springs, carriage and support are actuators and a constraint (`discrete_foot`). The
+    plant's actuation port counts these too: connect your controller to that of your own model instance.
 
     Raises:
         InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are

@@ -78,6 +78,9 @@ class WiredFoot:
     def GetOutputPort(self, name: str) -> OutputPort:
         """An output of the foot by its name, see `FootForces`.
 
+        Which system it belongs to depends on contact and time step: export it, or evaluate it with
+        `port.Eval(port.get_system().GetMyContextFromRoot(root_context))`.
+
         Raises:
             InputError: there is none of that name.
         """
