@@ -266,6 +266,13 @@ def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, whe
         add_ground_geometry(plant_with_graph(), Ground(patches=patches), foot=foot, contact=contact)
 
 
+def test_the_same_ground_for_the_second_foot_is_refused():
+    plant = plant_with_graph()
+    add_ground_geometry(plant)
+    with pytest.raises(InputError, match="ground_0_ground already.*once for all feet"):
+        add_ground_geometry(plant)
+
+
 def test_ground_given_to_wire_foot_is_refused_under_drakes_contact():
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)

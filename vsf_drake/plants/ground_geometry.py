@@ -37,7 +37,8 @@ def add_ground_geometry(
 
     Raises:
         InputError: see `check_ground`; the plant has no SceneGraph; two patches lie in one plane over one another; a
-            patch has a stiffness of its own under "hydroelastic"; a patch's friction cannot be had.
+            patch has a stiffness of its own under "hydroelastic"; a patch's friction cannot be had; the plant has this
+            ground already.
     """
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)
@@ -51,8 +52,12 @@ def add_ground_geometry(
         AddRigidHydroelasticProperties(1.0, properties)
         AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
                            properties)
-        plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M),
-                                        f"ground_{i}_{patch.name}", properties)
+        name = f"ground_{i}_{patch.name}"
+        try:
+            plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
+        except RuntimeError as error:
+            raise InputError(f"the world of the plant has a geometry {name} already", where=f"patches[{i}]",
+                             right="Call add_ground_geometry once for all feet, with every patch") from error
 
 
 def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:
