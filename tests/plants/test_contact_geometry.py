@@ -269,7 +269,7 @@ def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, whe
 def test_the_same_ground_for_the_second_foot_is_refused():
     plant = plant_with_graph()
     add_ground_geometry(plant)
-    with pytest.raises(InputError, match="ground_0_ground already.*once for all feet"):
+    with pytest.raises(InputError, match=r"ground_0_ground already.*once for all feet"):
         add_ground_geometry(plant)
 
 
