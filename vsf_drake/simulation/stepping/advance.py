@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from vsf_drake.laws.compiled import compiled
@@ -86,7 +86,7 @@ def diverged(q, v, max_speed):
     return -1
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@partial(compiled, nogil=True)
 def advance(
     first, last, tree, forces, split, room, drive, max_speed, q, v, rows, ways=None, tangent=None, changes=None
 ):
