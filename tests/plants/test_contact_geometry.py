@@ -266,6 +266,11 @@ def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, whe
         add_ground_geometry(plant_with_graph(), Ground(patches=patches), foot=foot, contact=contact)
 
 
+def test_geometry_for_a_contact_that_is_not_drakes_is_refused():
+    with pytest.raises(InputError, match=r"kelvin_voigt.*drake_point, hydroelastic"):
+        add_ground_geometry(plant_with_graph(), contact="kelvin_voigt")
+
+
 def test_the_same_ground_for_the_second_foot_is_refused():
     plant = plant_with_graph()
     add_ground_geometry(plant)

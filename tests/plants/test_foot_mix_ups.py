@@ -116,8 +116,8 @@ def test_parameters_are_set_in_no_other_context_than_the_systems_own(ready):
     for new, old in zip(numbers(), before, strict=True):
         np.testing.assert_array_equal(new, old)
     own = wired.forces.GetMyMutableContextFromRoot(root)
-    for value in (np.nan, "soft", None):
-        with pytest.raises(ValueError, match="fulcrum_m must be a number"):
+    for value in (np.nan, np.inf, "soft", None):
+        with pytest.raises(ValueError, match="fulcrum_m must be a finite number"):
             wired.forces.SetParameters(own, fulcrum_m=value)
     wired.forces.SetParameters(own, fulcrum_m=0.12)
     assert wired.forces.GetParameter(own, "fulcrum_m") == 0.12

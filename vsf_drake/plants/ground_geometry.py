@@ -12,7 +12,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch, check_ground
 from vsf_drake.parameters import FootParameters, FrictionParameters
-from vsf_drake.plants.contact_geometry import check_scene_graph
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, check_scene_graph
 
 RIGID_N_PER_M = 1e12
 """Point-contact stiffness of rigid ground; in series with a foam's it changes that by less than 1e-6."""
@@ -36,11 +36,13 @@ def add_ground_geometry(
             is refused then.
 
     Raises:
-        InputError: see `check_ground`; the plant has no SceneGraph; two patches lie in one plane over one another; a
-            patch has a stiffness of its own under "hydroelastic"; a patch's friction cannot be had; the plant has this
-            ground already.
+        InputError: see `check_ground`; the contact is none of Drake's; the plant has no SceneGraph, or this ground
+            already; two patches lie in one plane over one another; a patch has a stiffness of its own under
+            "hydroelastic"; a patch's friction cannot be had.
     """
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
+    if contact not in DRAKE_CONTACTS:
+        raise InputError(f"{contact!r} takes no geometry", where="contact", right=f"One of {', '.join(DRAKE_CONTACTS)}")
     check_scene_graph(plant, contact)
     _check_apart(ground.patches)
     for i, patch in enumerate(ground.patches):

@@ -44,7 +44,7 @@ class NamedParameters(Collectable):
         """Sets constants by name in this system's `context`; a scalar fills a whole array.
 
         Raises:
-            ValueError: there is no constant of that name, or the value does not fit its shape or is no number.
+            ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
             InputError: the Context is another system's, such as the whole diagram's.
                 Nothing has been set then.
         """
@@ -57,9 +57,9 @@ class NamedParameters(Collectable):
             except ValueError:
                 raise ValueError(f"{name} has shape {shape}, but was given {np.shape(value)}") from None
             numbers = all(item is not None for item in vector) if vector.dtype == object else (
-                vector.dtype.kind in "biuf" and not np.isnan(vector).any())
+                vector.dtype.kind in "biuf" and np.isfinite(vector).all())
             if not numbers:
-                raise ValueError(f"{name} must be a number or numbers, but was given {value!r}")
+                raise ValueError(f"{name} must be a finite number or numbers, but was given {value!r}")
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
 
