@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.solvers import IpoptSolver, MathematicalProgramResult, NloptSolver, SnoptSolver, SolverOptions
+from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.optimize import least_squares, lsq_linear
 
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
+from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.errors import SimulationError
 
 Progress = Callable[[int, float], None]
@@ -154,14 +155,7 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
         solver = NloptSolver()
         options.SetOption(solver.id(), "algorithm", "GN_DIRECT_L")
         options.SetOption(solver.id(), "max_eval", chosen.iterations)
-    try:
-        result: MathematicalProgramResult = solver.Solve(program, start, options)
-    except RuntimeError:
-        if tried.interrupted:
-            raise KeyboardInterrupt from None
-        raise
-    if tried.interrupted:  # NLopt takes any exception for a wish to stop
-        raise KeyboardInterrupt
+    result = solved(solver, program, start, options, tried)
     if chosen.solver == "nlopt":
         return _gauss_newton(fit, tried, tried.best)
     return bool(result.is_success()), f"{chosen.solver}: {result.get_solution_result().name}"

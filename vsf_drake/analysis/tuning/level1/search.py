@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.solvers import IpoptSolver, MathematicalProgram, NloptSolver, SnoptSolver, SolverOptions
 
+from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.errors import SimulationError
 
@@ -152,14 +153,7 @@ def _run(tuning: StiffnessTuning, tried: Tried, solver: str, start: np.ndarray) 
         options.SetOption(found.id(), "algorithm", "LD_SLSQP")
         options.SetOption(found.id(), "max_eval", chosen.iterations)
         options.SetOption(found.id(), "xtol_rel", 1e-5)
-    try:
-        result = found.Solve(program, tuning.to_u(start), options)
-    except RuntimeError:
-        if tried.interrupted:
-            raise KeyboardInterrupt from None
-        raise
-    if tried.interrupted:  # NLopt takes any exception for a wish to stop
-        raise KeyboardInterrupt
+    result = solved(found, program, tuning.to_u(start), options, tried)
     return bool(result.is_success()), f"{solver}: {result.get_solution_result().name}"
 
 

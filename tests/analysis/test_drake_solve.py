@@ -1,0 +1,45 @@
+"""Ctrl-C ends Drake's solvers, in a cost and where no cost of ours sees it; what a cost raises itself stays."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
+
+from vsf_drake.analysis.drake_solve import solved
+
+
+def program(cost):
+    made = MathematicalProgram()
+    x = made.NewContinuousVariables(2)
+    made.AddCost(cost, x)
+    made.AddBoundingBoxConstraint(-5.0, 5.0, x)
+    return made
+
+
+def raising(error):
+    def cost(x):
+        raise error
+    return cost
+
+
+@pytest.mark.parametrize("solver", [SnoptSolver(), IpoptSolver()])
+def test_ctrl_c_that_nobody_noted_ends_the_search(solver):
+    """As it does in what pydrake itself imports between two costs."""
+    with pytest.raises(KeyboardInterrupt):
+        solved(solver, program(raising(KeyboardInterrupt())), np.ones(2), SolverOptions(),
+               SimpleNamespace(interrupted=False))
+
+
+def test_what_a_cost_raises_is_raised():
+    with pytest.raises(RuntimeError, match="keel"):
+        solved(SnoptSolver(), program(raising(ValueError("keel"))), np.ones(2), SolverOptions(),
+               SimpleNamespace(interrupted=False))
+
+
+def test_the_least_square_is_found():
+    result = solved(SnoptSolver(), program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**2), np.zeros(2), SolverOptions(),
+                    SimpleNamespace(interrupted=False))
+    np.testing.assert_allclose(result.get_x_val(), [1.0, -2.0], atol=1e-5)

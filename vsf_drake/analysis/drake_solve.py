@@ -1,0 +1,35 @@
+"""Drake's solvers on a program whose costs are Python, so that Ctrl-C ends them as it ends anything else."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from pydrake.solvers import MathematicalProgram, MathematicalProgramResult, SolverInterface, SolverOptions
+
+
+class Interruptible(Protocol):
+    """What evaluates the costs; `interrupted` says whether a KeyboardInterrupt passed through it."""
+
+    interrupted: bool
+
+
+def solved(
+    solver: SolverInterface, program: MathematicalProgram, start: np.ndarray, options: SolverOptions,
+    evaluating: Interruptible
+) -> MathematicalProgramResult:
+    """The result of `solver` on `program` from `start`.
+
+    Raises:
+        KeyboardInterrupt: in a cost, or in pydrake between two costs, where only the error's text tells.
+        RuntimeError: anything else that a cost raised.
+    """
+    try:
+        result = solver.Solve(program, start, options)
+    except RuntimeError as error:
+        if evaluating.interrupted or KeyboardInterrupt.__name__ in str(error):
+            raise KeyboardInterrupt from None
+        raise
+    if evaluating.interrupted:  # NLopt takes any exception for a wish to stop
+        raise KeyboardInterrupt
+    return result
