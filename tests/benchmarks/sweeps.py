@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
-from pathlib import Path
 
+import psutil
 from table import Row
 
 from vsf_drake.analysis.validation import embedded_trials
@@ -79,8 +78,8 @@ def same(a: list[WalkOutcome], b: list[WalkOutcome]) -> str:
 
 
 def resident_mb() -> float:
-    """Memory that this process holds now (Linux)."""
-    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    """Memory that this process holds now."""
+    return psutil.Process().memory_info().rss / 1e6
 
 
 if __name__ == "__main__":

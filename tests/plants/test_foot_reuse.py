@@ -5,9 +5,9 @@ from __future__ import annotations
 import gc
 import weakref
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from made_feet import PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.common.value import AbstractValue
@@ -151,8 +151,7 @@ def test_foot_adds_to_what_acts_on_the_plant_already(alone, order):
 
 def resident_mb() -> float:
     """Memory of this process in RAM (MB)."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * 4096 / 1e6
+    return psutil.Process().memory_info().rss / 1e6
 
 
 def build_once(converted: bool) -> list[weakref.ref]:
