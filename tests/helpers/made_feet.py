@@ -77,6 +77,15 @@ class LooseFoot:
         self.plant.SetVelocities(self.plant_context, self.foot.instance, v)
 
 
+def foot_to_wire() -> tuple[DiagramBuilder, MultibodyPlant, FootHandles]:
+    """A finalised plant with a foot under a loose shank, in a builder, before wire_foot."""
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    foot = add_foot(plant, add_loose_shank(plant, "quaternion").body_frame(), PARAMETERS)
+    plant.Finalize()
+    return builder, plant, foot
+
+
 def add_loose_shank(plant: MultibodyPlant, base: str) -> RigidBody:
     """A body free in W by a "quaternion", by roll, pitch and yaw ("rpy"), or held ("weld")."""
     shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))

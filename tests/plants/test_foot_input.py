@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_feet import PARAMETERS, add_loose_shank
+from made_feet import PARAMETERS, foot_to_wire
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -31,12 +31,7 @@ def plant():
 
 @pytest.fixture
 def ready():
-    """(builder, finalised plant in it, foot)."""
-    builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    foot = add_foot(plant, add_loose_shank(plant, "quaternion").body_frame(), PARAMETERS)
-    plant.Finalize()
-    return builder, plant, foot
+    return foot_to_wire()
 
 
 def test_any_frame_of_the_plant_is_taken(plant):

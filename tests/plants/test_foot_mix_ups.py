@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_feet import PARAMETERS, add_loose_shank
+from made_feet import PARAMETERS, add_loose_shank, foot_to_wire
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -21,12 +21,7 @@ from vsf_drake.systems.fulcrum_command import FulcrumCommand
 
 @pytest.fixture
 def ready():
-    """(builder, finalised plant in it, foot)."""
-    builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    foot = add_foot(plant, add_loose_shank(plant, "quaternion").body_frame(), PARAMETERS)
-    plant.Finalize()
-    return builder, plant, foot
+    return foot_to_wire()
 
 
 def test_something_else_than_a_foot_needs_is_refused():

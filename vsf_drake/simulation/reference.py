@@ -105,11 +105,7 @@ def simulate_reference(
 
     mechanism = gait_mechanism(walker.gait, walker.context)
     gait = make_gait(walker.subject, walker.model, free=walker.free, ground_height=mechanism.ground_height)
-    builder = DiagramBuilder()
-    builder.AddSystem(gait.diagram)
-    drive(builder, "motion", motion, 1, gait.diagram.GetInputPort("desired_state"))
-    drive(builder, "fulcrum", position, 0, gait.diagram.GetInputPort("fulcrum_position"))
-    diagram = builder.Build()
+    diagram = driven(gait, motion, position)
     context = diagram.CreateDefaultContext()
     own = gait.diagram.GetMyMutableContextFromRoot(context)
     own.get_mutable_parameters().SetFrom(walker.context.get_parameters())
@@ -123,6 +119,15 @@ def simulate_reference(
     config = SimulatorConfig(
         integration_scheme=integrator, accuracy=accuracy, max_step_size=max_step_s, start_time=start_s)
     return recorded(diagram, context, gait, motion, moments, config, progress)
+
+
+def driven(gait: GaitDiagram | GroundedGait, motion: PiecewisePolynomial, position: PiecewisePolynomial) -> Diagram:
+    """`gait` whose prescribed coordinates are to follow `motion` (rad, m), and its fulcrum `position` (1,) m from A."""
+    builder = DiagramBuilder()
+    builder.AddSystem(gait.diagram)
+    drive(builder, "motion", motion, 1, gait.diagram.GetInputPort("desired_state"))
+    drive(builder, "fulcrum", position, 0, gait.diagram.GetInputPort("fulcrum_position"))
+    return builder.Build()
 
 
 def recorded(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.optimize import root
 
@@ -26,8 +26,8 @@ from vsf_drake.plants.device import velocity_indices
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
 from vsf_drake.schema import check
-from vsf_drake.simulation.adaptive import check_integrator, drive
-from vsf_drake.simulation.reference import ReferenceWalk, fulcrum_path, motion_path, recorded
+from vsf_drake.simulation.adaptive import check_integrator
+from vsf_drake.simulation.reference import ReferenceWalk, driven, fulcrum_path, motion_path, recorded
 from vsf_drake.simulation.walk_grid import fulcrum_on_grid, walk_grid
 
 REST_N = 1e-3
@@ -88,11 +88,7 @@ def walk_over(
     for extreme in (commanded.min(), commanded.max()):
         check_fulcrum(float(extreme), model.foot)
     position = fulcrum_path(fulcrum_m, start_s, end_s)
-    builder = DiagramBuilder()
-    builder.AddSystem(gait.diagram)
-    drive(builder, "motion", motion, 1, gait.diagram.GetInputPort("desired_state"))
-    drive(builder, "fulcrum", position, 0, gait.diagram.GetInputPort("fulcrum_position"))
-    diagram = builder.Build()
+    diagram = driven(gait, motion, position)
     context = diagram.CreateDefaultContext()
     context.SetTime(start_s)
     set_mount(gait.plant_context(context), gait.person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
