@@ -99,6 +99,6 @@ class Collectable:
         """A cache entry that holds whatever Python object the method `calc(context)` returns."""
         compute = weakly(calc)
         entry = self.DeclareCacheEntry(  # type: ignore[attr-defined]
-            name, ValueProducer(allocate=lambda: AbstractValue.Make(None),
+            name, ValueProducer(allocate=lambda: AbstractValue.Make(()),
                                 calc=lambda context, value: value.set_value(compute(context))), prerequisites)
         return Cached(self, entry.cache_index(), entry.ticket())
