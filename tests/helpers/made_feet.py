@@ -16,7 +16,7 @@ from vsf_drake.plants import FootHandles, WiredFoot, add_foot, wire_foot
 from vsf_drake.plants.foot import mount_pose, sole_height
 
 PARAMETERS = FootParameters()
-EVERY_BRANCH = {"full_damping_depth": 0.2, "threshold_velocity": 0.15, "depth_width": 0.02, "rate_width": 0.2}
+EVERY_BRANCH = {"full_damping_depth": 0.09, "threshold_velocity": 0.15, "depth_width": 0.02, "rate_width": 0.2}
 """Constants of the forces for which the spheres of one state are on all branches of their laws."""
 GRAVITY_W = np.array([0.0, 0.0, -9.81])
 

@@ -123,7 +123,7 @@ def test_a_constant_that_a_law_divides_by_is_told_when_it_is_zero(ready):
     wired = wire_foot(builder, plant, foot)
     own = wired.forces.GetMyMutableContextFromRoot(builder.Build().CreateDefaultContext())
     wired.forces.SetParameters(own, threshold_velocity=0.0)
-    with pytest.raises(InputError, match=r"threshold_velocity of 'vsf_forces': is .*above 0"):
+    with pytest.raises(InputError, match=r"threshold_velocity of 'vsf_forces': is 0 m/s. .* 1e-06 to 10 m/s"):
         wired.GetOutputPort("grf").Eval(own)
 
 

@@ -140,6 +140,9 @@ def test_derivatives_by_every_parameter(leg):
     values = {name: forces.GetParameter(sub, name) for name in names}
     ways = {name: rng.uniform(0.5, 1.0, np.shape(value)) * (np.abs(value).max() or 1e-3)
             for name, value in values.items()}
+    # For central differences, off the bounds.
+    values = {name: value + 1e-4 * ways[name] for name, value in values.items()}
+    forces.SetParameters(sub, **values)
     context = leg.converted_context(state)
     converted = leg.converted.GetSubsystemByName("vsf_forces")
     own = converted.GetMyMutableContextFromRoot(context)

@@ -271,7 +271,7 @@ def test_each_parameter_acts_without_rebuilding():
         before = foot.keel_rates()
         for name in foot.wired.forces.parameter_names:
             value = foot.wired.forces.GetParameter(foot.forces_context, name)
-            changed = value + 1e4 if name == "ground_bounds" else value * 1.01 + 1e-5
+            changed = [900.0, 999.0, 900.0, 999.0] if name == "ground_bounds" else value * 1.01 + 1e-5
             foot.wired.forces.SetParameters(foot.forces_context, **{name: changed})
             assert np.array_equal(foot.keel_rates(), before) == (name in unused), (contact, name)
             foot.wired.forces.SetParameters(foot.forces_context, **{name: value})

@@ -1,15 +1,66 @@
-"""Named numeric parameters for the LeafSystems of this package."""
+"""Named numeric parameters for the LeafSystems of this package, each within bounds."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector_, Context
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.symbolic import Expression
+from pydrake.systems.framework import BasicVector_, Context, LeafSystem_
 
 from vsf_drake.errors import InputError
+from vsf_drake.ground import GroundPatch
+from vsf_drake.parameters import (
+    ActuatorParameters,
+    BushingAxis,
+    ContactZone,
+    FrictionParameters,
+    FulcrumParameters,
+    SocketParameters,
+)
 from vsf_drake.systems._lifetime import Cached, Collectable
+
+Bounds = tuple[str, float, float]
+"""Unit, least and largest value."""
+
+
+def _of(schema: type, before: str = "", **names: str) -> dict[str, Bounds]:
+    """Bounds of the parameters name=field as the schema has them; without names of all, with `before` before theirs."""
+    metadata = {field.name: field.metadata for field in fields(schema)}
+    return {name: (metadata[field]["unit"], metadata[field]["low"], metadata[field]["high"])
+            for name, field in (names or {f"{before}{field}": field for field in metadata}).items()}
+
+
+def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, Bounds]:
+    return dict.fromkeys(names, (unit, low, math.inf))
+
+
+BOUNDS: dict[str, Bounds] = {
+    **_of(ContactZone, radius="radius_m", stiffness="stiffness", exponent="exponent", damping="damping_n_s_per_m",
+          full_damping_depth="full_damping_depth_m"),
+    **_of(FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
+          threshold_velocity="threshold_velocity_m_per_s"),
+    **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),
+    **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)), "ground_compliance": ("m/N", 0.0, 1.0),
+    **_of(FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
+          carriage_mass="carriage_mass_kg"),
+    **_of(BushingAxis, "socket_"), **_of(SocketParameters, socket_stop_ratio="stop_ratio"), **_of(ActuatorParameters),
+    "p_BS": ("m", -1.0, 1.0), **_positive("s/m", "dissipation"),
+    **_positive("m", "depth_width", "reached", low=1e-9), **_positive("m/s", "rate_width", low=1e-9),
+    **_positive("N m/rad", "joint_stiffness"), **_positive("N m s/rad", "joint_damping"),
+    **_positive("N/m", "fulcrum_stiffness", "carriage_gain"),
+    **_positive("N s/m", "fulcrum_damping", "carriage_rate_gain"),
+    **_positive("N/m or N m/rad", "position_gain"), **_positive("N s/m or N m s/rad", "velocity_gain"),
+    **_positive("N", "unload_force", "load_force"), **_positive("rad/s", "swing_rate", "stop_rate"),
+    "least_lean": ("rad", -math.pi, math.pi), **_positive("s", "debounce", "least_stance"),
+}
+"""Of every parameter in a Context: what the schemas say where they have it (a slope is at most 45 degrees, a patch's
+stiffness at least 1 N/m), else what its law bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before
+the names of their own systems."""
 
 
 class NamedParameters(Collectable):
@@ -34,14 +85,16 @@ class NamedParameters(Collectable):
 
         Raises:
             ValueError: there is no constant of that name.
-            InputError: the Context is another system's, such as the whole diagram's.
+            InputError: the Context is another system's, such as the whole diagram's; a constant is out of bounds.
         """
         self._check_own(context)
-        index, shape = self._lookup(name)
-        return context.get_numeric_parameter(index).CopyToVector().reshape(shape)
+        self._lookup(name)
+        return np.array(self._constants(context)[name])
 
     def SetParameters(self, context: Context, **values: Any) -> None:
         """Sets constants by name in this system's `context`; a scalar fills a whole array.
+
+        What is out of bounds is refused where the system is evaluated next, as what is written into the Context itself.
 
         Raises:
             ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
@@ -76,9 +129,10 @@ class NamedParameters(Collectable):
             raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
         return self.parameter_index[name], self._parameter_shapes[name]
 
-    def _declare_parameters(self, T: type, **constants: tuple[Any, tuple[int, ...]]) -> None:
-        """Declares name=(value, shape); the value is broadcast to the shape."""
+    def _declare_parameters(self, T: type, of: str = "", **constants: tuple[Any, tuple[int, ...]]) -> None:
+        """Declares name=(value, shape); the value is broadcast to the shape. In BOUNDS `of` is before the names."""
         self.parameter_index, self._parameter_shapes = {}, {}
+        self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
         for name, (value, shape) in constants.items():
             try:
                 vector = np.broadcast_to(np.asarray(value, dtype=float), shape).ravel()
@@ -90,13 +144,22 @@ class NamedParameters(Collectable):
             "constants", self._read_parameters, {self.all_parameters_ticket()})
 
     def _read_parameters(self, context: Context) -> dict[str, Any]:
-        return {
-            name: context.get_numeric_parameter(index).CopyToVector().reshape(self._parameter_shapes[name])[()]
-            for name, index in self.parameter_index.items()
-        }
+        read = {name: context.get_numeric_parameter(index).CopyToVector()
+                for name, index in self.parameter_index.items()}
+        for name, (unit, low, high) in self._bounds.items() if not isinstance(self, LeafSystem_[Expression]) else ():
+            outside = [value for value in read[name] if not low <= value <= high]
+            if outside:
+                worst = outside[0].value() if isinstance(outside[0], AutoDiffXd) else outside[0]
+                raise InputError(f"is {worst:g} {unit}", where=f"{name} of {self.get_name()!r}",
+                                 right=f"It must be from {low:g} to {high:g} {unit}")
+        return {name: value.reshape(self._parameter_shapes[name])[()] for name, value in read.items()}
 
     def _constants(self, context: Context) -> dict[str, Any]:
-        """All constants by name; scalars as scalars. Read once per change of a parameter."""
+        """All constants by name; scalars as scalars. Read and checked once per change of a parameter.
+
+        Raises:
+            InputError: one is out of its BOUNDS, or not a number.
+        """
         return self._constants_entry.Eval(context)
 
     def _declare_inputs_cache(self, name: str, calc: Callable[[Context], Any]) -> Cached:

@@ -80,7 +80,7 @@ def SocketBushing_(T):
             self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
             self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
             shapes = dict.fromkeys(constants, (6,)) | {"stop_ratio": ()}
-            self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
+            self._declare_parameters(T, "socket_", **{name: (value, shapes[name]) for name, value in constants.items()})
             self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
             self._declare_value("wrench", 6, self._calc_wrench)
 

@@ -28,7 +28,6 @@ from vsf_drake.systems._sites import (
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FULCRUM = -1
 """Where the fulcrum position is in what the compiled function takes."""
-DIVISORS = ("threshold_velocity", "depth_width", "rate_width", "full_damping_depth")
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -160,10 +159,6 @@ def FootForces_(T):
 
         def _pack_constants(self, context) -> tuple:
             c = self._full_constants(context)
-            for name in DIVISORS:
-                if not np.all(c[name] > 0.0):
-                    raise InputError(f"is {c[name]}", where=f"{name} of {self.get_name()!r}",
-                                     right="It must be above 0, for the law divides by it")
             columns = [np.column_stack([c[name] for name in names])
                        for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT)]
             return (CONTACT_LAWS.index(self._layout.law), self._layout.starts, self._layout.site_keel, c["p_BS"],

@@ -98,7 +98,7 @@ def FulcrumSupport_(T):
             self._poses_port = declare_body_poses(self, T)
             self._velocities_port = declare_body_spatial_velocities(self, T)
             self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
-            self._declare_parameters(T, stiffness=(stiffness, ()), damping=(damping, ()))
+            self._declare_parameters(T, "fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
             self._support = self._declare_inputs_cache("support", self._calc_support)
             self.DeclareAbstractOutputPort(
                 "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)

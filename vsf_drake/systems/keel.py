@@ -71,7 +71,7 @@ def KeelElasticity_(T):
             self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
             joints = len(self._at)
             self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
-            self._declare_parameters(T, stiffness=(stiffness, (joints,)), damping=(damping, (joints,)))
+            self._declare_parameters(T, "joint_", stiffness=(stiffness, (joints,)), damping=(damping, (joints,)))
             self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_generalized_force)
             self._declare_value("joint_moment", joints, self._calc_moment)
 
