@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
+from made_feet import foot_to_wire
+from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -271,11 +272,36 @@ def test_geometry_for_a_contact_that_is_not_drakes_is_refused():
         add_ground_geometry(plant_with_graph(), contact="kelvin_voigt")
 
 
-def test_the_same_ground_for_the_second_foot_is_refused():
+@pytest.mark.parametrize("second", [None, Ground(patches=(GroundPatch(name="ice", height_m=0.01, mu_static=0.1),))])
+def test_a_second_ground_is_refused_be_it_the_same_or_another(second):
     plant = plant_with_graph()
     add_ground_geometry(plant)
-    with pytest.raises(InputError, match=r"ground_0_ground already.*once for all feet"):
-        add_ground_geometry(plant)
+    with pytest.raises(InputError, match=r"has a ground already.*once for all feet"):
+        add_ground_geometry(plant, second)
+
+
+@pytest.mark.parametrize("time_step", [0.0, 1e-3])
+@pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
+def test_a_foot_that_would_fall_through_is_refused_unless_its_ground_is_the_users_own(contact, time_step):
+    """Geometry of a body beside it that moves is no ground unless somebody says so."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step)
+    belt = plant.AddRigidBody("belt", SpatialInertia.SolidBoxWithMass(5.0, 2.0, 0.5, 0.1))
+    plant.RegisterCollisionGeometry(belt, RigidTransform(), Box(2.0, 0.5, 0.1), "belt", CoulombFriction(0.5, 0.3))
+    foot = add_foot(plant, plant.world_frame(), FOOT, contact=contact)
+    plant.Finalize()
+    before = builder.connection_map()
+    with pytest.raises(InputError, match=r"fall through.*add_ground_geometry\(plant, ground\).*own_ground=True"):
+        wire_foot(builder, plant, foot)
+    assert builder.connection_map() == before
+    wire_foot(builder, plant, foot, own_ground=True)
+    builder.Build()
+
+
+def test_own_ground_is_nothing_for_a_law_that_meets_patches():
+    builder, plant, foot = foot_to_wire()
+    with pytest.raises(InputError, match=r"own_ground: contact kelvin_voigt meets no geometry.*drake_point"):
+        wire_foot(builder, plant, foot, own_ground=True)
 
 
 def test_ground_given_to_wire_foot_is_refused_under_drakes_contact():

@@ -52,6 +52,13 @@ def test_keel_has_16_rigid_pieces_and_8_sprung_joints(alone):
                                [33.0, 77.64, 100.93, 124.21, 147.50, 170.79, 194.07, 217.36], atol=0.01)
 
 
+def test_the_carriage_has_the_limits_of_its_travel_and_no_other_joint_has_any(alone):
+    plant, handles, _ = alone
+    slide = plant.GetJointByName(handles.carriage_joint_name)
+    assert (slide.position_lower_limit(), slide.position_upper_limit()) == (0.066, 0.151)
+    assert np.isfinite(plant.GetPositionLowerLimits()).sum() == np.isfinite(plant.GetPositionUpperLimits()).sum() == 1
+
+
 def test_joint_stiffness_is_bending_stiffness_over_element_length(alone):
     """E I = 18.6 GPa * 68.4 mm * (6.35 mm)^3 / 12 = 27.1 N m^2."""
     _, handles, _ = alone

@@ -71,3 +71,13 @@ def test_a_plant_that_takes_no_shapes_is_refused_with_the_remedy():
     plant.Finalize()
     with pytest.raises(InputError, match="between add_foot and"):
         add_foot_visuals(plant, foot)
+
+
+def test_a_foot_is_drawn_once():
+    plant, _ = registered_plant()
+    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    add_foot_visuals(plant, foot)
+    with pytest.raises(InputError, match=r"'vsf' has its shapes already.*once a foot"):
+        add_foot_visuals(plant, foot)
+    with pytest.raises(InputError, match="foot: is a RigidBody"):
+        add_foot_visuals(plant, foot.frame)

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
@@ -182,10 +183,12 @@ def test_collision_spheres_do_not_act_beside_a_law_of_the_model(with_floor):
     assert scene_graph.model_inspector().NumGeometriesWithRole(Role.kProximity) == 1
 
 
-def test_collision_spheres_are_drakes_contact_where_nobody_asks_for_another(with_floor):
+def test_collision_spheres_are_drakes_contact_where_somebody_asks_for_it(with_floor):
+    """By default a foot has the same contact, found or added."""
     builder, plant, _ = with_floor
-    foot = find_foot(plant, "vsf", FOOT)
-    assert foot.contact == "drake_point"
+    with pytest.raises(InputError, match=r"24 collision spheres.*'kelvin_voigt' would act beside.*\"drake_point\""):
+        find_foot(plant, "vsf", FOOT)
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point")
     wire_foot(builder, plant, foot)
     context = builder.Build().CreateDefaultContext()
     touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
@@ -240,6 +243,9 @@ def test_unknown_instance_and_a_thing_that_is_no_foot_are_refused():
         find_foot(plant, "foot", FOOT)
     with pytest.raises(InputError, match=r"leg: has no body vsf_frame. It must be a foot written by vsf-drake export"):
         find_foot(plant, "leg", FOOT)
+    for instance in (99, ModelInstanceIndex(99), -1, "99"):
+        with pytest.raises(InputError, match=r"no model instance .*(99|-1).*It has leg"):
+            find_foot(plant, instance, FOOT)
 
 
 @pytest.mark.parametrize(("contact", "message"), [

@@ -30,7 +30,7 @@ def discrete(text, step_s=1e-3):
 def test_plant_with_a_time_step_gets_what_the_file_lacks(springs, actuators):
     """Of the carriage's hold, eight springs, and the support."""
     plant = discrete(foot_sdf(FOOT, springs=springs))
-    foot = find_foot(plant, "vsf", FOOT, fulcrum_m=0.12)
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point", fulcrum_m=0.12)
     plant.Finalize()
     assert (plant.num_actuators(), plant.num_constraints()) == (actuators, 1)
     assert foot.support is not None
@@ -41,14 +41,14 @@ def test_time_steps_at_which_joint_springs_diverge_are_refused():
     """Twice the damping time, 6.1 ms."""
     assert find_foot(discrete(foot_sdf(FOOT), 0.0121), "vsf", FOOT, contact="drake_point").support is not None
     with pytest.raises(InputError, match=r"diverge at time steps of 12.3 ms. Take less than 12.2 ms.*--no-springs"):
-        find_foot(discrete(foot_sdf(FOOT), 0.0123), "vsf", FOOT)
+        find_foot(discrete(foot_sdf(FOOT), 0.0123), "vsf", FOOT, contact="drake_point")
 
 
 def test_finalised_plant_with_a_time_step_is_refused():
     plant = discrete(foot_sdf(FOOT))
     plant.Finalize()
     with pytest.raises(InputError, match=r"find_foot before plant.Finalize"):
-        find_foot(plant, "vsf", FOOT)
+        find_foot(plant, "vsf", FOOT, contact="drake_point")
 
 
 @pytest.mark.parametrize("springs", [True, False])
@@ -61,7 +61,7 @@ def test_parsed_foot_stands_in_a_plant_with_a_time_step(springs):
     plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))
     plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
     add_ground_geometry(plant)
-    foot = find_foot(plant, "vsf", FOOT)
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point")
     plant.GetJointByName("rail").set_default_translation(0.088)
     plant.Finalize()
     wired = wire_foot(builder, plant, foot)

@@ -153,7 +153,7 @@ def add_foot(
     carriage_mass = parameters.fulcrum.carriage_mass_kg
     carriage = plant.AddRigidBody(
         f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
-    plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD))
+    plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
     foot = FootHandles(
         parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,

@@ -14,6 +14,7 @@ from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot_checks import check_type
 from vsf_drake.plants.foot_handles import FootHandles
 
 Colour = tuple[float, float, float, float]
@@ -38,10 +39,15 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     perception and illustration); where a foot has Drake's own contact, its contact shapes stay what they are.
 
     Raises:
-        InputError: the plant is not registered with a SceneGraph, or is finalized.
+        InputError: the plant is not registered with a SceneGraph, or is finalized; the foot has these shapes already.
     """
     check_drawable(plant, "add_foot_visuals")
-    _draw_frame(plant, foot)
+    check_type(foot, FootHandles, "foot", "Give what add_foot returned")
+    try:
+        _draw_frame(plant, foot)
+    except RuntimeError as error:
+        raise InputError(f"the foot {foot.name!r} has its shapes already", where="add_foot_visuals",
+                         right="Call it once a foot") from error
     _draw_keel(plant, foot)
     _draw_carriage(plant, foot)
     draw_sites(plant, foot.sites, SITE_NAME)

@@ -97,7 +97,7 @@ class WiredFoot:
 
 def wire_foot(
     builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, *, ground: Ground | None = None,
-    fulcrum_m: float | None = None
+    fulcrum_m: float | None = None, own_ground: bool = False
 ) -> WiredFoot:
     """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the carriage's servo.
 
@@ -110,10 +110,13 @@ def wire_foot(
         plant: finalised, and in `builder`.
         ground: by default the plane z = 0 of W with the foot's friction.
         fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
+        own_ground: the foot has a contact of Drake's own, and the ground is yours to bring, such as a moving body's
+            geometry. Otherwise geometry that is fixed to the world must be there for it to stand on.
 
     Raises:
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
-            port of the plant is exported; ground or position cannot be. Nothing has been added then.
+            port of the plant is exported; ground or position cannot be, or there is no ground. Nothing has been added
+            then.
     """
     check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
@@ -121,6 +124,7 @@ def wire_foot(
     _check_wiring(builder, plant, foot, f"{foot.name}_forces")
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
     _check_suits(plant, foot, ground, fulcrum_m)
+    _check_geometry(plant, foot, own_ground)
     law = foot.contact if foot.contact in CONTACT_LAWS else None
     device = _device_constants(foot, fulcrum_m)
     contact = _contact_constants(foot, check_ground(ground or Ground())) if law else {}
@@ -199,6 +203,20 @@ def _check_suits(plant: MultibodyPlant, foot: FootHandles, ground: Ground | None
     if foot.support is not None and abs(fulcrum_m - foot.fulcrum_m) > 1e-9:
         raise InputError(f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step",
                          where="fulcrum_m", right=f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
+
+
+def _check_geometry(plant: MultibodyPlant, foot: FootHandles, own_ground: bool) -> None:
+    """Whether a foot of Drake's own contact has geometry to stand on, or is said to get some."""
+    if foot.contact not in DRAKE_CONTACTS:
+        if own_ground:
+            raise InputError(f"contact {foot.contact} meets no geometry", where="own_ground",
+                             right=f"Give its patches as ground, or take contact {' or '.join(DRAKE_CONTACTS)}")
+    elif not own_ground and not any(
+            plant.GetCollisionGeometriesForBody(body) for body in plant.GetBodiesWeldedTo(plant.world_body())
+            if body not in (foot.frame, *foot.keel)):
+        raise InputError(f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
+                         where="ground", right="Call add_ground_geometry(plant, ground) before plant.Finalize(), or "
+                         "say wire_foot(..., own_ground=True) if a ground of yours moves")
 
 
 def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str) -> None:

@@ -36,7 +36,7 @@ def add_ground_geometry(
             is refused then.
 
     Raises:
-        InputError: see `check_ground`; the contact is none of Drake's; the plant has no SceneGraph, or this ground
+        InputError: see `check_ground`; the contact is none of Drake's; the plant has no SceneGraph, or a ground
             already; two patches lie in one plane over one another; a patch has a stiffness of its own under
             "hydroelastic"; a patch's friction cannot be had.
     """
@@ -54,11 +54,11 @@ def add_ground_geometry(
         AddRigidHydroelasticProperties(1.0, properties)
         AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
                            properties)
-        name = f"ground_{i}_{patch.name}"
+        name = f"ground_{i}"  # whatever its patch is called, so that a second ground is told
         try:
             plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
         except RuntimeError as error:
-            raise InputError(f"the world of the plant has a geometry {name} already", where=f"patches[{i}]",
+            raise InputError(f"the plant has a ground already, its geometry {name}", where=f"patches[{i}]",
                              right="Call add_ground_geometry once for all feet, with every patch") from error
 
 

@@ -15,14 +15,13 @@ from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 
 def parsed_contact(
-    plant: MultibodyPlant, foot: FootHandles, contact: str | None, scene_graph: SceneGraph | None, *, agreement: float
+    plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph: SceneGraph | None, *, agreement: float
 ) -> str:
     """The contact of `foot`, after a check that it goes with the collision spheres that the plant has of it.
 
     For a law of `FootForces` they are taken out of `scene_graph`: they lose their proximity role.
 
     Args:
-        contact: None for "drake_point" where there are spheres, else "kelvin_voigt".
         scene_graph: where the spheres are; given, those of "drake_point" are also held against the parameters.
         agreement: of their numbers, relative.
 
@@ -30,14 +29,12 @@ def parsed_contact(
         InputError: there is no such contact, or it does not go with the spheres.
     """
     where = f"{foot.name}: contact"
-    if contact is not None and contact not in CONTACTS:
+    if contact not in CONTACTS:
         raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
     spheres = own_geometry(plant, foot)
     if scene_graph is not None:
         inspector = scene_graph.model_inspector()
         spheres = [i for i in spheres if inspector.GetProximityProperties(i) is not None]
-    if contact is None:
-        contact = "drake_point" if spheres else "kelvin_voigt"
     if contact in CONTACT_LAWS:
         if spheres and scene_graph is None:
             raise InputError(f"the plant has {len(spheres)} collision spheres of the foot, which {contact!r} would act "

@@ -47,7 +47,7 @@ _AGAIN = "Export the file again from these parameters (vsf-drake export), or giv
 
 def find_foot(
     plant: MultibodyPlant, instance: ModelInstanceIndex | str, parameters: FootParameters, *, side: str | None = None,
-    contact: str | None = None, fulcrum_m: float | None = None, scene_graph: SceneGraph | None = None
+    contact: str = "kelvin_voigt", fulcrum_m: float | None = None, scene_graph: SceneGraph | None = None
 ) -> FootHandles:
     """Handles of the foot that a file written by `foot_sdf` put into `plant` as `instance`, before or after Finalize.
 
@@ -63,8 +63,7 @@ def find_foot(
         instance: the model instance or its name.
         parameters: of the foot that was exported.
         side: see `add_foot`.
-        contact: one of `foot.CONTACTS`; by default "drake_point" where the plant has the file's collision spheres, else
-            "kelvin_voigt".
+        contact: see `add_foot`; of Drake's own, a file's collision spheres are made for "drake_point".
         fulcrum_m: see `add_foot`; by default the carriage's default position (default_joint_positions of the model
             directives), if that is within reach. It becomes the carriage's default.
         scene_graph: needed for a law of `FootForces` where the plant has collision spheres, which are then taken out
@@ -124,13 +123,12 @@ def _with_implicit_device(plant: MultibodyPlant, foot: FootHandles, reference: F
 
 
 def _named_instance(plant: MultibodyPlant, instance: ModelInstanceIndex | str) -> tuple[str, ModelInstanceIndex]:
-    if not isinstance(instance, str):
-        return plant.GetModelInstanceName(instance), instance
-    if plant.HasModelInstanceNamed(instance):
-        return instance, plant.GetModelInstanceByName(instance)
-    names = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(2, plant.num_model_instances())]
-    raise InputError(f"the plant has no model instance {instance!r}", where="instance",
-                     right=f"It has {', '.join(names) or 'none'}")
+    names = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(plant.num_model_instances())]
+    known = instance if isinstance(instance, str) else dict(enumerate(names)).get(int(instance))
+    if known not in names:
+        raise InputError(f"the plant has no model instance {instance!r}", where="instance",
+                         right=f"It has {', '.join(names[2:]) or 'none'}")
+    return known, plant.GetModelInstanceByName(known)
 
 
 def _body(plant: MultibodyPlant, instance: ModelInstanceIndex, like: RigidBody, foot: str) -> RigidBody:
