@@ -10,6 +10,7 @@
     fulcrum_mm: 108
 
 A file's own paths are relative to its folder, or `package://vsf_drake/...` for what ships with this package.
+`load_scenario` reads it; Drake's yaml_load_typed cannot, and `schema` says why.
 """
 
 from __future__ import annotations

@@ -4,6 +4,11 @@ A schema is a dataclass whose fields are made by `quantity` (numbers with unit a
 or `choice` (words from a list). It has no behaviour. `load_yaml` reads a file into it,
 `check` verifies an instance that was made in Python, `dump_yaml` writes it back; `to_plain` and
 `from_plain` do so with nested dicts, as saved results hold them.
+
+Drake's yaml_load_typed and yaml_dump_typed do not take such classes: they want annotations that are no strings, no
+tuples, a default for every field and nothing frozen, and know no ranges. The call that does is `load_yaml(path, schema)`
+(for a scenario `load_scenario(path)`), or `from_plain(schema, yaml_load_file(path))` where Drake has read the file; what
+`dump_yaml` writes, Drake's yaml_load_data and yaml_load_file read.
 """
 
 from __future__ import annotations
