@@ -40,6 +40,7 @@ foot:
   build_height_m: 0.09
   foam_thickness_m: 0.02
   length_m: 0.25
+  heel_x_m: -0.01
   pylon_x_m: 0.05
   side: left
 socket:

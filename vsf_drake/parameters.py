@@ -146,6 +146,9 @@ class FootParameters:
     build_height_m: float = quantity(0.087, unit="m", low=0.01, high=0.5, source="Glanzer 2018")
     foam_thickness_m: float = quantity(0.030, unit="m", low=0.0, high=0.2, source=_PUBLIC)
     length_m: float = quantity(0.245, unit="m", low=0.05, high=0.5, source=f"{_PUBLIC}: foam base")
+    heel_x_m: float = quantity(
+        -0.012, unit="m", low=-0.1, high=0.1,
+        source=f"{_CHOICE}: rear end of the foam base, which then ends 4 mm ahead of the keel; lengths count from it")
     pylon_x_m: float = quantity(0.055, unit="m", low=-0.1, high=0.3, source=f"{_CHOICE}: pylon axis ahead of A")
     side: str = choice("either", options=("either", *SIDES), source="choice: the nominal foot is symmetric")
 

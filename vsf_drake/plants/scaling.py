@@ -37,7 +37,8 @@ def scale_foot(
 
     return dataclasses.replace(
         foot, keel=keel, fulcrum=fulcrum, zones=tuple(scaled(zone) for zone in foot.zones),
-        load_point_m=foot.load_point_m * length, length_m=foot.length_m * length, pylon_x_m=foot.pylon_x_m * length,
+        load_point_m=foot.load_point_m * length, length_m=foot.length_m * length, heel_x_m=foot.heel_x_m * length,
+        pylon_x_m=foot.pylon_x_m * length,
         series_patch_m=foot.series_patch_m * length, build_height_m=foot.build_height_m * height,
         foam_thickness_m=foot.foam_thickness_m * height)
 

@@ -184,7 +184,7 @@ class RollOver:
         return RollOverRun(
             time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
             cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
-            energy=energy_ledger(mechanism, record, keel, inputs.fulcrum),
+            energy=energy_ledger(mechanism, record, keel=keel, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
             unconverged_steps=int(np.sum(~record.converged)))
 
     def _sphere_centres(self) -> np.ndarray:

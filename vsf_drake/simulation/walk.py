@@ -203,8 +203,10 @@ class Walker:
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
 
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
-        keel = [walk.mechanism.tree.index(name) for name in self.gait.person.foot.keel_joint_names]
-        return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)
+        keel, driven = ([walk.mechanism.tree.index(name) for name in names] for names in (
+            self.gait.person.foot.keel_joint_names, (*self.gait.prescribed, "fulcrum")))
+        return energy_ledger(walk.mechanism, walk.record, keel=np.array(keel), driven=np.array(driven),
+                             fulcrum_m=walk.fulcrum_m)
 
 
 def used_numbers(mechanism: Mechanism) -> dict[str, list | float]:

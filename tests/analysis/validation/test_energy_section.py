@@ -112,16 +112,15 @@ def test_walk_without_a_whole_stance_is_missing_and_stops_no_other():
 
 
 def test_numbers_do_not_depend_on_the_number_of_threads():
-    cases = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=2e-3, person=True)
+    cases = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=2e-3)
              for walk in embedded_study().walks for x in (0.066, 0.151)]
     one, two = (walk_cases(cases, workers=count) for count in (1, 2))
     for a, b in zip(one, two, strict=True):
         assert a.stances[0].row == b.stances[0].row
-        assert a.person_remainder_j == b.person_remainder_j
 
 
 def test_what_the_results_own_ledger_misses_is_that_of_the_arrays_that_are_kept():
-    """The chapter's small steps close better than the walks on disk, whose ledger is of the first order."""
+    """And it is below 1 % of what the foot stores for each millisecond of the step."""
     table, shares = made_energy().table, []
     for walk in embedded_study().walks:
         row = next(row for row in table["trials"] if row["label"] == walk.label)
@@ -130,7 +129,7 @@ def test_what_the_results_own_ledger_misses_is_that_of_the_arrays_that_are_kept(
         first, last = np.searchsorted(result.time_s, [row["start_s"], row["end_s"]])
         shares.append(np.abs(total[first:last] - total[first]).max() / row["stored_j"])
     assert table["result_remainder_share_max"] == pytest.approx(max(shares), rel=1e-6)
-    assert table["result_remainder_share_max"] > 1.5 * table["person_remainder_share_max"]
+    assert table["result_remainder_share_max"] < 10.0 * table["result_step_s"]
 
 
 def test_trial_that_lacks_a_position_gives_no_verdict_on_every_step():

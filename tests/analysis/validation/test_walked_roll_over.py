@@ -9,8 +9,10 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.validation.roll_over.shape import shape_numbers
 from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, walked_shapes
 from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.plants.foot import mount_pose, sole_height
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +81,8 @@ def test_load_runs_under_the_foot_from_heel_to_toe(walk):
     foot = walk.trial.model.foot
     forward, up = shape.foot_alone[np.isfinite(shape.foot_alone[:, 0])].T
     heel = shape.row["heel_m"]  # with the fitted place of the foot
-    assert heel == pytest.approx(-foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3)
-    assert forward.min() > heel - 0.01
+    assert heel == pytest.approx(foot.heel_x_m - foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3)
+    assert forward.min() > heel
     assert forward.max() < heel + foot.length_m
     assert forward[-1] - forward[0] > 0.15
     assert np.all((up < -0.02) & (up > -foot.build_height_m - 0.01))
@@ -93,3 +95,15 @@ def test_model_and_virtual_laboratory_agree_on_the_moment_arm():
         assert np.all(np.diff([row[side]["mean_moment_arm_m"] for row in rows]) > 0.0)
     for row in rows:
         assert row["model"]["mean_moment_arm_m"] == pytest.approx(row["measured"]["mean_moment_arm_m"], abs=5e-3)
+
+
+def test_foot_that_rolls_to_its_very_toe_has_the_effective_length_of_the_foot(walk):
+    """The ratio is of two lengths from one heel: a shape whose front end is the foot's toe gives 1."""
+    heel, foot = walked_shapes(walk)[0][0].row["heel_m"], walk.trial.model.foot
+    p_KT = [foot.heel_x_m + foot.length_m, 0.0, sole_height(foot)]
+    offsets = walk.trial.offsets
+    pose = mount_pose(foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m, alignment=offsets.alignment_rad)
+    toe = pose.inverse() @ p_KT  # seen from the unloaded mount
+    found = shape_numbers(np.array([[0.0, -0.1], [toe[0], -0.1]]), heel_m=heel, foot_length_m=foot.length_m)
+    assert found["effective_foot_length_ratio"] == pytest.approx(np.cos(offsets.alignment_rad), abs=1e-9)
+    assert foot.heel_x_m < 0.0 < foot.heel_x_m + foot.length_m - sum(foot.keel.element_lengths_m)

@@ -30,6 +30,7 @@ class _Line:
     least: float | None = None
 
 
+_REMAINDER = "energy/ledger_remainder_share_max"
 _LINES = (
     _Line(what="Bench: R² of stiffness over fulcrum positions", key="bench/stiffness_r2", unit="", form="{:.4f}",
           paper="0.98", least=0.98),
@@ -54,8 +55,8 @@ _LINES = (
           most=0.01),
     _Line(what="Joint angles: phase lag, largest", key="walking/angle_lag_ms", unit="ms", form="{:.1e}"),
     _Line(what="Stance time: correlation over trials", key="walking/stance_r", unit="", form="{:.3f}"),
-    _Line(what="Energy: ledger's remainder over stored energy, worst trial", key="energy/ledger_remainder_share_max",
-          unit="%", scale=100.0, most=0.01),
+    _Line(what="Energy: ledger's remainder over stored energy, worst trial", key=_REMAINDER, unit="%", scale=100.0,
+          most=0.01),
 )
 _ANSWERS = (("energy/softer_stores_more", "A softer setting stores more energy, as measured on the real device"),
             ("energy/softer_returns_more", "A softer setting returns more energy, as measured on the real device"))
@@ -77,6 +78,8 @@ def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, An
             value <= limit if line.most is not None else value >= limit)
         asked = "" if limit is None else f"{relation} {line.scale * limit:g}"
         what = line.what + (" (fitted to a bench)" if fitted and line.key.startswith("bench/") else "")
+        if line.key == _REMAINDER and value is not None:
+            what += f" (in steps of {1e3 * sections['energy']['step_s']:g} ms)"
         rows.append({"what": what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper or None,
                      "shown": None if value is None else _shown(line, value),
                      "asked": asked or None, "met": met})

@@ -42,7 +42,7 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     `shank_power_w` (rows, 200).
     """
     fine, coarse, moved, search = STEPS_S[study.options.quick]
-    cases = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step, person=True)
+    cases = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
              for walk in study.walks for step in (fine, coarse)]
     own = len(cases)
     positions = _positions(study)
@@ -71,7 +71,7 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         missing.append("There is one fulcrum position among the trials: whether a softer setting stores more cannot be "
                        "told as recorded, only for this load with the fulcrum elsewhere.")
     worst = {key: max((row[key] for row in trials if row[key] is not None), default=None)
-             for key in ("remainder_share", "person_remainder_share", "balance_share", "distal_share")}
+             for key in ("remainder_share", "balance_share", "distal_share")}
     remainder = worst.pop("remainder_share")
     one_person = len({walk.trial.subject for walk in study.walks}) == 1
     if not one_person and len(conditions) > 1:
@@ -127,9 +127,6 @@ def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[dict[str, 
         k = stiffness.get(row["fulcrum_mm"])
         row["bench_j"] = None if k is None else 0.5 * row["late_load_n"] ** 2 / k
         row["bench_n_per_mm"] = None if k is None else 1e-3 * k
-        person = walk.person_remainder_j[i] if walk.person_remainder_j else None
-        row["person_remainder_j"] = person
-        row["person_remainder_share"] = None if person is None or row["stored_j"] <= 0 else person / row["stored_j"]
         rows.append(row)
     return rows
 

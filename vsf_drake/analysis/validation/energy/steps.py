@@ -21,9 +21,10 @@ import numpy as np
 
 from vsf_drake.analysis.series import cumulative_integral
 from vsf_drake.analysis.validation.energy.segment_power import SegmentMotion, distal_power, follow
-from vsf_drake.laws.bushing import axis_force, excess
+from vsf_drake.laws.bushing import axis_force
+from vsf_drake.simulation.energy import central, contact_terms, spring_loss, spring_strain, work
 from vsf_drake.simulation.reactions import sum_sites
-from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.simulation.walk_run import Walk
 
@@ -78,13 +79,23 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     socket = [tree.index(name) for name in person.socket.coordinate_names]
     shank = person.segments[f"shank_{person.subject.prosthetic_side}"]
     bodies = [int(body.index()) for body in (shank, person.socket.pylon, person.foot.frame)]
-    motion = follow(tree, record.q, _central(record.v), bodies=bodies, coordinates=socket,
+    motion = follow(tree, record.q, central(record.v), bodies=bodies, coordinates=socket,
                     inside=tree.ancestors[:, socket[-1]])
     limb = _limb_wrench(walk, socket, motion)
     gravity = tree.gravity
     terms = {INPUT: _work(limb, motion.twist[:, 0], step), "kinetic": motion.kinetic_j,
              "gravity": -(motion.mass_moment @ gravity)}
-    terms |= _bushing_terms(walk, socket, step) | _keel_terms(walk, walker, step) | _ground_terms(walk, walker, step)
+    m, count = walk.mechanism, len(person.foot.sites.radius)
+    keel = [tree.index(name) for name in person.foot.keel_joint_names]
+    for name, own in (("keel", keel), ("bushing", socket)):
+        rows = np.isin(m.spring_index, own)
+        terms[f"{name}_strain"] = spring_strain(m, record.q, rows)
+        terms[f"{name}_loss"] = work(spring_loss(m, record, rows), step)
+    terms["foam_strain"], foam, friction = contact_terms(m, record, count)
+    _, deflection, closing = record.fulcrum.T
+    terms |= {"foam_loss": work(foam, step), "friction_loss": work(friction, step),
+              "fulcrum_strain": 0.5 * m.fulcrum[0] * deflection**2,
+              "fulcrum_loss": work(m.fulcrum[1] * closing * central(closing), step)}
     terms[REMAINDER] = (terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0))
     ground = _ground_wrench(walk, walker)
     weight = np.column_stack([np.cross(motion.mass_moment, gravity),
@@ -98,11 +109,6 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
         keel_load=_keel_load(walk, walker, motion))
 
 
-def _central(rate: np.ndarray) -> np.ndarray:
-    """Rates at the instants from those of the steps that end there, along the first axis."""
-    return np.concatenate([0.5 * (rate[:-1] + rate[1:]), rate[-1:]])
-
-
 def _work(wrench: np.ndarray, twist: np.ndarray, step: float) -> np.ndarray:
     return cumulative_integral(np.sum(wrench * twist, axis=1), step)
 
@@ -113,46 +119,6 @@ def _limb_wrench(walk: Walk, socket: list[int], motion: SegmentMotion) -> np.nda
     force = axis_force(walk.record.q[:, socket], walk.record.v[:, socket], **constants)
     wrench: np.ndarray = np.linalg.solve(motion.joints, force[..., None])[..., 0]
     return wrench
-
-
-def _bushing_terms(walk: Walk, socket: list[int], step: float) -> dict[str, np.ndarray]:
-    s = dict(zip(SPRING_COLUMNS, walk.mechanism.springs[-6:].T, strict=True))
-    x, rate = walk.record.q[:, socket], walk.record.v[:, socket]
-    k = np.where(x < 0, s["stiffness_negative"], s["stiffness"])
-    strain = 0.5 * k * (x**2 + s["stop_ratio"] * excess(x, s["limit"]) ** 2)
-    damping = s["damping"] * (rate + s["stop_ratio"] * excess(rate, s["rate_limit"]))
-    loss = cumulative_integral(np.sum(damping * _central(rate), axis=1), step)
-    return {"bushing_strain": strain.sum(1), "bushing_loss": loss}
-
-
-def _keel_terms(walk: Walk, walker: Walker, step: float) -> dict[str, np.ndarray]:
-    """Keel and the support under it."""
-    m, record = walk.mechanism, walk.record
-    keel = np.array([m.tree.index(name) for name in walker.gait.person.foot.keel_joint_names])
-    own = np.isin(m.spring_index, keel)
-    index, s = m.spring_index[own], dict(zip(SPRING_COLUMNS, m.springs[own].T, strict=True))
-    x, rate = record.q[:, index], record.v[:, index]
-    _, deflection, closing = record.fulcrum.T
-    stiffness, damping = m.fulcrum
-    return {
-        "keel_strain": np.sum(0.5 * s["stiffness"] * x**2, axis=1), "fulcrum_strain": 0.5 * stiffness * deflection**2,
-        "keel_loss": cumulative_integral(np.sum(s["damping"] * rate * _central(rate), axis=1), step),
-        "fulcrum_loss": cumulative_integral(damping * closing * _central(closing), step)}
-
-
-def _ground_terms(walk: Walk, walker: Walker, step: float) -> dict[str, np.ndarray]:
-    """Foam and friction of the prosthetic foot; the foam's loss is what its force exceeds the elastic one by."""
-    count = len(walker.gait.person.foot.sites.radius)
-    law = dict(zip(SITE_COLUMNS, walk.mechanism.sites[:count].T, strict=True))
-    of = {name: walk.record.site(name)[:, :count] for name in
-          ("depth", "normal_force", "depth_rate", "friction_x", "friction_y", "slip_x", "slip_y")}
-    depth, n = np.maximum(of["depth"], 0.0), law["exponent"]
-    damping = np.where(of["normal_force"] > 0, of["normal_force"] - law["stiffness"] * depth**n, 0.0)
-    rubbing = of["friction_x"] * _central(of["slip_x"]) + of["friction_y"] * _central(of["slip_y"])
-    return {
-        "foam_strain": np.sum(law["stiffness"] * depth ** (n + 1.0) / (n + 1.0), axis=1),
-        "foam_loss": cumulative_integral(np.sum(damping * _central(of["depth_rate"]), axis=1), step),
-        "friction_loss": cumulative_integral(-rubbing.sum(1), step)}
 
 
 def _ground_wrench(walk: Walk, walker: Walker) -> np.ndarray:

@@ -15,24 +15,21 @@ from vsf_drake.analysis.validation.energy.steps import prosthesis_energy
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_run import Walk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EnergyCase:
     """A trial to be walked with the fulcrum at `fulcrum_m` (m from A) in steps of `step_s`; `label` is the trial's.
 
-    `person`: whether the whole person's ledger is worked out too. `search_step_s`: step of the walks that look for the
-    pelvis' height with which the load is that of the trial's own position; None for the recorded motion as it is.
+    `search_step_s`: step of the walks that look for the pelvis' height with which the load is that of the trial's own
+    position; None for the recorded motion as it is.
     """
 
     label: str
     trial: Trial
     fulcrum_m: float
     step_s: float
-    person: bool = False
     search_step_s: float | None = None
 
 
@@ -41,15 +38,12 @@ class EnergyWalk:
     """What became of a case: its complete stances, or why there are none.
 
     Attributes:
-        person_remainder_j: for each stance, how much the whole person's ledger (`simulation.energy`) misses over it at
-            most; empty if nobody asked.
         unconverged_steps: of the walk.
         off_bw, height_mm: where the load was to be kept, see `SameLoad`; None elsewhere.
     """
 
     case: EnergyCase
     stances: tuple[StanceEnergy, ...] = ()
-    person_remainder_j: tuple[float, ...] = ()
     unconverged_steps: int = 0
     off_bw: float | None = None
     height_mm: float | None = None
@@ -113,19 +107,5 @@ def _one(walker: Walker, case: EnergyCase) -> EnergyWalk:
         return EnergyWalk(case=case, failure="the model's foot has no whole stance within the walk")
     stances = tuple(stance_energy(energy, stance, foot=trial.model.foot, fulcrum_m=case.fulcrum_m)
                     for stance in complete)
-    person: tuple[float, ...] = ()
-    if case.person:
-        remainder = _person_remainder(walker, walk)
-        person = tuple(_largest(remainder, walk.record.time_s, s.start_s, s.end_s) for s in complete)
-    return EnergyWalk(case=case, stances=stances, person_remainder_j=person,
-                      unconverged_steps=int(np.sum(~walk.record.converged)), off_bw=off_bw, height_mm=height_mm)
-
-
-def _person_remainder(walker: Walker, walk: Walk) -> np.ndarray:
-    keel = [walk.mechanism.tree.index(name) for name in walker.gait.person.foot.keel_joint_names]
-    return energy_ledger(walk.mechanism, walk.record, np.array(keel), walk.fulcrum_m)["remainder"]
-
-
-def _largest(history: np.ndarray, time_s: np.ndarray, start_s: float, end_s: float) -> float:
-    inside = history[(time_s >= start_s) & (time_s <= end_s)]
-    return float(np.abs(inside - inside[0]).max())
+    return EnergyWalk(case=case, stances=stances, unconverged_steps=int(np.sum(~walk.record.converged)), off_bw=off_bw,
+                      height_mm=height_mm)

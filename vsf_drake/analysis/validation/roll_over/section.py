@@ -67,7 +67,7 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
                     "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
                     "with_friction": rough},
             "walks": rows, "conditions": _conditions(rows), "foot_length_m": foot.length_m,
-            "heel_behind_pylon_m": foot.pylon_x_m, "synthetic": study.synthetic, "quick": quick},
+            "heel_behind_pylon_m": foot.pylon_x_m - foot.heel_x_m, "synthetic": study.synthetic, "quick": quick},
         arrays={**curves, **more}, missing=tuple(missing))
 
 

@@ -2,10 +2,12 @@
 
 The shape is the centre of pressure seen from the shank, from heel contact to opposite heel contact; its rocker is
 described by the radius of a circular arc (Hansen, Childress & Knox 2004, and the abstracts of Hansen's later work).
-The following were not read at their source and are stated here as they are used:
+The following were not read at their source (for the length Hansen, Sam & Childress 2004, "The effective foot length
+ratio", J. Prosthet. Orthot. 16) and are stated here as they are used:
 
-- effective foot length: from the foot's heel to the shape's front end, along the shank frame's forward axis;
-- its ratio: to the length of the foot;
+- effective foot length: from the heel, the rear end of the foot, to the shape's front end, along the shank frame's
+  forward axis;
+- its ratio: to the length of the foot, from the same heel to its toe;
 - arc: the circle whose distances from the points of the shape have the least sum of squares, the points evenly spaced
   along the shape rather than in time, so that no part counts more because the load rests there.
 
@@ -83,7 +85,7 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
 
     Args:
         points_m: (n, 2) m, centre of pressure forward and up in the shank's frame; NaN where there is none.
-        heel_m: where the foot's heel is on the forward axis.
+        heel_m: where the rear end of the foot, from which `foot_length_m` counts, is on the forward axis.
     """
     arc = fit_arc(evenly_along(points_m))
     forward = np.asarray(points_m)[:, 0]

@@ -24,7 +24,7 @@ from vsf_drake.analysis.comparison import (
 from vsf_drake.analysis.validation.roll_over.shape import mean_moment_arm, shape_numbers
 from vsf_drake.analysis.validation.study import StudyWalk
 from vsf_drake.motion.events import find_stances
-from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
 
 OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
@@ -113,8 +113,9 @@ def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
               alignment=offsets.alignment_rad)
     ankle = np.array([0.0, 0.0, -person.body.residual_length - person.body.pylon_length])
     shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
-    heel = float(plant.CalcRelativeTransform(
-        context, person.socket.distal, person.foot.frame.body_frame()).translation()[0])
+    p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]
+    heel = float((plant.CalcRelativeTransform(
+        context, person.socket.distal, person.foot.frame.body_frame()) @ p_KHeel)[0])
     poses: list[list[np.ndarray]] = [[], [], [], []]
     for q in result.q:
         plant.SetPositions(context, q)

@@ -61,7 +61,8 @@ def moved_grid(table: Mapping[str, Any], key: str) -> Grid:
             "force differs by from that at the trial's own position. Only the pelvis' height is changed, not the "
             "angles, which makes the foot slide more where it moves much." if kept else
             "Each trial's motion with the fulcrum elsewhere: the load is what the same motion then gives.")
-    return Grid(name=f"energy_{key}", columns=columns, rows=table[key], caption=what)
+    return Grid(name=f"energy_{key}", columns=columns, rows=table[key],
+                caption=f"{what} In steps of {1e3 * table['moved_step_s']:g} ms.")
 
 
 def ledger_grid(table: Mapping[str, Any]) -> Grid:
@@ -72,7 +73,8 @@ def ledger_grid(table: Mapping[str, Any]) -> Grid:
     columns.append(Column(key="remainder_share", heading="largest remainder (% stored)", form="{:.3f}", scale=100.0))
     return Grid(name="energy_ledger", columns=columns, rows=table["trials"],
                 caption="The ledger from touch-down to toe-off: the first column is the sum of the others up to the "
-                        "remainder. The last is the largest remainder at any instant of stance over stored energy.")
+                        "remainder. The last is the largest remainder at any instant of stance over stored energy. In "
+                        f"steps of {1e3 * table['step_s']:g} ms.")
 
 
 def convergence_grid(table: Mapping[str, Any]) -> Grid:

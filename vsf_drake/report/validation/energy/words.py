@@ -15,8 +15,8 @@ def finding(table: Mapping[str, Any]) -> str:
              for c in conditions]
     share = table["ledger_remainder_share_max"]
     closes = "" if share is None else (
-        f" The energy ledger of a step closes within {100.0 * share:.2g} % of the stored energy in the worst "
-        f"{_of(len(table['trials']))} (asked: {100.0 * table['asked_share']:g} %).")
+        f" In steps of {1e3 * table['step_s']:g} ms the energy ledger closes within {100.0 * share:.2g} % of the stored "
+        f"energy in the worst {_of(len(table['trials']))} (asked: {100.0 * table['asked_share']:g} %).")
     origin = " The walks follow SYNTHETIC motion." if table["synthetic"] else ""
     return f"In the mean of its stances the model's foot stores {_listed(parts)}.{closes}{origin}"
 
@@ -57,15 +57,10 @@ def closing(table: Mapping[str, Any]) -> str:
              f"{phases['middle']:+.1f} mJ up to 75 % and {phases['push_off']:+.1f} mJ in push-off (negative: gained)")
     if _push_off_leads(phases):
         where += ": it is not the heel's impact but the springs' release that costs most"
-    person = table["person_remainder_share_max"]
     kept = table.get("result_remainder_share_max")
-    whole = "" if person is None else (
-        f" The ledger of the whole person misses up to {100.0 * person:.1f} % of the foot's stored energy over the "
-        "same stances" + ("" if kept is None else (
-            f", and up to {100.0 * kept:.1f} % as every walk's result holds it, with steps of "
-            f"{1e3 * table['result_step_s']:g} ms")) + ". That is no dissipation: all but the prosthesis follows the "
-        "recording exactly. Its driver's work pairs loads and rates that are half a step apart, an error of the first "
-        "order in a sum over the whole body and both feet.")
+    whole = "" if kept is None else (
+        f" The whole person's ledger that is kept with each walk, in steps of {1e3 * table['result_step_s']:g} ms, "
+        f"leaves up to {100.0 * kept:.1f} % of what the foot stores over the same stances.")
     met = "closes" if share <= table["asked_share"] else "does NOT close"
     return (f"It {met} within the {100.0 * table['asked_share']:g} % that is asked: the largest remainder at any "
             f"instant of a stance is {largest:.1f} mJ, {100.0 * share:.2g} % of what that foot stores at worst, with "
@@ -132,7 +127,8 @@ def position_alt(table: Mapping[str, Any]) -> str:
 def ledger_alt(table: Mapping[str, Any]) -> str:
     """What the figure of the ledger shows."""
     row, share = table["trials"][0], table["ledger_remainder_share_max"]
-    worst = "" if share is None else f" Over all stances it is at most {100.0 * share:.2g} % of the stored energy."
+    worst = "" if share is None else (f" Over all stances it is at most {100.0 * share:.2g} % of the stored energy, in "
+                                      f"steps of {1e3 * table['step_s']:g} ms.")
     lost = sum(row[f"{name}_j"] for name in table["terms"] if name.endswith("_loss"))
     return (f"Of {row['limb_work_j']:.2f} J that the limb puts into the prosthesis of {row['label']} during stance, "
             f"{row['kinetic_j']:.2f} J are kinetic, {row['gravity_j']:.2f} J in height and {lost:.2f} J lost; "
