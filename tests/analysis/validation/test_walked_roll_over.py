@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, walked_shapes
+from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, Frames, _arm, walked_shapes
+from vsf_drake.motion.events import Stance
 from vsf_drake.motion.plates import PlateRecording
 
 
@@ -93,3 +95,17 @@ def test_model_and_virtual_laboratory_agree_on_the_moment_arm():
         assert np.all(np.diff([row[side]["mean_moment_arm_m"] for row in rows]) > 0.0)
     for row in rows:
         assert row["model"]["mean_moment_arm_m"] == pytest.approx(row["measured"]["mean_moment_arm_m"], abs=5e-3)
+
+
+def test_a_free_moment_counts_as_the_two_forces_that_make_it():
+    """Forces of 350 N that push 200 mm apart in opposite directions across: at their middle 700 N and a moment of 8 N m
+    about the vertical, which turns a shank that leans sideways by half a radian forward or back as well."""
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.5), -np.sin(0.5)], [0.0, np.sin(0.5), np.cos(0.5)]])
+    ankle, middle, apart = np.array([0.0, 0.02, 0.1]), np.array([0.05, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
+    pair = ((middle + apart, np.array([30.0, 40.0, 350.0])), (middle - apart, np.array([30.0, -40.0, 350.0])))
+    moment = sum(np.cross(place - ankle, force) for place, force in pair)
+    time = np.array([0.0, 0.5, 1.0])
+    shank = Frames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
+    arm = _arm(shank, SimpleNamespace(measured=Stance(0.0, 1.0)), time, np.tile([60.0, 0.0, 700.0], (3, 1)),
+               np.tile(middle, (3, 1)), np.full(3, 8.0))
+    assert arm == pytest.approx(-moment @ lean[:, 1] / 700.0, rel=1e-12)
