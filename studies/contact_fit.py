@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from contact_fit_study.cases import TIERS, Case, cases, transfer
 from contact_fit_study.figures import figures
 from contact_fit_study.inputs import input_hashes, key
-from contact_fit_study.keeping import kept
+from contact_fit_study.keeping import kept, made_by
 from contact_fit_study.results import definitions, pair_results, tier_results
 from contact_fit_study.running import SEED, run, warm_up
 from contact_fit_study.table import text_table
@@ -51,7 +51,7 @@ def main() -> None:
     stored = arguments.out or RESULTS
     write_json(stored / "contact_fit.json", {
         "synthetic": True, "definitions": definitions(), **results,
-        "provenance": {**provenance(input_hashes(), SEED), "key": key()}})
+        "provenance": {**provenance(input_hashes(), SEED), "sources": made_by("contact_fit.py")}})
     with look.style():
         for name, figure in figures(results).items():
             look.save_figure(figure, shown / name)

@@ -22,7 +22,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from contact_fit_study.keeping import kept
+from contact_fit_study.keeping import kept, made_by
 from contact_truth_study.making import Made, make
 from contact_truth_study.recovering import cover, recover
 from contact_truth_study.summary import covered, definitions, recovered, text
@@ -34,7 +34,7 @@ from vsf_drake.analysis.json_file import write_json
 from vsf_drake.bench_file import load_bench_file
 from vsf_drake.files import sha256
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.simulation.many.keys import digest, software
+from vsf_drake.simulation.many.keys import digest
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.walk import Walker
 
@@ -60,7 +60,7 @@ def main() -> None:
     stored = arguments.out or RESULTS
     write_json(stored / "contact_truth_recovery.json", {
         "synthetic": True, "definitions": definitions(), **results,
-        "provenance": {**provenance(input_hashes(), SEED), "key": key()}})
+        "provenance": {**provenance(input_hashes(), SEED), "sources": made_by("contact_truth_recovery.py")}})
     print(text(results))
 
 
@@ -127,10 +127,7 @@ def input_hashes() -> dict[str, str]:
 @cache
 def key() -> str:
     """Of everything that the study's numbers depend on: inputs, versions, sources of model, analysis and study."""
-    loaded = {name: sha256(module.__file__) for name, module in sorted(sys.modules.items())
-              if name.startswith(("vsf_drake.", "contact_truth_study.")) and module.__file__
-              and not name.startswith(("vsf_drake.report", "contact_truth_study.summary"))}
-    return digest({"software": software(), "loaded": loaded, "inputs": input_hashes()})
+    return digest({**provenance(input_hashes()), **made_by("contact_truth_recovery.py")})
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from contact_fit_study.keeping import made_by
 from make_reference_subject import DATA, SEED
 from virtual_laboratory.floor import (
     SCORES,
@@ -29,10 +30,13 @@ from virtual_laboratory.floor import (
 
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.validation.inputs import REPEATS, SETTINGS
+from vsf_drake.files import sha256
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.provenance import provenance
 
 RESULTS = Path(__file__).resolve().parent / "results"
+NOMINAL = "../../models/nominal.yaml"
+"""Of trials that name no model, as the reference subject's; by its path in that folder."""
 KINDS = {
     "exact": "the exact tier's kinematics and plate: zero but for the rounding of the files, or the route is wrong",
     "plate_noise": "the exact tier's kinematics, the laboratory tier's plate",
@@ -76,13 +80,14 @@ def main() -> None:
     print(f"{'mean':26}" + "".join(f"{100 * mean[kind]['grf_rmse_bw']:24.4f}" for kind in KINDS))
     write_json(out / "floor.json", {
         "synthetic": True, "definitions": KINDS, "trials": trials, "mean_of_trials": mean,
-        "provenance": provenance(inputs, SEED)})
+        "provenance": {**provenance(inputs, SEED), "sources": made_by("floor_of_the_reference_subject.py")}})
 
 
 def hashes(trial: Trial) -> dict[str, str]:
-    """SHA-256 of the trial's files by their path in the reference subject's folder."""
+    """SHA-256 of the trial's files and of the nominal model by their path in the reference subject's folder."""
     folder = os.path.relpath(trial.path.parent, DATA)
-    return {Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha for name, sha in trial.inputs.items()}
+    return {NOMINAL: sha256(DATA / NOMINAL)} | {
+        Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha for name, sha in trial.inputs.items()}
 
 
 if __name__ == "__main__":

@@ -56,6 +56,13 @@ def test_measured_lengths_replace_scaled_ones(subject):
     assert (body.foot_length, body.hip_forward, body.hip_up, body.hip_lateral) == (0.25, 0.0, -0.08, 0.09)
 
 
+def test_hip_centre_lies_where_hara_puts_it_for_a_leg_of_900_mm(subject):
+    """Hara et al. 2016: 11 - 0.063 LL, -9 - 0.078 LL, 8 + 0.086 LL mm, LL from the spine, 79.2 mm over the hip, down to
+    the malleolus: thigh and shank of 820.8 mm."""
+    body = body_of(subject, thigh_length_m=0.420, shank_length_m=0.4008)
+    assert (body.hip_forward, body.hip_up, body.hip_lateral) == pytest.approx((-0.0457, -0.0792, 0.0854), abs=1e-9)
+
+
 def test_both_legs_are_equally_long(subject):
     body = body_of(subject)
     prosthetic = body.thigh_length + body.residual_length + body.pylon_length + MODEL.foot.build_height_m

@@ -11,10 +11,12 @@ from made_roll_over import embedded_roll_over
 from made_study import embedded_study
 
 from vsf_drake.analysis.json_file import plain
-from vsf_drake.analysis.validation.roll_over.iso_roll_over import iso_roll_over
+from vsf_drake.analysis.validation.roll_over.iso_22675 import DURATION_S, force_share, tilt_rad
+from vsf_drake.analysis.validation.roll_over.iso_roll_over import _row, iso_roll_over
 from vsf_drake.analysis.validation.roll_over.section import roll_over_section
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.roll_over import RollOver
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,18 @@ def test_a_force_no_foot_is_tested_with_is_refused_by_name(force):
     wrong = replace(study, options=replace(study.options, iso_force_n=force))
     with pytest.raises(InputError, match="iso_force_n"):
         roll_over_section(wrong)
+
+
+def test_with_friction_the_grounds_moment_about_the_mount_is_what_the_drive_holds():
+    """But for the foot's own weight, at most at the foot's length, and an inertia with accelerations below g."""
+    foot, time = embedded_study().model.foot, np.linspace(0.0, DURATION_S, 301)
+    machine = RollOver(foot, friction=True)
+    run, following = machine.roll(fulcrum_m=0.108, time_s=time, tilt_rad=tilt_rad(time),
+                                  force_n=765.0 * force_share(time))
+    moment = _row(machine, run, following, 0.108)[1]["moment_nm"]
+    loaded, most = following.wanted_n > 100.0, 2.0 * foot.mass_kg * GRAVITY * foot.length_m
+    np.testing.assert_allclose(-run.load[loaded, 2], moment[loaded], atol=most)
+    assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, "friction has a part in it"
 
 
 def test_same_foot_same_numbers_to_the_last_digit():

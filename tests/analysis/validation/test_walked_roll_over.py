@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.validation.roll_over.shape import shape_numbers
-from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, walked_shapes
+from vsf_drake.analysis.validation.roll_over.walked import OPPOSITE_STRIKE, TOE_OFF, Frames, _arm, walked_shapes
+from vsf_drake.motion.events import Stance
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.plants.foot import mount_pose, sole_height
 
@@ -107,3 +109,15 @@ def test_foot_that_rolls_to_its_very_toe_has_the_effective_length_of_the_foot(wa
     found = shape_numbers(np.array([[0.0, -0.1], [toe[0], -0.1]]), heel_m=heel, foot_length_m=foot.length_m)
     assert found["effective_foot_length_ratio"] == pytest.approx(np.cos(offsets.alignment_rad), abs=1e-9)
     assert foot.heel_x_m < 0.0 < foot.heel_x_m + foot.length_m - sum(foot.keel.element_lengths_m)
+def test_a_free_moment_counts_as_the_two_forces_that_make_it():
+    """Forces of 350 N that push 200 mm apart in opposite directions across: at their middle 700 N and a moment of 8 N m
+    about the vertical, which turns a shank that leans sideways by half a radian forward or back as well."""
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.5), -np.sin(0.5)], [0.0, np.sin(0.5), np.cos(0.5)]])
+    ankle, middle, apart = np.array([0.0, 0.02, 0.1]), np.array([0.05, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
+    pair = ((middle + apart, np.array([30.0, 40.0, 350.0])), (middle - apart, np.array([30.0, -40.0, 350.0])))
+    moment = sum(np.cross(place - ankle, force) for place, force in pair)
+    time = np.array([0.0, 0.5, 1.0])
+    shank = Frames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
+    arm = _arm(shank, SimpleNamespace(measured=Stance(0.0, 1.0)), time, np.tile([60.0, 0.0, 700.0], (3, 1)),
+               np.tile(middle, (3, 1)), np.full(3, 8.0))
+    assert arm == pytest.approx(-moment @ lean[:, 1] / 700.0, rel=1e-12)

@@ -113,3 +113,26 @@ def test_a_mean_square_counts_each_instant_by_its_weight():
     value, by = mean_square(np.array([[1.0], [3.0]]), np.array([[[1.0]], [[0.0]]]), np.array([0.1, 0.3]), 2.0)
     assert value == pytest.approx((0.1 * 1.0 + 0.3 * 9.0) / 2.0)
     assert by == pytest.approx([2.0 * 0.1 * 1.0 / 2.0])
+
+
+@pytest.mark.parametrize("margin_s", [0.0, 0.03])
+def test_the_margin_counts_before_touch_down_and_after_toe_off(made_tuning, margin_s):
+    """And half a stance and one margin of push-off: sums of the steps, one more or less."""
+    found = made_tuning(margin_s=margin_s, late_share=0.5).parts[0].frame(2e-3)
+    (stance,) = found.stances
+    counted = found.time_s[found.inside > 0.0]
+    assert counted[[0, -1]] == pytest.approx([stance.start_s - margin_s, stance.end_s + margin_s], abs=2e-3)
+    assert found.inside.sum() == pytest.approx(stance.duration_s + 2.0 * margin_s, abs=2.1e-3)
+    pushing = found.time_s[found.late > 0.0]
+    assert pushing[[0, -1]] == pytest.approx([stance.start_s + 0.5 * stance.duration_s, counted[-1]], abs=2e-3)
+
+
+def test_a_load_that_only_moves_a_joints_inertia_works_by_the_change_of_half_its_rate_squared(made_tuning):
+    """Whatever happens in between: what a step's load accelerates passes through the mean of its two rates."""
+    part = made_tuning().parts[0]
+    walk = part.walker.walk(part.trial.trajectory, fulcrum_m=part.trial.fulcrum_m, start_s=part.trial.start_s,
+                            end_s=part.trial.end_s, step_s=2e-3, offsets=part.trial.offsets)
+    joints = [walk.mechanism.tree.index(name) for name in part.joints]
+    v = np.vstack([walk.record.v0, walk.record.v])[:, joints]
+    work = np.cumsum(part.frame(2e-3).rates * np.diff(v, axis=0), axis=0)
+    np.testing.assert_allclose(work, 0.5 * (v[1:] ** 2 - v[0] ** 2), atol=1e-9)

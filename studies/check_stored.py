@@ -1,0 +1,124 @@
+"""Whether the numbers in studies/results are those that today's sources and data give; if so, says so in them.
+
+A stored result carries digests of the files that were read and of the sources that made it, comments aside
+(`contact_fit_study.keeping`). Where the sources are others, a small part of the study is made anew, in seconds, and has
+to give the stored numbers: then the digest of today's sources is written beside them, with the words "spot check".
+Where it does not, or a file is another, the numbers are stale and the study has to run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import contact_fit_study.inputs as contact_fit
+import contact_truth_recovery as truth
+from contact_fit_study.cases import TIERS
+from contact_fit_study.keeping import STUDIES, sources_sha256
+from contact_truth_study.making import assuming
+from contact_truth_study.recovering import ROUNDS, row
+from floor_of_the_reference_subject import DATA, RESULTS, SEED
+from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
+
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit.solve import search
+from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.files import sha256
+
+REPEATS = 1e-4
+"""Relative: on one machine the numbers come back to the last bit; what moves them by less shows in no table."""
+CHECKED = "made by other sources; the spot check of studies/check_stored.py finds them again with these"
+Numbers = Iterator[tuple[str, float, float]]
+"""What, found, stored."""
+
+
+def floors(stored: dict[str, Any]) -> Numbers:
+    """Two of the softest trial's floors."""
+    trial = contact_fit.trial("laboratory", "low_1")
+    for kind, found in (("laboratory", floor(trial)),
+                        ("shared_errors_removed", floor_with_shared_errors_removed(trial, SEED))):
+        for key in ("grf_rmse_bw", "cop_rmse_fl", "stance_model_s"):
+            yield f"low_1 {kind} {key}", found[key], stored["trials"]["low_1"][kind][key]
+
+
+def fitted_pair(stored: dict[str, Any]) -> Numbers:
+    """The reported pair's fitted values on a trial that was held out and on the bench, in both tiers."""
+    for tier in TIERS:
+        pair = stored[tier]["transfer"]
+        fit = ContactFit([contact_fit.trial(tier, name) for name in pair["fitted"]], bench=contact_fit.bench())
+        u = fit.parameters.u(pair["values"])
+        held = contact_fit.trial(tier, "medium_2")
+        comparison, result, _, _ = fit.terms_of(held, None).walk(u, step_s=ContactFitOptions().report_step_s)
+        found = walk_metrics(result, held.prosthetic_plate, comparison=comparison)
+        for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "stance_model_s"):
+            yield f"{tier} medium_2 {key}", found[key], pair["trials"]["medium_2"][key]
+        yield f"{tier} stiffness at 66 mm", 1e-3 * fit.bench_stiffness(u)[0], pair["bench"]["model_n_per_mm"][0]
+
+
+def recovered_truth(stored: dict[str, Any]) -> Numbers:
+    """The search that begins at the truth of one trial."""
+    recording = assuming(truth.made(truth.TRIALS["one_trial"], [truth.SEED, 0, 0], 0.0), ROUNDS[-1])
+    found = row(recording, search(recording.fit, recording.truth))
+    of = stored["recovery"]["one_trial"]["truths"][0]["from_truth"]
+    yield "cost from truth", found["cost"], of["cost"]
+    yield "force from truth", found["grf_rmse_bw"][0], of["grf_rmse_bw"][0]
+
+
+CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
+    "floor": ("floor_of_the_reference_subject.py", floors), "contact_fit": ("contact_fit.py", fitted_pair),
+    "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth)}
+"""By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
+
+
+def read(name: str) -> dict[str, Any]:
+    """A stored result."""
+    content: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return content
+
+
+def changed_files(name: str, stored: dict[str, Any]) -> list[str]:
+    """Files that were read and are others now."""
+    now = contact_fit.input_hashes()
+    return [file for file, sha in stored["provenance"]["inputs_sha256"].items()
+            if sha != (now[file] if file in now else sha256(DATA / file))]
+
+
+def same_sources(name: str, stored: dict[str, Any]) -> bool:
+    """Whether the sources say what those said which made the result, or reproduced it last."""
+    return bool(stored["provenance"].get("sources", {}).get("sha256") == sources_sha256(STUDIES / CHECKS[name][0]))
+
+
+def differences(name: str, stored: dict[str, Any]) -> list[str]:
+    """What the spot check finds otherwise than it is stored."""
+    return [f"{what}: {found:.6g}, stored {was:.6g}" for what, found, was in CHECKS[name][1](stored)
+            if not abs(found - was) <= REPEATS * abs(was)]
+
+
+def main() -> None:
+    """Checks every stored result whose sources are others now, and notes that they give the same numbers."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    stale = False
+    for name, (script, _) in CHECKS.items():
+        stored = read(name)
+        wrong = [f"{file} is another" for file in changed_files(name, stored)]
+        if not wrong and same_sources(name, stored):
+            print(f"{name}.json: {stored['provenance']['sources']['numbers']}")
+        elif wrong := wrong or differences(name, stored):
+            stale = True
+            print(f"{name}.json is stale, run studies/{script} again: {'; '.join(wrong)}")
+        else:
+            stored["provenance"]["sources"] = {"sha256": sources_sha256(STUDIES / script), "numbers": CHECKED}
+            write_json(RESULTS / f"{name}.json", stored)
+            print(f"{name}.json: {CHECKED}")
+    sys.exit(stale)
+
+
+if __name__ == "__main__":
+    main()
