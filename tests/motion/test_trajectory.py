@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.clock import even_time
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 
 OMEGA = 2 * np.pi * 3.0
@@ -91,24 +90,3 @@ def test_what_cannot_be_a_trajectory_is_refused(time, values, names):
 def test_recording_cannot_be_changed_behind_its_splines(recording):
     with pytest.raises(ValueError, match="read-only"):
         recording.values[0, 0] = 1.0
-
-
-@pytest.mark.parametrize("decimals", [2, 3, 4])
-def test_rounded_times_become_even_again(decimals):
-    true = 0.4 + np.arange(73) / 60.0
-    rounded = np.round(true, decimals)
-    np.testing.assert_allclose(even_time(rounded), true, atol=1e-9)
-
-
-def test_rate_that_is_no_whole_number_is_restored_within_the_rounding():
-    true = 0.4 + np.arange(200) * 0.0166
-    assert np.abs(even_time(np.round(true, 3)) - true).max() < 3e-4
-
-
-def test_uneven_and_exact_times_are_left_alone():
-    uneven = np.cumsum(0.01 + 0.002 * np.random.default_rng(0).random(100))
-    assert even_time(uneven) is uneven
-    missing = np.delete(np.round(np.arange(100) / 60.0, 3), 40)
-    assert even_time(missing) is missing
-    exact = np.arange(100) / 100.0
-    assert even_time(exact) is exact

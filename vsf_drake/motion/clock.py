@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
 import numpy as np
 
 from vsf_drake.errors import InputError
@@ -9,10 +13,110 @@ from vsf_drake.motion.storage import Storage
 
 GAP_S = 0.1
 GAP_STEPS = 5.0
+LATEST_S = 1e7
+"""Seconds; four months of recording."""
+RATE_SHARE = 2e-3
+"""A stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)."""
+STEP_SHARE = 0.05
+"""A time may lie this share of a step off the even ones (clock jitter), or by its rounding."""
+FINEST_S = 5e-10
+"""Half the finest rounding that is told from a number in full."""
+TIE = 1e-6
+"""Share of half a unit within which a time lies half-way between two."""
+MOST_PROBED = 100
+"""Steps of a clock that are tried, each of which halves what is left; after 60 no number lies between."""
 
 
-def check_clock(storage: Storage, *, rows: int = 2) -> None:
-    """Refuses a recording whose time cannot be interpolated.
+class EvenClock(NamedTuple):
+    """Instants `start_s` + i `step_s` whose rounding a time column is; `unit_s` is that of its coarsest last place."""
+
+    start_s: float
+    step_s: float
+    unit_s: float
+
+    def doubts(self, path: Path) -> tuple[str, ...]:
+        """A sentence where the times are written so coarsely that they do not tell every row from the next."""
+        if self.unit_s < 0.9 * self.step_s or _whole(self.step_s, np.array(self.unit_s)):
+            return ()
+        return (f"Times in {path.name} are written to {self.unit_s:g} s where rows are {self.step_s:.4g} s apart: "
+                "their even spacing was restored, but a missing row might not show.",)
+
+
+@np.errstate(all="ignore")
+def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None:
+    """The evenly spaced clock behind times that were rounded to so many decimals, or to so many significant digits.
+
+    A clock explains the times if each lies within half a unit of its own last place. With step b, that leaves the
+    start to [max(low_i - b i), min(high_i - b i)], whose length is concave in b: tried are a whole number of rows
+    a second, the least-squares step, and then the side on which the interval grows. A time half-way between two units
+    may be rounded to either, but not now to one and now to the other where each step is a whole number of units. A
+    single row that is missing or doubled is not taken for a clock that is slow or fast by one row in all.
+
+    Args:
+        time_s: (n,) s.
+        jitter_s: how far a time may lie off the clock beside its rounding.
+
+    Returns:
+        The clock, which keeps the first time where the others allow it; None where no rounding explains the times.
+    """
+    index = np.arange(len(time_s))
+    if len(time_s) < 2 or (np.diff(time_s) < 0.0).any() or not time_s[0] < time_s[-1]:
+        return None
+    fitted = _fitted_step(time_s)
+    if not 0.0 < fitted < np.inf:
+        return None
+    whole = 1.0 / max(1.0, np.round(1.0 / fitted))
+    usual = np.median(np.diff(time_s))
+    for unit in _last_places(time_s):
+        slips = (np.abs(np.diff(time_s) - usual) > 0.9 * usual) & (unit[1:] <= usual * (1.0 + TIE))
+        if np.count_nonzero(slips) == 1:
+            continue
+        least, most = ((time_s[-1] - time_s[0] + sign * (unit[0] + unit[-1] + 2.0 * jitter_s)) / index[-1]
+                       for sign in (-1.0, 1.0))
+        for probe in range(MOST_PROBED):
+            step = (whole, fitted, 0.5 * (least + most))[min(probe, 2)]
+            half = np.maximum(0.5 * unit * (1.0 + TIE * np.where(_whole(step, unit), -1.0, 1.0)),
+                              max(jitter_s, FINEST_S))
+            low, high = time_s - half, time_s + half
+            first, last = low - index * step, high - index * step
+            i, j = int(np.argmax(first)), int(np.argmin(last))
+            if first[i] <= last[j]:
+                kept = first[i] <= time_s[0] <= last[j]
+                start = time_s[0] if kept else 0.5 * (first[i] + last[j])
+                return EvenClock(float(start), float(step), float(np.max(unit)))
+            if first[i] - last[j] > (i - j) * ((most if i > j else least) - step):
+                break
+            least, most = (max(least, step), most) if i > j else (least, min(most, step))
+    return None
+
+
+def _fitted_step(time_s: np.ndarray) -> float:
+    return float(np.polynomial.Polynomial.fit(np.arange(len(time_s)), time_s, 1).convert().coef[1])
+
+
+def _whole(step_s: float, unit: np.ndarray) -> np.ndarray:
+    """(n,) bool, whether a step is a whole number, one at least, of each unit."""
+    with np.errstate(all="ignore"):
+        times = step_s / unit
+        return (times > 0.5) & (np.abs(times - np.round(times)) < 1e-4)
+
+
+def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
+    """(n,) s, the unit of each time's last place: if all have as many decimals, if all have as many digits."""
+    size = np.maximum(np.abs(time_s), 1e-300)
+    digits = 10.0 ** np.floor(np.log10(size) + 1e-12)
+    for place in (np.ones(len(time_s)), np.maximum(digits, FINEST_S)):
+        units = (place * 10.0**-n for n in range(13))
+        within = np.minimum(1e-10 * np.maximum(1.0, size), 0.01 * place)
+        yield next((unit for unit in units if (np.abs(time_s - np.round(time_s / unit) * unit) < within).all()),
+                   np.zeros(len(time_s)))
+
+
+def check_clock(storage: Storage, *, rows: int = 2) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
+
+    Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that rounding alone makes
+    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is.
 
     Args:
         storage: the recording.
@@ -22,9 +126,14 @@ def check_clock(storage: Storage, *, rows: int = 2) -> None:
         InputError: there are fewer rows; time does not increase; a step is longer than 0.1 s or
             than five times the median step. The message names the line and the time.
     """
-    time = storage.time_s
+    time, doubts = storage.time_s, tuple[str, ...]()
     if len(time) < rows:
         raise InputError(f"has {len(time)} rows", file=storage.path, right=f"At least {rows} are needed")
+    even = even_clock(time)
+    if even is not None:
+        instants = even.start_s + np.arange(len(time)) * even.step_s
+        time = time if np.abs(instants - time).max() <= 1e-6 else instants
+        doubts = even.doubts(storage.path)
     step = np.diff(time)
     if (step <= 0.0).any():
         row = int(np.argmax(step <= 0.0)) + 1
@@ -37,27 +146,45 @@ def check_clock(storage: Storage, *, rows: int = 2) -> None:
         raise InputError(f"there is a gap of {step[row - 1]:.4g} s after {time[row - 1]:g} s (median step "
                          f"{np.median(step):.4g} s)", file=storage.path, where=storage.place(row),
                          right="Fill the gap in the recording, or cut it there")
+    return time, doubts
 
 
-def even_time(time_s: np.ndarray) -> np.ndarray:
-    """The evenly spaced instants behind a time column that was rounded to few decimals.
-
-    Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that
-    rounding alone makes accelerations of tens of rad/s^2. Times at a whole number of samples per second,
-    or failing that the least-squares even times, replace them where the difference is no more than
-    their rounding explains; otherwise (truly uneven, or already even to a microsecond) they come
-    back as they are.
+def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
+              stated_hz: float | None = None) -> tuple[float, float, tuple[str, ...]]:
+    """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
 
     Args:
-        time_s: (n,) s, increasing.
+        time_s: (n,) s.
+        lines: (n,) the file's line of each.
+        path: the file, for messages.
+        stated_hz: what the header says, which is returned where the times agree.
+
+    Raises:
+        InputError: there are fewer than two rows, or the times are uneven or do not increase.
     """
-    index = np.arange(len(time_s))
-    line = np.polynomial.Polynomial.fit(index, time_s, 1)(index)
-    decimals = next((d for d in range(2, 7) if np.allclose(time_s, np.round(time_s, d), rtol=0.0, atol=1e-10)), None)
-    if decimals is None or np.abs(line - time_s).max() <= 1e-6:
-        return time_s
-    rate = max(1.0, np.round(1.0 / (line[1] - line[0])))
-    for even, share in ((time_s[0] + index / rate, 0.5), (line, 0.7)):
-        if np.abs(even - time_s).max() <= share * 1.000001 * 10.0**-decimals:
-            return even
-    return time_s
+    if len(time_s) < 2:
+        raise InputError(f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed")
+    bad = ~(np.abs(time_s) < LATEST_S)
+    if bad.any():
+        raise InputError("the time is not a believable number", file=path,
+                         where=f"line {lines[int(np.argmax(bad))]}, column Time")
+    if time_s[-1] <= time_s[0]:
+        raise InputError(f"the times run from {time_s[0]:g} to {time_s[-1]:g} s", file=path, where="column Time",
+                         right="They must increase")
+    step = _fitted_step(time_s)
+    if not 0.0 < step < np.inf:
+        raise InputError("the times do not increase evenly", file=path, where="column Time")
+    even = even_clock(time_s)
+    if even is None:
+        if even_clock(time_s, jitter_s=STEP_SHARE * step) is None:
+            units = np.max(list(_last_places(time_s)), axis=0)
+            jump = int(np.argmax(np.abs(np.diff(time_s) - np.median(np.diff(time_s))) - (units[1:] + units[:-1]))) + 1
+            raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
+                             f"{np.median(np.diff(time_s)):.6g} s apart", file=path, where=f"line {lines[jump]}",
+                             right="Rows must be evenly spaced, without a missing one")
+        even = EvenClock(float(time_s[0]), step, 0.0)
+    rate = 1.0 / even.step_s
+    slack = RATE_SHARE + 2.0 * even.unit_s / (time_s[-1] - time_s[0])
+    if stated_hz is not None and abs(stated_hz / rate - 1.0) <= slack:
+        rate = stated_hz
+    return rate, even.start_s, even.doubts(path)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.clock import check_clock, even_time
+from vsf_drake.motion.clock import check_clock
 from vsf_drake.motion.plausible import check_angles, check_pelvis
 from vsf_drake.motion.storage import Storage
 from vsf_drake.motion.trajectory import SPLINE_ORDER, CoordinateTrajectory
@@ -56,7 +56,7 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
             differently, or not believable; a knee bends both ways; a pelvis translation is not
             believable. The message names file, column and time.
     """
-    check_clock(storage, rows=SPLINE_ORDER + 1)
+    time, doubts = check_clock(storage, rows=SPLINE_ORDER + 1)
     degrees = _in_degrees(storage, unit)
     columns = _coordinate_columns(storage)
     names = person_coordinates(prosthetic_side)
@@ -78,12 +78,11 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
     check_angles(storage, angles, sources, degrees=degrees)
     if degrees:
         values.update((n, np.radians(v)) for n, v in angles.items())
-    notes = [*storage.notes, *_turn_knees(storage, values)]
+    notes = [*storage.notes, *doubts, *_turn_knees(storage, values)]
     missing = [n for n in names if n not in values]
     if missing:
         notes.append(f"Not in {storage.path.name}, taken as zero: {', '.join(missing)}.")
     zero = np.zeros(len(storage.time_s))
-    time = even_time(storage.time_s)
     if time is not storage.time_s:
         notes.append(f"Times in {storage.path.name} are rounded; even spacing of "
                      f"{1e3 * (time[1] - time[0]):.4f} ms was restored.")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.clock import check_clock, even_time
+from vsf_drake.motion.clock import check_clock
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
 from vsf_drake.motion.floor_load import floor_load
 from vsf_drake.motion.storage import Storage
@@ -119,12 +119,11 @@ def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateR
         InputError: time does not increase or has a gap; a force cell, or a position or torque cell under load, is no
             finite number; the force points down, or is not mainly vertical; it exceeds 4 body weights.
     """
-    check_clock(storage)
-    time = even_time(storage.time_s)
+    time, doubts = check_clock(storage)
     force = np.column_stack([storage.column(f"{prefix}_v{axis}") for axis in "xyz"])
     _check_force(storage, prefix, force, mass_kg)
     loaded = force[:, 1] > THRESHOLD_N
-    notes = []
+    notes = [*doubts]
     torque = np.column_stack([_torque(storage, prefix, axis, loaded) for axis in "xyz"])
     if not any(_torque_name(storage, prefix, axis) for axis in "xyz"):
         notes.append(f"There are no torque columns for {prefix}; the free moment was taken as zero.")

@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from made_calibration import true_calibration
-from made_person import markers, recording_of, walking_angles
+from made_person import markers, poses, recording_of, walking_angles
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.schema import SegmentMarkers
 from vsf_drake.motion.markers.tracking import track
 
 FRAMES = 200
@@ -83,3 +84,48 @@ def test_a_person_of_other_proportions_is_still_another_person():
     segments["shank_left"] = dataclasses.replace(segments["shank_left"], p_PB=segments["shank_left"].p_PB * 1.3)
     with pytest.raises(InputError, match="another person"):
         track(made(), dataclasses.replace(other, segments=segments))
+
+
+@pytest.mark.parametrize("pairs", [
+    [("R.Heel", "R.Midfoot.Sup"), ("R.Toe.Lat", "R.Toe.Tip")], [("L.Toe.Med", "L.Toe.Tip"), ("R.Heel", "L.Heel")],
+    [("R.Toe.Lat", "R.Midfoot.Sup"), ("R.Midfoot.Lat", "L.Midfoot.Lat")],
+    [("L.ASIS", "V.Sacral"), ("R.Thigh.Upper", "R.Thigh.Rear")]])
+def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_leaves(session, pairs):
+    """Undone by hand, the walk is as it was: the residuals that the message promises are those of the right walk."""
+    walk, calibration = session
+    right = track(walk, calibration).residual_rms_m
+    wrong = walk
+    for pair in pairs:
+        wrong = exchanged(wrong, *pair, 0, walk.frames)
+    with pytest.raises(InputError, match="are exchanged with respect to the standing trial") as refused:
+        track(wrong, calibration)
+    named, shown = refused.value.what.split(" are exchanged")
+    assert {frozenset(words.split(" and ")) for words in named.removeprefix("markers ").split(", ")} == {
+        frozenset(pair) for pair in pairs}
+    for words in shown.split("(mm RMS): ")[1].split(", "):
+        label, before, _, after = words.split()
+        assert float(after) < float(before) or float(before) < 10
+        assert float(after) == pytest.approx(1e3 * right[label], abs=1.0), "the walk as it is filtered"
+
+
+def test_exchanges_that_nothing_tells_apart_are_all_named():
+    """Four markers in a rectangle about the thigh's axis: half a turn about it takes one exchange to the other."""
+    calibration, angles = true_calibration(), walking_angles(np.arange(FRAMES) / 100.0)
+    places = np.array([[x, 0.0, z] for z in (-0.15, -0.3) for x in (0.05, -0.05)])
+    corners = SegmentMarkers(("A", "B", "C", "D"), places, calibration.segments["thigh_right"].p_PB)
+    R, p = poses(angles)["thigh_right"]
+    seen = markers(angles, label_set="rajagopal", medial=False) | {
+        label: p + R @ place for label, place in zip(corners.labels, places, strict=True)}
+    calibration = dataclasses.replace(calibration, segments=calibration.segments | {"thigh_right": corners})
+    with pytest.raises(InputError, match=r"C and D are .* not to be told from an exchange of A and B"):
+        track(exchanged(recording_of(seen), "A", "B", 0, FRAMES), calibration)
+
+
+def test_a_moved_marker_is_named_by_what_leaving_it_out_mends():
+    """Least squares share its 150 mm out among its neighbours."""
+    calibration = true_calibration(label_set="ior")
+    walk = recording_of(markers(walking_angles(np.arange(FRAMES) / 100.0), label_set="ior", medial=False))
+    label = "RSM"
+    moved = dataclasses.replace(walk, markers=walk.markers | {label: walk.markers[label] + [0.0, 0.0, 0.15]})
+    with pytest.raises(InputError, match=rf"marker {label} is \d+ mm .* without it the others are within 0 mm"):
+        track(moved, calibration)

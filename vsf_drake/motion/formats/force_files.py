@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.clock import even_rate
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.cortex import read_cortex
 from vsf_drake.motion.formats.csv_table import read_csv
 from vsf_drake.motion.formats.force_tables import PlateColumns, Table, find_plates, read_load
 from vsf_drake.motion.formats.raw import RawForces, RawPlate, RawTrial
-from vsf_drake.motion.formats.timing import even_rate
 from vsf_drake.motion.formats.units import LENGTHS_M, length_factor
 from vsf_drake.motion.storage import read_storage
 
@@ -37,13 +37,16 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     notes: list[str] = []
     if suffix == ".forces":
         table, rate, start = read_cortex(path)
-    elif suffix == ".csv":
-        table, rate, start = _timed(*read_csv(path))
     else:
-        storage = read_storage(path)
-        notes += storage.notes
-        columns = {name: storage.values[:, i] for i, name in enumerate(storage.names)}
-        table, rate, start = _timed(Table(path, columns, storage.lines), storage.time_s)
+        if suffix == ".csv":
+            table, time = read_csv(path)
+        else:
+            storage = read_storage(path)
+            notes += storage.notes
+            columns = {name: storage.values[:, i] for i, name in enumerate(storage.names)}
+            table, time = Table(path, columns, storage.lines), storage.time_s
+        rate, start, doubts = even_rate(time, table.lines, path)
+        notes += doubts
     found = find_plates(list(table.columns))
     if not found:
         raise InputError(f"has no force columns; its columns are {', '.join(table.columns)[:300]}", file=path,
@@ -57,10 +60,6 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if suffix == ".csv" and not all(plate.force[0].endswith("_vx") for plate in found):
         convention = None
     return RawTrial(forces=RawForces(plates, rate, start), up_convention=convention, notes=notes)
-
-
-def _timed(table: Table, time_s: np.ndarray) -> tuple[Table, float, float]:
-    return table, even_rate(time_s, table.lines, table.path), float(time_s[0])
 
 
 def _in_metres(table: Table, found: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.clock import even_rate
 from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
 from vsf_drake.motion.formats.pieces import pieces
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
 from vsf_drake.motion.formats.text import Rows, as_label, numbers, text_lines
-from vsf_drake.motion.formats.timing import even_rate
 from vsf_drake.motion.formats.units import file_length_factor
 
 MOST_MARKERS = 20_000
@@ -50,7 +50,8 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     table, places = rows.finished()
     _check_frames(header, len(table), path, notes)
     stated = _number(header, "datarate")
-    rate = even_rate(table[:, 1], places, path, stated_hz=stated)
+    rate, start, doubts = even_rate(table[:, 1], places, path, stated_hz=stated)
+    notes += doubts
     if stated is not None and rate != stated:
         notes.append(f"The header of {path.name} says {stated:g} frames a second; the times say {rate:.6g}, which was "
                      "used.")
@@ -59,7 +60,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         some = positions[piece]
         some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
         some *= factor
-    return RawTrial(RawMarkers(labels, positions, rate, float(table[0, 1])), up_convention="+y", notes=notes)
+    return RawTrial(RawMarkers(labels, positions, rate, start), up_convention="+y", notes=notes)
 
 
 def trc_labels(path: Path) -> list[str]:

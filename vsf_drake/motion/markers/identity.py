@@ -13,8 +13,9 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.markers.clusters import determines, pose_data, subset
 from vsf_drake.motion.markers.gaps import FilledMarkers
-from vsf_drake.motion.markers.poses import RigidPoses
+from vsf_drake.motion.markers.poses import RigidPoses, rigid_poses
 from vsf_drake.motion.markers.schema import PARENTS, SegmentMarkers
 
 OTHER_UNIT = 5.0
@@ -80,10 +81,27 @@ def check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[str
             file=recording.path, right="Give the standing trial of the same session")
     if astray:
         rms, name, label = astray[0]
+        words = name.replace("_", " ")
+        without = {each: _without(each, name, filled, poses) for each in filled.segments[name].labels}
+        label, left = min(without.items(), key=lambda item: item[1])
+        own = residual_rms(filled.segments[name], filled, poses[name])[label]
+        if left > 0.5 * rms:
+            shown = ", ".join(f"{each} {1e3 * far:.0f}" for far, _, each in astray)
+            raise InputError(f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
+                             "and no single one of them, nor an exchange, explains it", file=recording.path,
+                             right="Check all labels of this segment in both files")
         raise InputError(
-            f"marker {label} is {1e3 * rms:.0f} mm (RMS) from its place on the {name.replace('_', ' ')} in the "
-            "standing trial: it was moved, or it is labelled wrongly in one of the two files", file=recording.path,
-            right="Correct its label, or leave it out of the marker map")
+            f"marker {label} is {1e3 * own:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
+            f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
+            "the two files", file=recording.path, right="Correct its label, or leave it out of the marker map")
+
+
+def _without(label: str, name: str, filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> float:
+    """Largest RMS residual (m) of a segment's other markers if `label` is left out; infinite where too few remain."""
+    segment = subset(filled.segments[name], tuple(own for own in filled.segments[name].labels if own != label))
+    if not determines(name, segment.p_BM):
+        return float("inf")
+    return max(residual_rms(segment, filled, rigid_poses(*pose_data(name, segment, filled.markers, poses))).values())
 
 
 def joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPoses]) -> np.ndarray:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.clusters import pose_data, segment_poses
+from vsf_drake.motion.markers.clusters import segment_poses
 from vsf_drake.motion.markers.gaps import FilledMarkers
 from vsf_drake.motion.markers.identity import LOST_JOINT_M, joint_gaps
-from vsf_drake.motion.markers.poses import FEWEST_MARKERS, RigidPoses, rigid_poses
-from vsf_drake.motion.markers.schema import PARENTS
+from vsf_drake.motion.markers.poses import RigidPoses
+from vsf_drake.motion.markers.schema import PARENTS, SegmentMarkers
 
 FASTEST_M_S = 10.0
 """Twice what a foot in swing reaches in the fastest walk."""
@@ -22,7 +22,15 @@ SMALLEST_JUMP_M = 0.05
 SWAP_M = 0.025
 """A residual below this may still be skin motion."""
 SWAP_GAIN = 0.5
-"""Two markers are exchanged if exchanging them back halves the residual."""
+"""Markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`."""
+AS_GOOD = 1.2
+"""Exchanges that leave a residual within this factor of the least are not told apart (a choice)."""
+PARTNER_M = 0.05
+"""Right and left marker are partners if one lies as near as this to the other's mirror image (a choice)."""
+LOST_M = 1.0
+"""Stands for a residual where the markers determine no pose."""
+MOST_SHOWN = 6
+"""Markers whose residuals a message shows."""
 SWAPPED_THROUGHOUT = 0.8
 """Share of the frames beyond which the labels differ from the standing trial's."""
 MOST_TRIED = 25
@@ -55,77 +63,122 @@ def check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) 
                      "walks", file=recording.path, right=f"{RELABEL}, or delete the marker there")
 
 
+Exchange = tuple[tuple[str, str], ...]
+"""Pairs of labels, no label twice."""
+
+
 def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
                 times: np.ndarray) -> None:
-    """Refuses two markers whose exchange explains why some frames do not fit.
+    """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit.
 
-    Two of one segment are known by what they leave of the distances to its pose; those of two segments, and two of
-    three on one segment, whose mirror image fits by turning over, by segments that come apart at the joints.
+    Each exchange is judged by what it leaves: distances of the markers from their segment's pose, and of segments from
+    their joints, since of three markers on one segment the mirror image fits by turning over. Single exchanges are
+    tried of all markers of the segments that do not fit, two at once of neighbours and partners.
 
     Raises:
-        InputError: names both and the time.
+        InputError: names the markers and the time, residuals before and after, and an exchange that is as good.
     """
-    _check_residuals(recording, filled, poses, times)
-    _check_joints(recording, filled, poses, times)
-
-
-def _check_residuals(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
-                     times: np.ndarray) -> None:
-    for name, segment in filled.segments.items():
-        p_BM, p_WM = pose_data(name, segment, filled.markers, poses)
-        suspect = np.flatnonzero(poses[name].residual_m.max(axis=1) > SWAP_M)
-        if len(p_BM) < FEWEST_MARKERS or not suspect.size:
-            continue
-        own = _rms(poses[name].residual_m[suspect])
-        gains = {}
-        for a, b in combinations(range(len(segment.labels)), 2):
-            exchanged = p_WM[suspect]
-            exchanged[:, [a, b]] = exchanged[:, [b, a]]
-            gains[a, b] = _rms(rigid_poses(p_BM, exchanged).residual_m) / own
-        (a, b), gain = max(gains.items(), key=lambda item: (int((item[1] < SWAP_GAIN).sum()), -item[1].min()))
-        frames = suspect[gain < SWAP_GAIN]
-        if not frames.size:
-            continue
-        raise _exchanged(f"{segment.labels[a]} and {segment.labels[b]} of the {name.replace('_', ' ')}", frames,
-                         recording, times)
-
-
-def _check_joints(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
-                  times: np.ndarray) -> None:
-    gaps = _gaps(filled, poses)
-    suspect = np.flatnonzero(np.max(list(gaps.values()), axis=0) > LOST_JOINT_M)
+    errors = _errors(filled.segments, filled.markers, poses)
+    apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
+    involved = {name for name, error in errors.items() if error[:, 1:].max() > SWAP_M} | apart
+    suspect = np.flatnonzero(np.any([(error[:, 1:] > SWAP_M).any(axis=1) | (error[:, 0] > LOST_JOINT_M)
+                                     for error in errors.values()], axis=0))
     if not suspect.size:
         return
+    involved |= {str(PARENTS[name]) for name in apart}
     tried = suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)]
-    apart = {name for name, gap in gaps.items() if gap[tried].max() > LOST_JOINT_M}
-    involved = apart | {str(PARENTS[name]) for name in apart}
-    labels = [label for name, segment in filled.segments.items() if name in involved for label in segment.labels]
-    seen = {label: path[tried] for label, path in filled.markers.items()}
-    worst = {(a, b): _worst_gap(filled, seen | {a: seen[b], b: seen[a]}) for a, b in combinations(labels, 2)}
-    if not worst:
+    search = _Search(filled, tried)
+    labels = {label: name for name, segment in filled.segments.items() if name in involved for label in segment.labels}
+    singles = list(combinations(labels, 2))
+    found = search.best([(pair,) for pair in singles])
+    if found is not None:
+        more = search.best([(*found[0], pair) for pair in singles if not {*pair} & {*found[0][0]}])
+        found = more if more is not None and more[1] < SWAP_GAIN * found[1] else found
+    else:
+        likely = [(a, b) for a, b in singles if labels[a] == labels[b] or _partners(filled.segments, labels, a, b)]
+        found = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
+    if found is None:
         return
-    (a, b), left = min(worst.items(), key=lambda item: item[1])
-    if left < SWAP_GAIN * LOST_JOINT_M:
-        raise _exchanged(f"{a} and {b}", suspect, recording, times)
+    exchange, left = found
+    equal = [other for other, cost in search.tried.items() if len(other) == len(exchange) and {*other} != {*exchange}
+             and cost < AS_GOOD * left and search.explains(other).any()]
+    whole = _Search(filled, suspect)
+    explained = whole.explains(exchange)
+    raise _exchanged(exchange, equal, whole.residuals(exchange, explained), suspect[explained], recording, times)
 
 
-def _gaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> dict[str, np.ndarray]:
-    return {name: joint_gaps(name, segment, poses) for name, segment in filled.segments.items() if PARENTS[name]}
+class _Search:
+    """Exchanges of markers in some frames of a walk, and what each leaves."""
+
+    def __init__(self, filled: FilledMarkers, frames: np.ndarray) -> None:
+        self.segments, self.tried = filled.segments, dict[Exchange, float]()
+        self.markers = {label: path[frames] for label, path in filled.markers.items()}
+        self.own = self.after(())
+
+    def after(self, exchange: Exchange) -> dict[str, np.ndarray]:
+        markers = self.markers | {a: self.markers[b] for pair in exchange for a, b in permutations(pair)}
+        return _errors(self.segments, markers, segment_poses(self.segments, markers))
+
+    def explains(self, exchange: Exchange) -> np.ndarray:
+        """(n,) bool, whether it halves what its own segments and their joints leave, to less than `SWAP_M`."""
+        labels = {label for pair in exchange for label in pair}
+        touched = {name for name, segment in self.segments.items() if labels & {*segment.labels}}
+        touched |= {name for name, parent in PARENTS.items() if parent in touched}
+        before, after = (_rms([errors[name] for name in touched]) for errors in (self.own, self.after(exchange)))
+        return np.asarray((after < SWAP_GAIN * before) & (after < SWAP_M))
+
+    def best(self, exchanges: list[Exchange]) -> tuple[Exchange, float] | None:
+        """The exchange that leaves least (RMS over all segments, m), if made only in the frames that it helps."""
+        own = _rms(list(self.own.values()))
+        costs = {exchange: float(np.sqrt(np.mean(np.minimum(own, _rms(list(self.after(exchange).values()))) ** 2)))
+                 for exchange in exchanges}
+        self.tried |= costs
+        least = min(costs, key=lambda exchange: costs[exchange], default=None)
+        return (least, costs[least]) if least is not None and self.explains(least).any() else None
+
+    def residuals(self, exchange: Exchange, frames: np.ndarray) -> dict[str, tuple[float, float]]:
+        """RMS (m) before and after, in `frames`, of the markers whose residuals change most."""
+        after = self.after(exchange)
+        both = {label: (float(_rms([self.own[name][frames, 1 + k]])), float(_rms([after[name][frames, 1 + k]])))
+                for name, segment in self.segments.items() for k, label in enumerate(segment.labels)}
+        return dict(sorted(both.items(), key=lambda item: item[1][1] - item[1][0])[:MOST_SHOWN])
 
 
-def _worst_gap(filled: FilledMarkers, markers: Mapping[str, np.ndarray]) -> float:
-    """Largest distance (m) at any joint in the median frame; infinite where a pose is lost."""
-    gaps = np.max(list(_gaps(filled, segment_poses(filled.segments, markers)).values()), axis=0)
-    return float(np.median(np.nan_to_num(gaps, nan=np.inf)))
+def _errors(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray],
+            poses: Mapping[str, RigidPoses]) -> dict[str, np.ndarray]:
+    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its markers from its pose."""
+    frames = len(next(iter(markers.values())))
+    return {name: np.nan_to_num(np.column_stack([
+        joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
+        poses[name].residual_m[:, :len(segment.labels)]]), nan=LOST_M) for name, segment in segments.items()}
 
 
-def _exchanged(pair: str, frames: np.ndarray, recording: Recording, times: np.ndarray) -> InputError:
+def _partners(segments: Mapping[str, SegmentMarkers], labels: Mapping[str, str], a: str, b: str) -> bool:
+    """Whether one of two markers on a right and a left segment lies in the mirror image of the other."""
+    here, there = labels[a], labels[b]
+    if here == there or here.rpartition("_")[0] != there.rpartition("_")[0]:
+        return False
+    places = [segments[name].p_BM[segments[name].labels.index(label)] for name, label in ((here, a), (there, b))]
+    return bool(np.linalg.norm(places[0] * [1.0, -1.0, 1.0] - places[1]) < PARTNER_M)
+
+
+def _words(exchange: Exchange) -> str:
+    return ", ".join(f"{a} and {b}" for a, b in exchange)
+
+
+def _exchanged(exchange: Exchange, equal: list[Exchange], residuals: Mapping[str, tuple[float, float]],
+               frames: np.ndarray, recording: Recording, times: np.ndarray) -> InputError:
+    changes = [f"{label} {1e3 * before:.0f} to {1e3 * after:.0f}" for label, (before, after) in residuals.items()]
+    shown = f"; if undone, residuals change (mm RMS): {', '.join(changes)}"
+    if equal:
+        shown += f"; not to be told from an exchange of {' or of '.join(_words(other) for other in equal[:3])}"
     if frames.size > SWAPPED_THROUGHOUT * len(times):
-        return InputError(f"markers {pair} are exchanged with respect to the standing trial", file=recording.path,
-                          right="Correct the labels in one of the two files")
-    return InputError(f"markers {pair} exchange places at {times[frames[0]]:.3f} s (for {frames.size} frames in all)",
-                      file=recording.path, right=RELABEL)
+        return InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
+                          file=recording.path, right="Correct the labels in one of the two files")
+    return InputError(f"markers {_words(exchange)} exchange places at {times[frames[0]]:.3f} s (for {frames.size} "
+                      f"frames in all){shown}", file=recording.path, right=RELABEL)
 
 
-def _rms(residual: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))
+def _rms(errors: list[np.ndarray]) -> np.ndarray:
+    """Root mean square along the last axis of arrays put side by side."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(errors, axis=-1) ** 2, axis=-1)))
