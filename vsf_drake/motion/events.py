@@ -102,7 +102,7 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float,
     found, share = [], force / max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
-        before, after = np.searchsorted(time_s, start, "right") - 1, np.searchsorted(time_s, end, "left")
+        before, after = int(np.searchsorted(time_s, start, "right")) - 1, int(np.searchsorted(time_s, end, "left"))
         seen = (not ((on[0] and start == time_s[0]) or _jumps(time_s, share, before, 1)),
                 not ((on[-1] and end == time_s[-1]) or _jumps(time_s, share, after, -1)))
         at_end = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)
