@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
-from vsf_drake.schema import check, load_yaml
+from vsf_drake.schema import check, load_yaml, unit_hint
 
 FOAM_LOADS_N = (200.0, 600.0)
 """Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper one a choice)."""
@@ -141,5 +141,6 @@ def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | 
         raise InputError(f"{fulcrum_m!r} is not a number", file=file, where=where, right="Its unit is m from A")
     if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
         raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,
-                         where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm")
+                         where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
+                         f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}")
     return fulcrum_m

@@ -27,6 +27,13 @@ from vsf_drake.errors import InputError
 
 T = TypeVar("T")
 
+_OTHER_UNITS = {"mm": {"metres": 1e3, "centimetres": 10.0},
+                "m": {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254},
+                "deg": {"radians": 180.0 / math.pi}, "rad": {"degrees": math.pi / 180.0},
+                "kg": {"pounds": 0.45359237, "grams": 1e-3}, "s": {"milliseconds": 1e-3},
+                "N/m": {"N/mm": 1e3}, "N/mm": {"N/m": 1e-3}}
+"""What else people give where a unit is asked for, and how much of that unit it is."""
+
 
 def quantity(
     default: Any = dataclasses.MISSING,
@@ -170,8 +177,14 @@ def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
             f"{value:g}{unit} is outside its physical range",
             file=file,
             where=where,
-            right=f"It must be {_range(low, high)}{unit}",
+            right=f"It must be {_range(low, high)}{unit}{unit_hint(value, unit.strip(), low, high)}",
         )
+
+
+def unit_hint(value: float, unit: str, low: float, high: float) -> str:
+    """". Is it in metres?" where `value`, out of a range in `unit`, would be in it if it were in metres; else ""."""
+    meant = [other for other, factor in _OTHER_UNITS.get(unit, {}).items() if value and low <= factor * value <= high]
+    return f". Is it in {' or '.join(meant)}?" if meant else ""
 
 
 def _range(low: float, high: float) -> str:

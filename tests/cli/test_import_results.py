@@ -62,6 +62,15 @@ def test_import_json_holds_everything_in_numbers(imported):
     assert any("108 mm, mid-range" in note for note in trial["notes"])
 
 
+def test_angles_at_standing_are_angles_and_the_pelvis_stands_in_metres(imported):
+    calibration = read_json(imported / "import.json")["calibration"]
+    assert max(map(abs, calibration["standing_angles_deg"].values())) < 15.0  # the made person stands straight
+    assert set(calibration["standing_pelvis_m"]) == {"pelvis_tx", "pelvis_ty", "pelvis_tz"}
+    legs = calibration["lengths_m"]
+    stacked = sum(legs[f"{part}_left"] for part in ("thigh", "shank", "ankle_height"))
+    assert calibration["standing_pelvis_m"]["pelvis_ty"] == pytest.approx(stacked, abs=0.15)  # ASIS above the hips
+
+
 def test_made_angles_come_back_through_the_files(imported):
     trial = load_trial(imported / "walk.yaml")
     # The made gait's first harmonics pass a 6 Hz filter; noise of 0.2 mm over 0.2 m is 0.06 degrees.

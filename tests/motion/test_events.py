@@ -52,6 +52,40 @@ def test_ends_outside_the_record_are_told():
     assert (second.end_s, second.start_seen, second.end_seen, second.complete) == (TIME[-1], True, False, False)
 
 
+@pytest.mark.parametrize("rate_hz", [200, 1000, 2000])
+@pytest.mark.parametrize(("blank_from_s", "blank_to_s", "start_seen", "end_seen"), [
+    (0.0, 0.0005, False, True), (-1.0, 0.3, False, True), (0.5, 3.0, True, False)])
+def test_force_that_jumps_is_cut_off_and_no_strike_or_lift_off(rate_hz, blank_from_s, blank_to_s, start_seen, end_seen):
+    """No foot takes up most of its load from one sample to the next: the force was blanked while the foot stood."""
+    time = np.arange(0.0, 2.0, 1.0 / rate_hz)
+    force = np.interp(time, TIME, pulse(-0.2 if blank_to_s < 0.1 else 0.1, 0.9))
+    (whole,) = find_stances(time, force)
+    force[(time >= blank_from_s) & (time < blank_to_s)] = 0.0
+    (stance,) = find_stances(time, force)
+    assert (stance.start_seen, stance.end_seen, stance.complete) == (start_seen, end_seen, False)
+    assert whole.start_seen == (blank_to_s > 0.1) and whole.end_seen
+
+
+def test_forces_switched_off_in_mid_stance_leave_two_cut_stances():
+    force = pulse(0.5, 1.2)
+    force[(TIME > 0.75) & (TIME < 0.85)] = 0.0
+    assert [(s.start_seen, s.end_seen) for s in find_stances(TIME, force)] == [(True, False), (False, True)]
+
+
+@pytest.mark.parametrize("before_s", [0.02, 0.05])
+def test_strike_that_the_record_ends_upon_is_a_strike(before_s):
+    """Steepest loading that was recorded: 27 body weights a second over 5 ms."""
+    ramp = np.clip(27.0 * 800.0 * (TIME - 2.0 + before_s), 0.0, 800.0) + pulse(0.5, 1.2)
+    last = find_stances(TIME, ramp)[-1]
+    assert last.start_seen and not last.end_seen
+
+
+def test_spike_of_one_sample_is_no_stance():
+    force = pulse(0.5, 1.2)
+    force[1600] = 900.0
+    assert len(find_stances(TIME, force)) == 1
+
+
 def test_foot_that_never_leaves_the_plate():
     (stance,) = find_stances(TIME, np.full(len(TIME), 400.0))
     assert (stance.start_s, stance.end_s) == (TIME[0], TIME[-1])

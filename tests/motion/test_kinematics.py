@@ -57,7 +57,16 @@ def test_left_prosthesis_needs_the_right_ankle_only(trial_files):
     del trial_files.columns["ankle_angle_l"]
     trajectory, _ = read(trial_files, side="left")
     assert "ankle_angle_r" in trajectory.names and "ankle_angle_l" not in trajectory.names
+    del trial_files.columns["ankle_angle_r"]
     assert "column ankle_angle_l: there is no column for this coordinate" in message(trial_files, side="right")
+
+
+@pytest.mark.parametrize(("side", "other"), [("right", "l"), ("left", "r")])
+def test_subject_with_the_prosthesis_on_the_wrong_side_is_told_so(trial_files, side, other):
+    del trial_files.columns[f"ankle_angle_{other}"]
+    text = message(trial_files, side=side)
+    assert f"ankle_angle_{side[0]} for an ankle that the prosthesis replaces" in text
+    assert f"The subject's prosthetic_side is {side}: is it the other one?" in text
 
 
 def test_opensim_paths_are_coordinates_and_speeds_are_not(trial_files):

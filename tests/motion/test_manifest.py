@@ -1,11 +1,13 @@
 """The trial manifest: every key, and every way to get one wrong."""
 
 import math
+from pathlib import Path
 
 import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
+from vsf_drake.resources import resource
 
 EVERYTHING = """
 subject: subject.yaml
@@ -106,6 +108,20 @@ def test_least_manifest_with_markers_has_defaults(load):
     manifest = load("subject: s.yaml\nmarkers: k.c3d\nprosthesis: {fulcrum_mm: 66}\n")
     assert manifest.forces is None and manifest.standing is None and manifest.marker_map is None
     assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("harrington", 6.0, False)
+
+
+@pytest.mark.parametrize(("kind", "file"), [
+    ("subject", "data/reference_subject/subject.yaml"), ("model", "models/nominal.yaml"),
+    ("fitted contact", "data/reference_subject/exact/contact.yaml"), ("bench", "data/reference_subject/bench.yaml")])
+def test_file_of_another_kind_is_called_what_it_is(kind, file):
+    with pytest.raises(InputError, match=rf"{Path(file).name}: is a {kind} file and no trial manifest"):
+        load_manifest(resource(file))
+
+
+def test_folder_is_called_a_folder(tmp_path):
+    with pytest.raises(InputError, match=r": is a folder\. Name the manifest") as caught:
+        load_manifest(tmp_path)
+    assert "Errno" not in str(caught.value)
 
 
 def test_missing_manifest_is_named(tmp_path):

@@ -10,7 +10,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import default_model, load_trial
 from vsf_drake.schema import dump_yaml
 
-WEIGHT = 80.0 * 9.80665
+MASS = 80.0
+WEIGHT = MASS * 9.80665
 
 
 def message(files):
@@ -133,6 +134,48 @@ def test_missing_file_is_named_with_its_key(trial_files, key):
 def test_negative_mass_is_refused(trial_files):
     trial_files.subject["mass_kg"] = -80.0
     assert "subject.yaml: line 1, mass_kg: -80 kg is outside its physical range" in message(trial_files)
+
+
+def on_two_plates(trial_files):
+    """The weight on the left foot, then on the right one, then on the left, shared evenly for 0.1 s in between."""
+    right = np.interp(trial_files.force_time, [0.3, 0.4, 0.9, 1.0], [0.0, 1.0, 1.0, 0.0])
+    trial_files.forces["ground_force_r_vy"][:] = WEIGHT * right
+    trial_files.forces["ground_force_l_vy"][:] = WEIGHT * (1.0 - right)
+    for side in "rl":
+        trial_files.forces[f"ground_force_{side}_px"][:] = 0.5
+
+
+@pytest.mark.parametrize(("mass_kg", "words"), [
+    (MASS / 0.45359237, f"Is it in pounds? 176.37 lb are {MASS:.1f} kg"), (1.4 * MASS, "prosthesis included"),
+    (0.7 * MASS, "prosthesis included")])
+def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words):
+    """The stance of one foot between two of the other carries the weight throughout, and momentum returns."""
+    on_two_plates(trial_files)
+    trial_files.subject["mass_kg"] = mass_kg
+    text = message(trial_files)
+    assert "subject.yaml: mass_kg: the plates contradict" in text and f"the weight of {MASS:.1f} kg" in text
+    assert words in text
+
+
+@pytest.mark.parametrize("mass_kg", [0.85 * MASS, MASS, 1.2 * MASS])
+def test_mass_within_what_plates_and_clothes_explain_is_taken(trial_files, mass_kg):
+    on_two_plates(trial_files)
+    trial_files.subject["mass_kg"] = mass_kg
+    assert load_trial(trial_files.write()).subject.mass_kg == mass_kg
+
+
+@pytest.mark.parametrize("side", "rl")
+def test_mass_that_one_plate_cannot_tell_is_not_refused(trial_files, side):
+    """A foot that is seen alone may share the weight with anything."""
+    on_two_plates(trial_files)
+    trial_files.forces[f"ground_force_{side}_vy"][trial_files.force_time < 0.6] = 0.0
+    trial_files.subject["mass_kg"] = 2.0 * MASS
+    load_trial(trial_files.write())
+
+
+def test_fulcrum_in_metres_is_asked_about(trial_files):
+    trial_files.manifest["prosthesis"] = {"fulcrum_mm": 0.108}
+    assert "It must be between 66 and 151 mm. Is it in metres?" in message(trial_files)
 
 
 def test_fulcrum_out_of_reach_is_refused(trial_files):

@@ -22,6 +22,7 @@ from vsf_drake.motion.markers.person_facts import check_facts
 from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.trial import Trial
 from vsf_drake.motion.trial_record import default_model
+from vsf_drake.motion.walk_mass import check_mass
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.scaling import scale_foot
 
@@ -90,6 +91,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
         notes = (*files.notes(walk), *model_notes, *trial.notes)
         trial = dataclasses.replace(trial, notes=tuple(dict.fromkeys(notes)))  # noqa: PLW2901 (the same, with notes)
         try:
+            check_mass(trial, file=walk)
             items.append(examine(trial, cutoff_hz=options.cutoff_hz, stated=stated,
                                  belt_speed_m_per_s=options.belt_speed_m_per_s))
             names.append(name)

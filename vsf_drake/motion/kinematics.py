@@ -70,6 +70,12 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
             continue
         if label is None:
             known = ", ".join(columns) or "none"
+            prosthetic = prosthetic_side[0]
+            if name.startswith("ankle_angle") and f"ankle_angle_{prosthetic}" in columns:
+                raise InputError("there is no column for the intact ankle, but there is "
+                                 f"ankle_angle_{prosthetic} for an ankle that the prosthesis replaces",
+                                 file=storage.path, where=f"column {name}",
+                                 right=f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?")
             raise InputError("there is no column for this coordinate", file=storage.path,
                              where=f"column {name}", right=f"Coordinates found: {known}")
         sources[name], values[name] = label, storage.column(label)

@@ -28,11 +28,17 @@ the manifest's folder.
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from vsf_drake.bench_file import load_bench_file
+from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
+from vsf_drake.model_file import load_model
+from vsf_drake.motion.stated_subject import load_stated_subject
 from vsf_drake.schema import choice, load_yaml, quantity
 
 UNITS = ("degrees", "radians")
@@ -129,11 +135,17 @@ def load_manifest(path: str | Path) -> Manifest:
     """Reads a trial manifest and checks what its keys must share. Does not open the files it names.
 
     Raises:
-        InputError: see `vsf_drake.schema.load_yaml`; or neither `kinematics` nor `markers` is given, or both are, or
-            keys that belong to the other; `forces` is missing; the window does not end after it starts.
+        InputError: see `vsf_drake.schema.load_yaml`; it is a folder, or a file of another kind; neither `kinematics`
+            nor `markers` is given, or both are, or keys that belong to the other; `forces` is missing; the window does
+            not end after it starts.
     """
     path = Path(path)
-    manifest = load_yaml(path, Manifest)
+    if path.is_dir():
+        raise InputError("is a folder", file=path, right="Name the manifest of a trial (a .yaml file)")
+    try:
+        manifest = load_yaml(path, Manifest)
+    except InputError as error:
+        raise _other_kind(path) or error from None
     if manifest.kinematics is not None and manifest.markers is not None:
         raise InputError("joint angles and markers are both given", file=path, where="kinematics and markers",
                          right="Keep one: the angles would be computed from the markers")
@@ -146,6 +158,18 @@ def load_manifest(path: str | Path) -> Manifest:
         raise InputError(f"start_s {window.start_s:g} and end_s {window.end_s:g} leave nothing between them",
                          file=path, where="window")
     return manifest
+
+
+def _other_kind(path: Path) -> InputError | None:
+    """What to say of a file that is something else's; None where it is nothing that is known."""
+    kinds: dict[str, Callable[[Path], object]] = {
+        "subject": load_stated_subject, "model": load_model, "fitted contact": load_contact, "bench": load_bench_file}
+    for kind, load in kinds.items():
+        with contextlib.suppress(InputError):
+            load(path)
+            return InputError(f"is a {kind} file and no trial manifest", file=path,
+                              right="Name the manifest, whose keys are subject, prosthesis, kinematics or markers, ...")
+    return None
 
 
 def _check_angles(path: Path, manifest: Manifest) -> None:

@@ -17,6 +17,7 @@ from vsf_drake.motion.stated_subject import load_stated_subject
 from vsf_drake.motion.storage import read_storage
 from vsf_drake.motion.treadmill import on_the_belt
 from vsf_drake.motion.trial_record import Trial, default_model
+from vsf_drake.motion.walk_mass import check_mass
 from vsf_drake.motion.window import trial_window
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.schema import load_yaml
@@ -48,7 +49,7 @@ def load_trial(path: str | Path) -> Trial:
             - a needed cell is blank, NaN or no number; time does not increase or has a gap; too few rows;
             - angles cannot be in the unit stated, or no unit is stated; a pelvis position is not believable;
             - the column names do not tell which force is which foot; the prosthetic foot has no force;
-            - a force points down or sideways, or is far from the body weight;
+            - a force points down or sideways, or is far from the body weight; the plates contradict the mass;
             - window, kinematics and forces do not overlap; the trial is shorter than one stance; the prosthetic
               foot carries no load in it.
     """
@@ -62,8 +63,14 @@ def load_trial(path: str | Path) -> Trial:
                "standing": str(manifest.standing), "marker_map": str(manifest.marker_map),
                "forces": str(_force_file(manifest)), "model": str(manifest.model)}
     inputs = {path.name: sha256(path)} | {written[key]: sha256(file) for key, file in named.items()}
-    if manifest.markers is not None:
-        return _trial_from_markers(path, manifest, named, model, fulcrum_m, inputs)
+    trial = (_trial_from_angles if manifest.markers is None else _trial_from_markers)(
+        path, manifest, named, model, fulcrum_m, inputs)
+    check_mass(trial, file=named["subject"])
+    return trial
+
+
+def _trial_from_angles(path: Path, manifest: Manifest, named: dict[str, Path], model: ModelParameters,
+                       fulcrum_m: float, inputs: dict[str, str]) -> Trial:
     subject = load_yaml(named["subject"], Subject)
     storage = read_storage(named["kinematics"])
     trajectory, notes = read_kinematics(storage, prosthetic_side=subject.prosthetic_side, unit=manifest.kinematics_unit)
@@ -124,7 +131,8 @@ def _read_plates(path: Path, manifest: Manifest, file: Path,
     prefixes = assign_prefixes(storage, mapping)
     if subject.prosthetic_side not in prefixes:
         raise InputError(f"there is no force for the {subject.prosthetic_side} (prosthetic) foot", file=path,
-                         where=f"forces.{subject.prosthetic_side}", right=f"Name its prefix in {file.name}")
+                         where=f"forces.{subject.prosthetic_side}", right=f"Name its prefix in {file.name}; or is the "
+                         "subject's prosthetic_side the other one?")
     plates: dict[str, PlateRecording] = {}
     notes = list(storage.notes)
     for side, prefix in prefixes.items():

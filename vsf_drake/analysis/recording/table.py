@@ -11,6 +11,7 @@ import numpy as np
 from vsf_drake.analysis.recording.check import worst
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.motion.events import Stance
+from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
@@ -54,10 +55,13 @@ def person_table(item: Examined) -> dict[str, Any]:
     table: dict[str, Any] = {"subject": to_plain(trial.subject), "mass_budget_kg": mass_budget(trial)}
     if item.markers is not None:
         calibration = item.markers.calibration
+        standing = calibration.angles_rad
         table["calibration"] = {
             "lengths_m": dict(calibration.lengths_m), "method": list(calibration.method),
             "notes": list(calibration.notes),
-            "standing_angles_deg": {name: float(np.degrees(value)) for name, value in calibration.angles_rad.items()}}
+            "standing_angles_deg": {name: float(np.degrees(value)) for name, value in standing.items()
+                                    if name not in PELVIS_TRANSLATIONS},
+            "standing_pelvis_m": {name: standing[name] for name in PELVIS_TRANSLATIONS}}
     return table
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.parameters import GRAVITY, SIDES
+from vsf_drake.schema import unit_hint
 
 SEXES = ("male", "female")
 KNEE_WIDTH_MM = {"male": 100.0, "female": 90.0}
@@ -71,7 +72,7 @@ def check_facts(person: PersonFacts) -> tuple[str, str]:
         if value is not None and not low <= value <= high:
             unit = key.rsplit("_", 1)[1]
             raise InputError(f"{value:g} {unit} is out of range", where=f"{key} (--{key.replace('_', '-')})",
-                             right=f"It must be between {low:g} and {high:g} {unit}")
+                             right=f"It must be between {low:g} and {high:g} {unit}{unit_hint(value, unit, low, high)}")
     return str(person.sex), str(person.prosthetic_side)
 
 

@@ -56,7 +56,8 @@ class Calibration:
         subject: mass, stature and every measured length.
         segments: by name; all seven of `SEGMENTS`.
         feet: by side ("right", "left").
-        angles_rad: the joint coordinates at standing, by name, both ankles included (nothing is zeroed).
+        angles_rad: the coordinates at standing, by name, both ankles included (nothing is zeroed); the pelvis's
+            translations among them in m.
         lengths_m: what was measured, by name and side, for the report: thigh_right, shank_right, foot_right,
             ankle_height_right, hip_width, ... with the same for left.
         method: sentences on how each joint centre and axis was found.
