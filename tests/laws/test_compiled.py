@@ -95,7 +95,7 @@ def test_every_compiled_function_and_the_constants_in_it_are_under_the_digest():
 
 
 def test_states_of_the_sources_that_nobody_uses_any_more_are_removed(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     current = Path(module._folder())
     for age in range(KEPT + 2):
         old = current.with_name(f"state_{age}")

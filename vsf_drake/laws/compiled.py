@@ -35,6 +35,7 @@ COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""
 _PACKAGE = Path(__file__).resolve().parents[1]
+_settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
 
 
@@ -52,13 +53,13 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     options["error_model"] = "numpy"
     if _FOLDER and _unchanged(function.__code__.co_filename):
         with _lock:
-            users, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _FOLDER  # is read when a function is decorated
+            users, _settings.CACHE_DIR = _settings.CACHE_DIR, _FOLDER  # is read when a function is decorated
             try:
                 kept = numba.njit(cache=True, **options)(function)
             except RuntimeError:  # numba has found no folder to keep it in
                 kept = None
             finally:
-                numba.config.CACHE_DIR = users
+                _settings.CACHE_DIR = users
         if kept is not None and str(kept.stats.cache_path).startswith(_FOLDER):
             return kept
     return numba.njit(**options)(function)
@@ -78,11 +79,12 @@ def _unchanged(_file: str) -> bool:
 
 def _folder() -> str:
     """Where this state of the sources keeps its machine code; empty if nowhere."""
-    if numba.config.DISABLE_JIT:
+    if _settings.DISABLE_JIT:
         return ""
     state = f"{_SOURCES} {numba.__version__} {llvmlite.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
-    homes = [numba.config.CACHE_DIR, _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"), "~/.cache"]
+    # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
+    homes = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"), "~/.cache"]
     for home in filter(None, homes):
         try:
             folder = Path(home).expanduser().absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
