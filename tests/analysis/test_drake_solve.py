@@ -49,6 +49,6 @@ def test_a_file_of_ipopt_options_in_the_current_folder_is_not_read(monkeypatch, 
     """It could name a library to load and a file to write over."""
     (tmp_path / "ipopt.opt").write_text("max_iter 1\nprint_level 5\noutput_file victim.txt\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    result = solved(IpoptSolver(), program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**4), np.full(2, 5.0), SolverOptions(),
-                    SimpleNamespace(interrupted=False))
+    cost = program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**4)
+    result = solved(IpoptSolver(), cost, np.full(2, 5.0), SolverOptions(), SimpleNamespace(interrupted=False))
     assert result.is_success() and not (tmp_path / "victim.txt").exists()

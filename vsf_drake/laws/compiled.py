@@ -25,7 +25,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import llvmlite
 import numba
 import numpy as np
 
@@ -81,10 +80,10 @@ def _folder() -> str:
     """Where this state of the sources keeps its machine code; empty if nowhere."""
     if _settings.DISABLE_JIT:
         return ""
-    state = f"{_SOURCES} {numba.__version__} {llvmlite.__version__} {np.__version__}"
+    state = f"{_SOURCES} {numba.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
     # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
-    homes = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"), "~/.cache"]
+    homes: list[Any] = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"), "~/.cache"]
     for home in filter(None, homes):
         try:
             folder = Path(home).expanduser().absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]

@@ -66,8 +66,8 @@ def test_a_worker_of_a_checkout_that_is_not_installed_takes_the_same_package(tmp
 
 
 def test_settings_that_lie_in_the_current_folder_run_nothing(folder):
-    done = subprocess.run([sys.executable, "-P", "-c", LOADED, folder.parent], cwd=folder, capture_output=True, text=True,
-                          check=False)
+    done = subprocess.run([sys.executable, "-P", "-c", LOADED, folder.parent], cwd=folder, capture_output=True,
+                          text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert marks(folder) == ""
     assert not (folder / "machine_code").exists()

@@ -149,8 +149,8 @@ class _Process:
         with theirs:
             code = _CODE.format(path=_path(), descriptor=theirs.fileno())
             self._child = subprocess.Popen(
-                [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
-                env=os.environ | _ONE_THREAD)
+                [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL, env=os.environ | _ONE_THREAD)
 
     def is_ready(self) -> bool:
         """Waits until it can work; false if it ends instead."""
