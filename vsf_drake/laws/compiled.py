@@ -83,7 +83,8 @@ def _folder() -> str:
     state = f"{_SOURCES} {numba.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
     # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
-    homes: list[Any] = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"), "~/.cache"]
+    homes: list[Any] = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"),
+                        "~/.cache"]
     for home in filter(None, homes):
         try:
             folder = Path(home).expanduser().absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
