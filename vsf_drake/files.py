@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import glob
 import hashlib
 import os
-import tempfile
-from collections.abc import Iterator
+import secrets
+import shutil
+import socket
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from vsf_drake.errors import InputError
 
+OTHER_HOSTS_S = 7 * 86400.0
+"""How long what another machine has begun stays, whose processes cannot be seen from here."""
+_HOST = hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
+
 
 @contextlib.contextmanager
-def replaced(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
+def replaced(path: str | Path, mode: str = "w", *, lasting: bool = False) -> Iterator[IO[Any]]:
     """A file to write that becomes `path` only when the block ends without an exception.
 
     The text goes to a temporary file in the same folder, which is renamed over `path` at
@@ -23,6 +32,7 @@ def replaced(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     Args:
         path: the file to create or to replace; its folder must exist.
         mode: "w" for text (UTF-8, lines end in a line feed) or "wb" for bytes.
+        lasting: whether it must be whole even if the machine stops in the next moment, which costs milliseconds.
 
     Raises:
         InputError: the folder does not exist or cannot be written.
@@ -31,23 +41,58 @@ def replaced(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     path = Path(path)
     if mode not in ("w", "wb"):
         raise ValueError(f"mode must be 'w' or 'wb', not {mode!r}")
-    try:
-        descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", file=path) from None
     text: dict[str, Any] = {} if mode == "wb" else {"encoding": "utf-8", "newline": "\n"}
-    try:
-        with os.fdopen(descriptor, mode, **text) as stream:
+    with part_of(path, path.parent, lambda part: part.touch(exist_ok=False)) as part:
+        with open(part, mode, **text) as stream:
             yield stream
-        os.chmod(name, _default_permissions())
+            if lasting:
+                stream.flush()
+                os.fsync(stream.fileno())
         try:
-            os.replace(name, path)
+            os.replace(part, path)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=path) from None
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(name)
-        raise
+    if lasting:
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+@contextlib.contextmanager
+def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Path]:
+    """A file or folder in `home` that `make` creates, to be renamed to `path`; whatever is left of it then goes.
+
+    Parts of `path` whose processes were killed are removed first. A process that lives holds a lock on its own.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    held = -1
+    part = home
+    try:
+        try:
+            for old in home.glob(f".{glob.escape(path.name)}.{'?' * 8}-{'?' * 8}.part"):
+                _remove_dead(old)
+            while held < 0:
+                part = home / f".{path.name}.{_HOST}-{secrets.token_hex(4)}.part"
+                make(part)
+                with contextlib.suppress(FileNotFoundError):  # another process has taken it for dead
+                    held = os.open(part, os.O_RDONLY)
+                    with contextlib.suppress(OSError):  # a file system without locks
+                        fcntl.flock(held, fcntl.LOCK_EX)
+                    if not part.exists():
+                        os.close(held)
+                        held = -1
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=path) from None
+        yield part
+    finally:
+        if part != home:
+            _remove(part)
+        if held >= 0:
+            os.close(held)
 
 
 def sha256(path: str | Path) -> str:
@@ -63,7 +108,21 @@ def sha256(path: str | Path) -> str:
         raise InputError(f"cannot be read ({error.strerror})", file=path) from None
 
 
-def _default_permissions() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+def _remove_dead(part: Path) -> None:
+    """Removes what nobody writes any more: unlocked, and of this machine or old."""
+    with contextlib.suppress(OSError):
+        held = os.open(part, os.O_RDONLY)
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if f".{_HOST}-" in part.name or time.time() - part.stat().st_mtime > OTHER_HOSTS_S:
+                _remove(part)
+        finally:
+            os.close(held)
+
+
+def _remove(part: Path) -> None:
+    with contextlib.suppress(OSError):
+        if part.is_dir():
+            shutil.rmtree(part)
+        else:
+            part.unlink()

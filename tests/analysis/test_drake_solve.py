@@ -43,3 +43,12 @@ def test_the_least_square_is_found():
     result = solved(SnoptSolver(), program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**2), np.zeros(2), SolverOptions(),
                     SimpleNamespace(interrupted=False))
     np.testing.assert_allclose(result.get_x_val(), [1.0, -2.0], atol=1e-5)
+
+
+def test_a_file_of_ipopt_options_in_the_current_folder_is_not_read(monkeypatch, tmp_path):
+    """It could name a library to load and a file to write over."""
+    (tmp_path / "ipopt.opt").write_text("max_iter 1\nprint_level 5\noutput_file victim.txt\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    cost = program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**4)
+    result = solved(IpoptSolver(), cost, np.full(2, 5.0), SolverOptions(), SimpleNamespace(interrupted=False))
+    assert result.is_success() and not (tmp_path / "victim.txt").exists()

@@ -1,12 +1,108 @@
+"""Machine code that is kept on disk is never older than the sources that it was made from."""
+
 from __future__ import annotations
 
-import numba
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
+import numba
+import pytest
+
+from vsf_drake.laws import compiled as module
+from vsf_drake.laws.compiled import COMPILED, KEPT, compiled
+
+PACKAGE = Path(module.__file__).parents[1]
+CALLER = """
 from vsf_drake.laws.compiled import compiled
+from vsf_drake.laws.scalar import normal_force
+
+@compiled
+def pressed(depth):
+    return normal_force(depth, 0.0, 2e4, 1.0, 0.0, 1.0)[0]
+"""
+PRESSED = """
+from vsf_drake.laws.pressed import pressed
+print(pressed(0.01), sum(pressed.stats.cache_hits.values()))
+"""
+EDITED_MEANWHILE = """
+import sys
+from pathlib import Path
+import vsf_drake.laws.compiled
+law = Path(sys.argv[1], "laws", "scalar.py")
+source = law.read_text(encoding="utf-8")
+law.write_text(source.replace("stiffness * power\\n", "2.0 * stiffness * power\\n", 1), encoding="utf-8")
+from vsf_drake.laws.pressed import pressed
+print(pressed(0.01), 0)
+law.write_text(source, encoding="utf-8")
+"""
 
 
 def twice(x):
     return 2.0 * x
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package with one more compiled law, whose callee is in another file."""
+    copy = shutil.copytree(PACKAGE, tmp_path / "vsf_drake", ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "laws" / "pressed.py").write_text(CALLER, encoding="utf-8")
+    return copy
+
+
+def pressed(package, code=PRESSED):
+    """The force of 10 mm on 20 N/mm by a new process, and whether its machine code was there already."""
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    done = subprocess.run([sys.executable, "-c", code, package], env=environment | {"PYTHONPATH": str(package.parent)},
+                          cwd=package.parent, capture_output=True, text=True, check=True)
+    force, hits = done.stdout.split()
+    return float(force), bool(int(hits))
+
+
+def test_a_changed_callee_in_another_file_changes_the_compiled_caller_of_the_next_process(package):
+    assert pressed(package) == (200.0, False)
+    assert pressed(package) == (200.0, True)
+    law = package / "laws" / "scalar.py"
+    law.write_text(law.read_text(encoding="utf-8").replace("stiffness * power\n", "2.0 * stiffness * power\n", 1),
+                   encoding="utf-8")
+    assert pressed(package) == (400.0, False)
+    page = package / "report" / "style.py"
+    page.write_text(page.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert pressed(package) == (400.0, True)
+
+
+def test_a_callee_that_is_edited_after_the_import_leaves_nothing_under_the_old_name(package):
+    assert pressed(package, EDITED_MEANWHILE) == (400.0, False)
+    assert pressed(package) == (200.0, False)
+
+
+def test_every_compiled_function_and_the_constants_in_it_are_under_the_digest():
+    covered = [PACKAGE / part for part in COMPILED]
+    for file in PACKAGE.rglob("*.py"):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        taken = {node.module: node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        if "vsf_drake.laws.compiled" not in taken or taken["vsf_drake.laws.compiled"].names[0].name not in (
+                "compiled", "internal"):
+            continue
+        from_outside = [PACKAGE.joinpath(*name.split(".")[1:]) for name, node in taken.items()
+                        if name.startswith("vsf_drake.") and any(alias.name.isupper() or alias.name.islower()
+                                                                 for alias in node.names)]
+        for path in [file, *(path.with_suffix(".py") for path in from_outside)]:
+            assert any(path == part or part in path.parents for part in covered), f"{file} takes from {path}"
+
+
+def test_states_of_the_sources_that_nobody_uses_any_more_are_removed(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    current = Path(module._folder())
+    for age in range(KEPT + 2):
+        old = current.with_name(f"state_{age}")
+        old.mkdir()
+        os.utime(old, (2e9 - age,) * 2 if age == 0 else (1e9 - age,) * 2)
+    assert module._folder() == str(current)
+    assert {path.name for path in current.parent.iterdir()} == {current.name, *(f"state_{i}" for i in range(KEPT - 1))}
 
 
 def test_machine_code_that_cannot_be_kept_on_disk_is_made_anew(monkeypatch):

@@ -110,7 +110,7 @@ def test_unknown_coordinate_is_named():
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_nothing_stays_after_a_failure(tmp_path, error):
-    with pytest.raises(error), result_folder(tmp_path / "new" / "deep") as folder:
+    with pytest.raises(error), result_folder(tmp_path / "new" / "deep", "walk") as folder:
         (folder / "half.txt").write_text("half")
         raise error
     assert list(tmp_path.iterdir()) == []
@@ -119,7 +119,7 @@ def test_nothing_stays_after_a_failure(tmp_path, error):
 def test_failure_leaves_an_older_result_as_it_was(tmp_path):
     save_walk(make_walk(), tmp_path / "out")
     before = {f.name: f.read_bytes() for f in (tmp_path / "out").iterdir()}
-    with pytest.raises(RuntimeError), result_folder(tmp_path / "out") as folder:
+    with pytest.raises(RuntimeError), result_folder(tmp_path / "out", "walk") as folder:
         (folder / "result.npz").write_bytes(b"half")
         raise RuntimeError
     assert {f.name: f.read_bytes() for f in (tmp_path / "out").iterdir()} == before
@@ -131,7 +131,7 @@ def test_success_replaces_namesakes_and_keeps_other_files(tmp_path):
     (out / "walk").mkdir(parents=True)
     (out / "walk" / "old.txt").write_text("kept")
     (out / "metrics.json").write_text("old")
-    with result_folder(out) as folder:
+    with result_folder(out, "walk") as folder:
         (folder / "metrics.json").write_text("new")
         (folder / "walk").mkdir()
         (folder / "walk" / "new.txt").write_text("new")

@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from pydrake.solvers import MathematicalProgram, MathematicalProgramResult, SolverInterface, SolverOptions
+from pydrake.solvers import (
+    IpoptSolver,
+    MathematicalProgram,
+    MathematicalProgramResult,
+    SolverInterface,
+    SolverOptions,
+)
 
 
 class Interruptible(Protocol):
@@ -24,6 +30,7 @@ def solved(
         KeyboardInterrupt: in a cost, or in pydrake between two costs, where only the error's text tells.
         RuntimeError: anything else that a cost raised.
     """
+    options.SetOption(IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
     try:
         result = solver.Solve(program, start, options)
     except RuntimeError as error:

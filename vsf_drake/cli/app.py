@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,8 +29,24 @@ Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose
 
 
 def main() -> None:
-    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3."""
+    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3.
+
+    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
+    """
+    ended_by = signal.SIGINT
+
+    def interrupt(number: int, frame: Any) -> None:
+        nonlocal ended_by
+        ended_by = signal.Signals(number)
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)  # nothing disturbs the clearing up
+        raise KeyboardInterrupt
+
+    before = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGHUP)
+              if signal.getsignal(each) is signal.SIG_DFL}  # not what nohup ignores, or a caller handles
     try:
+        for each in before:
+            signal.signal(each, interrupt)
         app()
     except VsfError as error:
         errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
@@ -42,7 +59,12 @@ def main() -> None:
         said = isinstance(ended.__context__, KeyboardInterrupt)  # by the command itself
         if ended.code == INTERRUPTED and not said:
             errors.print("interrupted; nothing of the unfinished part was written")
+        if ended.code == INTERRUPTED:
+            ended.code = 128 + ended_by
         raise
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def target(out: Path, kind: str) -> Path:

@@ -1,7 +1,11 @@
 """The two ways in which this package compiles functions; the machine code is kept on disk for later processes.
 
-Where neither the package's folder nor the user's cache can be written (a container without a home) every process
-compiles anew; `NUMBA_CACHE_DIR` names a folder that can.
+numba takes kept code for valid as long as the file of the compiled function is the same; but that code also holds the
+functions of other files that it calls. So our code is kept in a folder that is named after the content of every file
+with compiled functions: whatever changes there, everything is compiled anew.
+
+The folder is in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else in the user's cache.
+Where none of them can be written (a container without a home) every process compiles anew.
 
 Division by zero gives infinity as in numpy arrays, not an exception, which would cost a branch each time; the
 steppers look for numbers that are not finite.
@@ -9,21 +13,93 @@ steppers look for numbers that are not finite.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
+
+COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_compiled.py",
+            "analysis/validation/energy/segment_power.py", "motion/events.py")
+"""Parts of the package that compiled functions and the constants in them come from."""
+KEPT = 4
+"""How many states of the sources keep their machine code for longer than a day after they were last used."""
+_PACKAGE = Path(__file__).resolve().parents[1]
+_settings: Any = numba.config  # whose attributes it makes at the import
+_lock = threading.Lock()
+
+
+def sources_sha256(package: Path, parts: Iterable[str]) -> str:
+    """Of names and content of all Python files in `parts` (folders and files) of `package`."""
+    found = hashlib.sha256()
+    paths = [package / part for part in parts]
+    for file in (file for path in paths for file in ([path] if path.suffix else sorted(path.rglob("*.py")))):
+        found.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
+    return found.hexdigest()
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """For functions that Python calls too. `options` are numba's."""
-    try:
-        return numba.njit(cache=True, error_model="numpy", **options)(function)
-    except RuntimeError:  # numba has found no folder to keep it in
-        return numba.njit(error_model="numpy", **options)(function)
+    options["error_model"] = "numpy"
+    if _FOLDER and _unchanged(function.__code__.co_filename):
+        with _lock:
+            users, _settings.CACHE_DIR = _settings.CACHE_DIR, _FOLDER  # is read when a function is decorated
+            try:
+                kept = numba.njit(cache=True, **options)(function)
+            except RuntimeError:  # numba has found no folder to keep it in
+                kept = None
+            finally:
+                _settings.CACHE_DIR = users
+        if kept is not None and str(kept.stats.cache_path).startswith(_FOLDER):
+            return kept
+    return numba.njit(**options)(function)
 
 
 def internal(function: Callable[..., Any]) -> Any:
     """For functions that only compiled ones call, which take half the time to compile: calling one from Python ends
     the interpreter."""
     return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@cache
+def _unchanged(_file: str) -> bool:
+    """Whether the sources are still those of the folder's name, asked once for each file that is imported."""
+    return sources_sha256(_PACKAGE, COMPILED) == _SOURCES
+
+
+def _folder() -> str:
+    """Where this state of the sources keeps its machine code; empty if nowhere."""
+    if _settings.DISABLE_JIT:
+        return ""
+    state = f"{_SOURCES} {numba.__version__} {np.__version__}"
+    name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
+    # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
+    homes: list[Any] = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"),
+                        "~/.cache"]
+    for home in filter(None, homes):
+        try:
+            folder = Path(home).expanduser().absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)  # says when it was last used
+        except (OSError, RuntimeError):  # RuntimeError: there is no home
+            continue
+        with contextlib.suppress(OSError):  # of another process that does the same
+            for old in sorted(folder.parent.iterdir(), key=os.path.getmtime, reverse=True)[KEPT:]:
+                if os.path.getmtime(old) < time.time() - 86400.0:
+                    shutil.rmtree(old, ignore_errors=True)  # numba makes it again for a process that still uses it
+        return str(folder)
+    return ""
+
+
+_SOURCES = sources_sha256(_PACKAGE, COMPILED)
+_FOLDER = _folder()

@@ -53,7 +53,7 @@ def write_export(
         texts[FIXED.format(1e3 * fulcrum_m) + ".sdf"] = foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision)
     if form in ("mjcf", "both"):
         texts[FIXED.format(1e3 * fulcrum_m) + ".xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
-    with result_folder(out) as folder:
+    with result_folder(out, "export") as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
         sidecar = {

@@ -18,11 +18,10 @@ from vsf_drake.files import replaced, sha256
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_page import fit_page
 from vsf_drake.report.style import save_figure
-from vsf_drake.simulation.archive import check_target, result_folder
+from vsf_drake.simulation.archive import check_target, remove_result, result_folder
 
 FIT = "fit"
 CONTACT, TABLE, CURVES, PAGE, CHECKPOINT = "contact.yaml", "fit.json", "fit.npz", "report.html", "checkpoint.json"
-_KINDS = (".yaml", ".json", ".npz", ".html", ".png", ".svg")
 
 
 def check_fit_folder(out: Path) -> None:
@@ -31,14 +30,10 @@ def check_fit_folder(out: Path) -> None:
     Raises:
         InputError: it cannot be written, or holds anything else.
     """
-    check_target(out, FIT)
-    if not out.is_dir() or not any(out.iterdir()):
-        return
+    check_target(out, FIT, lambda out: (out / TABLE).exists() or (out / CHECKPOINT).exists())
     for name in (CONTACT, TABLE, CURVES, PAGE, CHECKPOINT):
         if (out / name).is_dir():
             raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
-    if not (out / TABLE).exists() and not (out / CHECKPOINT).exists():
-        raise InputError("holds other things than an earlier fit", file=out, right="Choose another folder")
     if (out / TABLE).exists() and _table(out / TABLE).get("kind") != FIT:
         raise InputError("is not the table of a fit", file=out / TABLE, right="Choose another folder")
 
@@ -50,8 +45,9 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
         InputError: a file cannot be removed.
     """
     with _writing(out):
-        for name in (CONTACT, *([CHECKPOINT] if checkpoint else []), *_written_before(out)):
-            (out / name).unlink(missing_ok=True)
+        remove_result(out, FIT, (CONTACT,))
+        if checkpoint:
+            (out / CHECKPOINT).unlink(missing_ok=True)
 
 
 def write_fit(
@@ -72,15 +68,11 @@ def write_fit(
     """
     if contact is not None and not table["success"]:
         raise ValueError("a fit that failed leaves no contact")
-    stale = _written_before(out)
-    if contact is None:
-        with _writing(out):
-            (out / CONTACT).unlink(missing_ok=True)
     figures = fit_figures(table, curves)
     files = [TABLE, PAGE, *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
              *([CURVES] if curves else []), *([CONTACT] if contact is not None else [])]
     written = {**table, "files": sorted(files)}
-    with _writing(out), result_folder(out) as folder:
+    with _writing(out), result_folder(out, FIT) as folder:
         if curves:
             with replaced(folder / CURVES, "wb") as stream:
                 np.savez_compressed(stream, allow_pickle=False, **dict(curves))
@@ -93,8 +85,7 @@ def write_fit(
         if contact is not None:
             save_contact(contact, folder / CONTACT)
     with _writing(out):
-        for name in (stale | {CHECKPOINT}) - set(files):
-            (out / name).unlink(missing_ok=True)
+        (out / CHECKPOINT).unlink(missing_ok=True)
     return written
 
 
@@ -128,15 +119,6 @@ def _table(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputError("is not the table of a fit", file=path)
     return found
-
-
-def _written_before(out: Path) -> set[str]:
-    """Files of an earlier fit in `out`, as its table names them; none if there is no such table."""
-    if not (out / TABLE).exists():
-        return set()
-    names = _table(out / TABLE).get("files")
-    return {name for name in names if isinstance(name, str) and Path(name).name == name
-            and Path(name).suffix in _KINDS} if isinstance(names, list) else set()
 
 
 @contextlib.contextmanager

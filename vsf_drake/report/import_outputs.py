@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from vsf_drake.analysis.intake import Intake
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
-from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.plates import SIDES
@@ -27,8 +25,6 @@ from vsf_drake.simulation.provenance import provenance
 
 IMPORT, CHECK = "import", "check"
 SUBJECT_FILE, MODEL_FILE = "subject.yaml", "model.yaml"
-KINDS = (".yaml", ".mot", ".json", ".html")
-"""Suffixes of what an import writes."""
 
 
 def check_folder(out: Path, kind: str) -> None:
@@ -37,16 +33,13 @@ def check_folder(out: Path, kind: str) -> None:
     Raises:
         InputError: `out` cannot be written, holds a result of another kind, or anything else but an earlier `kind`.
     """
-    check_target(out, kind)
-    if out.is_dir() and any(out.iterdir()) and not (out / f"{kind}.json").is_file():
-        raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
+    check_target(out, kind, lambda out: (out / f"{kind}.json").is_file())
 
 
 def write_import(intake: Intake, out: Path) -> dict[str, Any]:
     """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
 
-    Every manifest is read back before anything appears in `out`. Files of an earlier import there that this one does
-    not write are removed.
+    Every manifest is read back before anything appears in `out`. Files of an earlier import there are removed.
 
     Returns:
         What import.json holds.
@@ -56,7 +49,7 @@ def write_import(intake: Intake, out: Path) -> dict[str, Any]:
     """
     first = intake.items[0]
     files = [SUBJECT_FILE, f"{IMPORT}.json", f"{IMPORT}.html", *([MODEL_FILE] if intake.scaled else [])]
-    with result_folder(out) as folder:
+    with result_folder(out, IMPORT) as folder:
         _text(folder / SUBJECT_FILE, dump_yaml(first.trial.subject))
         if intake.scaled:
             _text(folder / MODEL_FILE, dump_yaml(first.trial.model))
@@ -72,9 +65,6 @@ def write_import(intake: Intake, out: Path) -> dict[str, Any]:
         title = f"Import of {first.trial.subject.name}"
         write_import_page(folder / f"{IMPORT}.html", intake.items, title=title, person=_person(first),
                           failures={Path(path).name: why for path, why in intake.failures.items()})
-        stale = _written_before(out / f"{IMPORT}.json") - set(files)
-    for name in stale:
-        (out / name).unlink(missing_ok=True)
     return table
 
 
@@ -88,7 +78,7 @@ def write_check(items: Sequence[Examined], failures: dict[str, str], out: Path) 
              "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)}
                         for item in items],
              "failures": failures, **provenance()}
-    with result_folder(out) as folder:
+    with result_folder(out, CHECK) as folder:
         write_json(folder / f"{CHECK}.json", table)
         write_import_page(folder / f"{CHECK}.html", items, title="Check of recordings", failures=failures,
                           person=_person(items[0]) if len({item.trial.subject for item in items}) == 1 else None)
@@ -123,15 +113,6 @@ def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> st
 def _text(path: Path, text: str) -> None:
     with replaced(path) as stream:
         stream.write(text)
-
-
-def _written_before(path: Path) -> set[str]:
-    """The files that an earlier import says it wrote: plain names only."""
-    try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return set()
-    return {name for name in files if isinstance(name, str) and Path(name).name == name and Path(name).suffix in KINDS}
 
 
 def _person(item: Examined) -> dict[str, Any]:

@@ -31,7 +31,7 @@ def write_bench(result: BenchResult, out: str | Path) -> dict[str, Any]:
         InputError: a curve cannot be evaluated, or `out` cannot be written.
     """
     table = bench_table(result)
-    with result_folder(out) as folder:
+    with result_folder(out, "bench") as folder:
         save_bench(result, folder)
         save_figure(bench_figure(result, table), folder / "bench")
         write_json(folder / "bench.json", table)
@@ -46,7 +46,7 @@ def write_walk(
 
     Args:
         fit: the fit that the offsets come from; reported in the metrics.
-        replay: whether to write the replay; if not, one of an earlier run in `out` is removed.
+        replay: whether to write the replay.
         null_curve: see `walk_metrics`.
 
     Raises:
@@ -59,12 +59,10 @@ def write_walk(
     metrics["offset_fit"] = None if fit is None else to_plain(fit)
     metrics["doubts"] = doubts(result, comparison, metrics, fit)
     metrics["notes"] = list(result.notes)
-    with result_folder(out) as folder:
+    with result_folder(out, "walk") as folder:
         save_walk(result, folder)
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:
             write_replay(result, folder / REPLAY, plate=plate)
         write_json(folder / "metrics.json", metrics)
-    if not replay:
-        (Path(out) / REPLAY).unlink(missing_ok=True)
     return metrics

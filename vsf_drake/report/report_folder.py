@@ -34,12 +34,10 @@ def check_report_folder(
     Raises:
         InputError: it cannot be written, or holds anything else.
     """
-    check_target(out, kind)
+    check_target(out, kind, lambda out: holds(out / table, known) or unfinished(out))
     check_names(out, files=(table, *files), folders=folders)
     if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
         raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out, right="Choose another folder")
-    if out.is_dir() and any(out.iterdir()) and not (holds(out / table, known) or unfinished(out)):
-        raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
 
 
 def check_names(out: Path, *, files: Iterable[str], folders: Iterable[str]) -> None:

@@ -20,7 +20,7 @@ def write_standing(standing: Standing, out: str | Path) -> dict[str, Any]:
         InputError: `out` cannot be written.
     """
     table = standing_table(standing)
-    with result_folder(out) as folder:
+    with result_folder(out, "standing") as folder:
         save_figure(standing_figure(table), folder / "standing")
         write_json(folder / "standing.json", table)
     return table

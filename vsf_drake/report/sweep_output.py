@@ -34,7 +34,7 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
 
     Trials are the same if they come from the same files, wherever these are named from, or hold the same.
     """
-    check_target(out, SWEEP)
+    check_target(out, SWEEP, lambda out: (out / f"{SWEEP}.json").exists() or (out / "cache").is_dir())
     for suffix in (".csv", ".json", *_FIGURES):
         if (out / f"{SWEEP}{suffix}").is_dir():
             raise InputError("cannot be written (it is a folder)", file=out / f"{SWEEP}{suffix}",
@@ -83,12 +83,9 @@ def write_sweep(
         "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
         "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": _columns(variables),
         "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]})
-    with _writing(out), result_folder(out) as folder:
+    with _writing(out), result_folder(out, SWEEP) as folder:
         _write_csv(folder / f"{SWEEP}.csv", rows)
         write_json(folder / f"{SWEEP}.json", table)
-    for suffix in _FIGURES:
-        with _writing(out / f"{SWEEP}{suffix}"):
-            (out / f"{SWEEP}{suffix}").unlink(missing_ok=True)
     return table, rows
 
 
@@ -104,7 +101,7 @@ def write_sweep_figure(
         InputError: they cannot be written.
     """
     if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
-        with _writing(out / f"{SWEEP}.png"), result_folder(out) as folder:
+        with _writing(out / f"{SWEEP}.png"), result_folder(out, SWEEP, add=True) as folder:
             save_figure(sweep_figure(rows, table, variables), folder / SWEEP)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import json
 import os
-import secrets
-import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,26 +15,36 @@ import numpy as np
 import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced, sha256
+from vsf_drake.files import part_of, replaced, sha256
 
 ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
 
 
-def check_target(out: str | Path, kind: str) -> None:
+RECORD_FILE = ".vsf_drake.json"
+"""What was written to a result folder: SHA-256 by path, by kind of result."""
+
+
+def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False) -> None:
     """Whether a result of `kind` ("walk", "bench") can go to `out`; asked before a long run rather than after it.
 
+    Args:
+        out: a new or empty folder, or one that holds an earlier result of the kind.
+        kind: of result.
+        known: tells whether a folder without a record (an interrupted run) is one of the kind.
+
     Raises:
-        InputError: `out` or one of its parents is a file, cannot be created, or holds a result of another kind.
+        InputError: `out` or one of its parents is a file, cannot be created, or holds anything else.
     """
     out = Path(out).absolute()
     try:
         if out.is_symlink() and not out.exists():
             raise InputError("is a link to nothing", file=out, right="Choose another folder")
-        with result_folder(out, keep=False):
+        with result_folder(out, kind, keep=False):
             pass
         sidecar = out / SIDECAR_FILE
         found = yaml.safe_load(sidecar.read_text(encoding="utf-8")) if sidecar.is_file() else None
+        others = out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir())
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from None
     except (UnicodeDecodeError, yaml.YAMLError):
@@ -42,18 +52,23 @@ def check_target(out: str | Path, kind: str) -> None:
     if isinstance(found, dict) and found.get("kind") not in (None, kind):
         raise InputError(f"holds the result of a {found['kind']}", file=out,
                          right=f"Choose another folder for this {kind}")
+    if others and found is None and not _recorded(out).get(kind) and not known(out):
+        raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
 
 
 @contextlib.contextmanager
-def result_folder(out: str | Path, *, keep: bool = True) -> Iterator[Path]:
+def result_folder(out: str | Path, kind: str, *, keep: bool = True, add: bool = False) -> Iterator[Path]:
     """A temporary folder whose content becomes that of `out` only when the block ends without an exception.
 
-    A new `out` appears by one rename. In an existing `out` each file replaces its namesake at the
-    end and other files stay. After an exception (an interruption too) nothing of the block remains.
+    A new `out` appears by one rename. From an existing `out` first goes what an earlier result of the kind left there
+    (unless somebody changed it), then the new files come: killed in between, it holds a part of the new ones, never old
+    beside new. Other files stay. After an exception (an interruption too) nothing of the block remains.
 
     Args:
         out: the folder to create or to fill; missing parents are created.
+        kind: of result. Of another kind nothing goes but what has the same name.
         keep: false to try whether it could be written, and leave nothing.
+        add: whether the earlier files of the kind stay, unless they have the same name.
 
     Raises:
         InputError: `out` or one of its parents is a file, or cannot be written.
@@ -64,20 +79,24 @@ def result_folder(out: str | Path, *, keep: bool = True) -> Iterator[Path]:
     home = out.parent
     while not home.exists():
         home = home.parent
-    temporary = home / f".{out.name}.{secrets.token_hex(4)}.part"
-    try:
-        temporary.mkdir()
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    try:
+    with part_of(out, home, Path.mkdir) as temporary:
         yield temporary
         try:
             if keep:
-                _move(temporary, out)
+                _settle(temporary, out, kind, add=add)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def remove_result(out: Path, kind: str, names: Container[str] = ()) -> None:
+    """Removes from `out` what was written there as a result of `kind` and not changed since, or has one of `names`."""
+    for name, digest in _recorded(out).get(kind, {}).items():
+        path = out / name
+        if path.is_file() and (name in names or sha256(path) == digest):
+            path.unlink()
+            for folder in list(path.parents)[:len(Path(name).parents) - 1]:
+                with contextlib.suppress(OSError):  # it holds something else
+                    folder.rmdir()
 
 
 def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar: Mapping[str, Any]) -> None:
@@ -118,14 +137,41 @@ def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, A
         raise InputError(f"cannot be read ({error})", file=path) from None
 
 
-def _move(source: Path, target: Path) -> None:
-    """Renames `source` to `target`, or merges it file by file into an existing folder."""
+def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
+    """Makes `source` the folder `target`, or fills that with its files; see `result_folder`."""
+    new = {path.relative_to(source).as_posix(): sha256(path) for path in sorted(source.rglob("*"))
+           if path.is_file() and path != source / RECORD_FILE}
     if not target.exists():
+        _write_record(source, {kind: new})
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(source, target)
         return
-    for item in sorted(source.iterdir()):
-        if item.is_dir() and (target / item.name).is_dir():
-            _move(item, target / item.name)
-        else:
-            os.replace(item, target / item.name)
+    for name in new:
+        if (target / name).is_dir():
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    record = _recorded(target)
+    old = record.get(kind, {})
+    _write_record(target, record | {kind: old | new})
+    if not add:
+        remove_result(target, kind, new)
+    for name in new:
+        (target / name).unlink(missing_ok=True)
+    for name in new:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(source / name, target / name)
+    _write_record(target, record | {kind: old | new if add else new})
+
+
+def _write_record(folder: Path, record: Mapping[str, Mapping[str, str]]) -> None:
+    with replaced(folder / RECORD_FILE) as stream:
+        json.dump(record, stream, indent=1)
+
+
+def _recorded(folder: Path) -> dict[str, dict[str, str]]:
+    """SHA-256 by path within `folder`, by kind; nothing that leads out of it."""
+    try:
+        found = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        return {kind: {name: digest for name, digest in files.items()
+                       if (folder / name).resolve().is_relative_to(folder.resolve())} for kind, files in found.items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {}

@@ -161,7 +161,7 @@ def save_walk(result: WalkResult, folder: str | Path) -> None:
     units = {name: coordinate_unit(name) for name in (*result.coordinate_names, *result.prescribed_names)}
     sidecar = {"kind": "walk", "format": FORMAT, **_scalars(result), "coordinate_units": units,
                "arrays": _describe(result, "")}
-    with result_folder(folder) as temporary:
+    with result_folder(folder, "walk") as temporary:
         write_archive(temporary, _arrays(result), sidecar)
 
 
@@ -191,7 +191,7 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
         arrays |= {prefix + name: value for name, value in _arrays(setting).items()}
         described |= _describe(setting, prefix)
     sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_scalars(result)}
-    with result_folder(folder) as temporary:
+    with result_folder(folder, "bench") as temporary:
         write_archive(temporary, arrays, {**sidecar, "settings": passes, "arrays": described})
 
 

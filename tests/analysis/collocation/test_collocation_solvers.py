@@ -40,7 +40,9 @@ def test_snopt_finds_the_same_optimum(name, warm):
 
 
 @pytest.mark.parametrize("name", list(PROBLEMS))
-def test_ipopt_confirms_the_optimum_from_there(name):
+def test_ipopt_confirms_the_optimum_from_there_whatever_options_lie_in_the_current_folder(name, monkeypatch, tmp_path):
+    (tmp_path / "ipopt.opt").write_text("max_iter 0\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
     ours, theirs = compared(name, "ipopt", warm=True)
     assert theirs.status == "optimal", theirs.message
     assert theirs.violation < 1e-6

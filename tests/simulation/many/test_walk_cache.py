@@ -13,6 +13,7 @@ import pytest
 
 import vsf_drake
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.many import WalkCase, cases, keys, simulate_many, worker
 from vsf_drake.simulation.many.cases import Planner
@@ -103,10 +104,11 @@ def test_a_changed_law_changes_the_digest_of_the_sources(tmp_path):
             target = tmp_path / file.relative_to(PACKAGE)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(file.read_bytes())
-    assert keys.sources_sha256(tmp_path) == keys.sources_sha256(PACKAGE) == keys.software()["sources_sha256"]
+    made = sources_sha256(PACKAGE, keys.SOURCES)
+    assert sources_sha256(tmp_path, keys.SOURCES) == made == keys.software()["sources_sha256"]
     law = tmp_path / "laws" / "kelvin_voigt.py"
     law.write_text(law.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert keys.sources_sha256(tmp_path) != keys.sources_sha256(PACKAGE)
+    assert sources_sha256(tmp_path, keys.SOURCES) != made
 
 
 IMPORTED = """

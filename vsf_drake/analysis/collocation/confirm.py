@@ -139,7 +139,8 @@ def _ipopt(options: ConfirmOptions) -> SolverOptions:
     chosen: dict[str, float | int | str] = {
         "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": options.optimality,
         "constr_viol_tol": options.feasibility, "acceptable_tol": LOOSER * options.optimality, "acceptable_iter": 5,
-        "max_wall_time": float(options.time_limit_s), "max_iter": int(options.iterations), "mu_strategy": "monotone"}
+        "max_wall_time": float(options.time_limit_s), "max_iter": int(options.iterations), "mu_strategy": "monotone",
+        "option_file_name": ""}  # else it reads ipopt.opt of the current folder
     if options.warm:
         chosen |= {"mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7,
                    "slack_bound_frac": 1e-7, "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10}

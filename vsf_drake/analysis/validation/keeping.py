@@ -70,7 +70,7 @@ class SectionStore:
         arrays = self.folder / f"{name}.npz"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            with replaced(arrays, "wb") as stream:
+            with replaced(arrays, "wb", lasting=True) as stream:
                 np.savez_compressed(stream, allow_pickle=False, **section.arrays)
             write_json(self.folder / f"{name}.json", {
                 "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,

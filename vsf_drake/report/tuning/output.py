@@ -56,13 +56,12 @@ def write_tuning(
     out = Path(folder)
     check_tuning_table(table)
     written: dict[str, Any] = plain(dict(table))
-    with writing(out), result_folder(out) as temporary:
+    with writing(out), result_folder(out, TUNING) as temporary:
         with replaced(temporary / ARRAYS, "wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(a) for name, a in arrays.items()})
         written["arrays_sha256"] = sha256(temporary / ARRAYS)
-        files, _ = _write_page(written, arrays, temporary, lenient=False)
+        _write_page(written, arrays, temporary, lenient=False)
         write_json(temporary / TABLE, written, sort=False)
-    tidy_chapters(out, files)
     return written
 
 
@@ -90,7 +89,7 @@ def remake_tuning(folder: str | Path) -> list[str]:
     out = Path(folder)
     table, arrays = read_tuning(out)
     check_names(out, files=(PAGE,), folders=(FIGURES, TABLES))
-    with writing(out), result_folder(out) as temporary:
+    with writing(out), result_folder(out, TUNING, add=True) as temporary:
         files, missing = _write_page(table, arrays, temporary, lenient=True)
     tidy_chapters(out, files)
     return missing

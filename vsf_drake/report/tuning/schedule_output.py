@@ -58,14 +58,13 @@ def write_schedule(folder: str | Path, table: Mapping[str, Any]) -> dict[str, An
     if missing:
         raise ValueError(f"the table of a schedule lacks {', '.join(missing)}")
     out, written = Path(folder), plain(dict(table))
-    with writing(out), result_folder(out) as temporary:
-        files, _ = _write_page(written, temporary, lenient=False)
+    with writing(out), result_folder(out, SCHEDULE) as temporary:
+        _write_page(written, temporary, lenient=False)
         with replaced(temporary / CSV) as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(_COLUMNS)
             writer.writerows(_csv_row(row) for row in written["tasks"])
         write_json(temporary / TABLE, written, sort=False)
-    tidy_chapters(out, files)
     return dict(written)
 
 
@@ -90,7 +89,7 @@ def remake_schedule(folder: str | Path) -> list[str]:
     out = Path(folder)
     table = read_schedule(out)
     check_names(out, files=(PAGE,), folders=(FIGURES, TABLES))
-    with writing(out), result_folder(out) as temporary:
+    with writing(out), result_folder(out, SCHEDULE, add=True) as temporary:
         files, missing = _write_page(table, temporary, lenient=True)
     tidy_chapters(out, files)
     return missing

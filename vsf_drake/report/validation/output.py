@@ -16,7 +16,7 @@ from vsf_drake.files import replaced, sha256
 from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
 from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
 from vsf_drake.report.validation.chapters import make_chapters
-from vsf_drake.report.validation.walks import REPLAY, WALKS, tidy_walks, write_replay_of, write_walks
+from vsf_drake.report.validation.walks import REPLAY, WALKS, write_replay_of, write_walks
 from vsf_drake.simulation.archive import result_folder
 
 VALIDATION, FORMAT = "validation", 1
@@ -51,18 +51,15 @@ def write_validation(
         InputError: `out` cannot be written.
     """
     written: dict[str, Any] = plain({**content, "kind": VALIDATION, "format": FORMAT})
-    with writing(out), result_folder(out) as folder:
+    with writing(out), result_folder(out, VALIDATION) as folder:
         with replaced(folder / ARRAYS, "wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{k.replace("/", "__", 1): v for k, v in arrays.items()})
         written["arrays_sha256"] = sha256(folder / ARRAYS)
         if study is not None:
             write_walks(study, folder)
             written["replay"] = write_replay_of(study, folder)
-        files, _ = _write_pages(written, arrays, folder, lenient=False)
+        _write_pages(written, arrays, folder, lenient=False)
         write_json(folder / TABLE, written, sort=False)
-    tidy_chapters(out, files)
-    if study is not None:
-        tidy_walks(study, out)
     return written
 
 
@@ -98,7 +95,7 @@ def remake_report(folder: str | Path) -> list[str]:
         content["replay"] = None
         notes = [*notes, f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`."]
     content["notes"] = notes
-    with writing(folder), result_folder(folder) as temporary:
+    with writing(folder), result_folder(folder, VALIDATION, add=True) as temporary:
         files, missing = _write_pages(content, arrays, temporary, lenient=True)
     tidy_chapters(folder, files)
     return missing

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.validation.study import HELD_OUT, Study, StudyWalk
-from vsf_drake.errors import InputError
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.walk_figure import walk_figure
-from vsf_drake.simulation.archive import SIDECAR_FILE
 from vsf_drake.simulation.results import save_walk
 
 WALKS, REPLAY = "walks", "replay.html"
@@ -31,21 +28,6 @@ def write_walks(study: Study, out: Path) -> None:
         save_walk(walk.result, folder)
         save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, metrics), folder / "walk")
         write_json(folder / "metrics.json", metrics)
-
-
-def tidy_walks(study: Study, out: Path) -> None:
-    """Removes walks of an earlier validation from `out` that this study does not have.
-
-    Raises:
-        InputError: one cannot be removed.
-    """
-    own = set(_folders(study).values())
-    for folder in (out / WALKS).iterdir():
-        if folder.name not in own and (folder / SIDECAR_FILE).is_file():
-            try:
-                shutil.rmtree(folder)
-            except OSError as error:
-                raise InputError(f"cannot be removed ({error.strerror})", file=folder) from None
 
 
 def write_replay_of(study: Study, out: Path) -> str:

@@ -75,7 +75,7 @@ class WalkCache:
         path = self.path(task.key)
         try:
             path.parent.mkdir(exist_ok=True)
-            with replaced(path, "wb") as stream:
+            with replaced(path, "wb", lasting=True) as stream:
                 stream.write(_encoded(task, reply))
         except (OSError, InputError) as error:
             cause = error.strerror if isinstance(error, OSError) else error.what

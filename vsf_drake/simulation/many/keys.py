@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.simulation.provenance import provenance
 
 PACKAGE = Path(__file__).resolve().parents[2]
@@ -45,17 +46,8 @@ def software() -> dict[str, str]:
     A version number alone would let a changed law in a checkout return old numbers. Read when the package is
     imported, so that it describes the code that runs.
     """
-    return {**provenance()["versions"], "machine": platform.machine(), "sources_sha256": sources_sha256(PACKAGE)}
-
-
-def sources_sha256(package: Path) -> str:
-    """Of names and content of all Python files in the parts SOURCES of `package`."""
-    found = hashlib.sha256()
-    for part in SOURCES:
-        path = package / part
-        for file in [path] if path.suffix else sorted(path.rglob("*.py")):
-            found.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
-    return found.hexdigest()
+    return {**provenance()["versions"], "machine": platform.machine(),
+            "sources_sha256": sources_sha256(PACKAGE, SOURCES)}
 
 
 software()

@@ -21,6 +21,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
+import vsf_drake
 from vsf_drake.errors import VsfError
 from vsf_drake.simulation.many.fields import whole
 
@@ -28,10 +29,11 @@ READY = "ready"
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
                                       "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
 _CODE = """\
-import gc, signal, sys
+import sys
+sys.path[:] = {path!r}
+import gc, signal
 gc.disable()  # nothing of what is imported will be given back: looking for it takes a twentieth of the time
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
-sys.path[:] = {path!r}
 import vsf_drake.systems  # first: for each of its templates Drake looks through all modules that there are
 from vsf_drake.simulation.many.processes import serve
 serve({descriptor})
@@ -145,10 +147,10 @@ class _Process:
     def __init__(self) -> None:
         self._pipe, theirs = Pipe()
         with theirs:
-            code = _CODE.format(path=[os.path.abspath(entry) for entry in sys.path], descriptor=theirs.fileno())
+            code = _CODE.format(path=_path(), descriptor=theirs.fileno())
             self._child = subprocess.Popen(
-                [sys.executable, "-c", code], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
-                env=os.environ | _ONE_THREAD)
+                [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL, env=os.environ | _ONE_THREAD)
 
     def is_ready(self) -> bool:
         """Waits until it can work; false if it ends instead."""
@@ -174,6 +176,15 @@ class _Process:
         if code < 0:
             return f"was killed by {signal.Signals(-code).name}"
         return f"ended with exit code {code}"
+
+
+def _path() -> list[str]:
+    """Where a worker looks for modules: where this process does, but in the current folder last of all, so that no file
+    which lies there by chance stands for a module of Python, of a package or of this one."""
+    others = [entry for entry in sys.path if entry and not (os.path.isdir(entry) and os.path.samefile(entry, "."))]
+    own = os.path.dirname(os.path.dirname(vsf_drake.__file__))
+    last = [""] if len(others) < len(sys.path) else []
+    return [*([] if own in others else [own]), *map(os.path.abspath, others), *last]
 
 
 class _Here:
