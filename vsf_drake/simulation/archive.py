@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.schema import load_plain
+from vsf_drake.yaml_file import dump
 
 ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
@@ -33,11 +34,11 @@ def check_target(out: str | Path, kind: str) -> None:
             raise InputError("is a link to nothing", file=out, right="Choose another folder")
         with result_folder(out, keep=False):
             pass
-        sidecar = out / SIDECAR_FILE
-        found = yaml.safe_load(sidecar.read_text(encoding="utf-8")) if sidecar.is_file() else None
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    except (UnicodeDecodeError, yaml.YAMLError):
+    try:
+        found = load_plain(out / SIDECAR_FILE)
+    except InputError:  # none, or a damaged one
         return
     if isinstance(found, dict) and found.get("kind") not in (None, kind):
         raise InputError(f"holds the result of a {found['kind']}", file=out,
@@ -90,7 +91,7 @@ def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar:
         np.savez_compressed(stream, allow_pickle=False, **dict(arrays))
     content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
     with replaced(folder / SIDECAR_FILE) as stream:
-        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True, width=120)
+        stream.write(dump(content, width=120))
 
 
 def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -100,12 +101,7 @@ def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, A
         InputError: a file is missing or damaged, or the two do not belong together.
     """
     path = Path(folder) / SIDECAR_FILE
-    try:
-        sidecar = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path, right="A result folder holds one") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"cannot be read as YAML ({str(error).splitlines()[0]})", file=path) from None
+    sidecar = load_plain(path, right="A result folder holds one")
     if not isinstance(sidecar, dict):
         raise InputError("does not describe a result", file=path)
     path = Path(folder) / ARRAYS_FILE
