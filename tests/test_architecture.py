@@ -74,6 +74,17 @@ def test_drake_is_imported_from_its_public_modules(path):
         assert not any(part.startswith("_") for part in name.split(".")[1:]) or not name.startswith("pydrake"), name
 
 
+@every_file
+def test_foreign_files_are_parsed_in_one_place_for_each_kind(path):
+    doors = {"yaml": ("yaml_file.py", r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|Loader"),
+             "npz": ("npz_file.py", r"np\.(load|fromfile|memmap)\(|pickle\.|allow_pickle=True"),
+             "json": ("json_file.py", r"json\.loads?\((?!arrays\.pop\(ABOUT\))"),  # a cache that trusts nothing
+             "~": ("files.py", r"\.expanduser\(")}
+    text = path.read_text(encoding="utf-8")
+    for kind, (door, pattern) in doors.items():
+        assert path.name == door or not re.search(pattern, text), kind
+
+
 @pytest.mark.parametrize("pattern", WITHOUT_DRAKE)
 def test_laws_motion_results_and_figures_know_no_drake(pattern):
     paths = sorted(PACKAGE.glob(pattern))

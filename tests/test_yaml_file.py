@@ -78,7 +78,8 @@ def test_truth_is_true_or_false(tmp_path, word):
 
 
 TEXTS = ["070", "1:18", "1_000", "0x1F", "0o17", "1e5", "1e+5", ".5", ".inf", "-.INF", ".NaN", "yes", "NO", "true",
-         "null", "~", "", "2026-11-22", "2026-11-22T10:00:00Z", "=", "<<", "!x", "&a", "*a", "- a", "a: b", "a\nb", "# a", "70"]
+         "null", "~", "", "2026-11-22", "2026-11-22T10:00:00Z", "=", "<<", "!x", "&a", "*a", "- a", "a: b", "a\nb",
+         "# a", "70"]
 
 
 @pytest.mark.parametrize("name", TEXTS)

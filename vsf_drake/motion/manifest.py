@@ -33,6 +33,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 from vsf_drake.schema import choice, load_yaml, quantity
 
 UNITS = ("degrees", "radians")
@@ -182,9 +183,10 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
     """The file that a key of the manifest names.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or it is no path; see `user_path`.
     """
-    path = manifest_path.parent / Path(value).expanduser()
+    path = user_path(manifest_path.parent / user_path(value, file=manifest_path, where=key), file=manifest_path,
+                     where=key)
     if not path.is_file():
         raise InputError(f"there is no file {value}", file=manifest_path, where=key,
                          right="Paths are relative to the manifest's folder")

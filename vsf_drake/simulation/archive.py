@@ -6,7 +6,6 @@ import contextlib
 import os
 import secrets
 import shutil
-import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import load_plain
 from vsf_drake.yaml_file import dump
 
@@ -107,11 +107,7 @@ def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, A
     path = Path(folder) / ARRAYS_FILE
     if sha256(path) != sidecar.pop("arrays_sha256", None):
         raise InputError(f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path)
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}, sidecar
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", file=path) from None
+    return read_npz(path), sidecar
 
 
 def _move(source: Path, target: Path) -> None:

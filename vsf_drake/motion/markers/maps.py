@@ -17,7 +17,7 @@ from pathlib import Path
 import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import read_text
+from vsf_drake.files import read_text, user_path
 from vsf_drake.motion.formats.labels import listed
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.resources import resource
@@ -145,7 +145,7 @@ def load_marker_map(name_or_path: str | Path) -> MarkerMap:
         InputError: there is no such map, or it is not one.
     """
     shipped = str(name_or_path) in SHIPPED
-    path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else Path(name_or_path)
+    path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else user_path(name_or_path)
     right = f"Shipped marker maps are {', '.join(SHIPPED)}; any other is the path of a file"
     return parse_marker_map(read_text(path, most=MOST_BYTES, right=right), path)
 
