@@ -18,19 +18,21 @@ from vsf_drake import parameters
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
-BESIDE_LAWS = ("errors", "files", "resources", "schema", "subject", "ground", "actuator_parameters", "parameters",
-               "model_file", "bench_file", "contact_file", "fitted_model", "bench_curves", "motion", "scenario")
+BESIDE_LAWS = ("errors", "files", "yaml_file", "npz_file", "resources", "schema", "subject", "ground",
+               "actuator_parameters", "parameters", "model_file", "bench_file", "contact_file", "fitted_model",
+               "bench_curves", "motion", "scenario")
 LAYERS = ("laws", "systems", "plants", "simulation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
-    *(f"{name}.py" for name in ("errors", "files", "schema", "subject", "actuator_parameters", "parameters",
-                                 "model_file", "bench_file", "contact_file", "fitted_model")), "laws/*.py",
+    *(f"{name}.py" for name in ("errors", "files", "yaml_file", "npz_file", "schema", "subject",
+                                "actuator_parameters", "parameters", "model_file", "bench_file", "contact_file",
+                                "fitted_model")), "laws/*.py",
     "motion/**/*.py", "simulation/results.py", "simulation/standing_result.py", "simulation/archive.py",
     "simulation/provenance.py", "analysis/metrics.py", "analysis/standing_table.py",
     "analysis/comparison.py", "analysis/series.py", "analysis/bench_metrics.py", "report/style.py",
     "report/*_figure.py",
 )
-MOST_LINES = 300
+MOST_LINES = 700
 
 every_file = pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 
@@ -70,6 +72,17 @@ def test_drake_is_imported_from_its_public_modules(path):
     for name in imports(path):
         assert not name.startswith("pydrake.all"), "pydrake.all loads everything"
         assert not any(part.startswith("_") for part in name.split(".")[1:]) or not name.startswith("pydrake"), name
+
+
+@every_file
+def test_foreign_files_are_parsed_in_one_place_for_each_kind(path):
+    doors = {"yaml": ("yaml_file.py", r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|Loader"),
+             "npz": ("npz_file.py", r"np\.(load|fromfile|memmap)\(|pickle\.|allow_pickle=True"),
+             "json": ("json_file.py", r"json\.loads?\((?!arrays\.pop\(ABOUT\))"),  # a cache that trusts nothing
+             "~": ("files.py", r"\.expanduser\(")}
+    text = path.read_text(encoding="utf-8")
+    for kind, (door, pattern) in doors.items():
+        assert path.name == door or not re.search(pattern, text), kind
 
 
 @pytest.mark.parametrize("pattern", WITHOUT_DRAKE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from made_contact import CURVE, OWN, made_contact
 
 from vsf_drake.contact_file import check_contact, load_contact, save_contact, variable_unit
-from vsf_drake.errors import InputError
+from vsf_drake.errors import UNPRINTABLE, InputError
 from vsf_drake.schema import to_plain
 
 
@@ -26,7 +27,10 @@ def test_a_contact_is_written_and_read_back_equal(tmp_path):
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@given(numbers=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), value=NUMBERS, words=st.text(max_size=30))
+PRINTABLE = st.text(max_size=30).filter(lambda text: not UNPRINTABLE.search(text))
+
+
+@given(numbers=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), value=NUMBERS, words=PRINTABLE)
 def test_every_digit_and_every_letter_comes_back(tmp_path_factory, numbers, value, words):
     path = tmp_path_factory.mktemp("contact") / "contact.yaml"
     trial = dataclasses.replace(OWN, name=words, path={"pelvis_tx": tuple(numbers)})
@@ -37,12 +41,23 @@ def test_every_digit_and_every_letter_comes_back(tmp_path_factory, numbers, valu
 
 
 @pytest.mark.parametrize("words", [
-    "two\nlines", "", " ", "height_m: 3", "# no", "a: b # c", "- x", "'\"", "null", "1.0", "\u2028", "\x85end", "üß\t",
+    "two\nlines", "", " ", "height_m: 3", "# no", "a: b # c", "- x", "'\"", "null", "1.0", "\u2028", "üß\t",
     "trials:\n- name: x"])
 def test_texts_that_look_like_yaml_are_texts(tmp_path, words):
     contact = made_contact(strategy=words, trials=(dataclasses.replace(OWN, name=words),), provenance={words: words})
     save_contact(contact, tmp_path / "contact.yaml")
     assert load_contact(tmp_path / "contact.yaml") == contact
+
+
+@pytest.mark.parametrize("words", ["\x1b[31m", "\x85end", "a\0", "\ud800", "\u202e"])
+def test_a_text_that_cannot_be_printed_is_neither_written_nor_read(tmp_path, words):
+    path = tmp_path / "contact.yaml"
+    with pytest.raises(InputError, match="unprintable"):
+        save_contact(made_contact(strategy=words), path)
+    save_contact(made_contact(strategy="HERE"), path)
+    path.write_text(path.read_text(encoding="utf-8").replace("HERE", json.dumps(words)), encoding="utf-8")
+    with pytest.raises(InputError, match=r"line \d+.*unprintable"):
+        load_contact(path)
 
 
 def test_every_physical_number_has_its_unit_behind_it(tmp_path):

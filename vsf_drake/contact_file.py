@@ -31,6 +31,7 @@ from vsf_drake.files import replaced
 from vsf_drake.motion.kinematics import person_coordinates
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.subject import SIDES
+from vsf_drake.yaml_file import Dumper
 
 FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4
@@ -212,7 +213,7 @@ def _check_correction(value: float, where: str, file: str | Path | None) -> None
                          right=f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(Dumper):
     """Lists of numbers on one line, and texts with line breaks too, so that every line is one key."""
 
 

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+"""What is no text: control characters but tab and line feed, turns of the writing direction, halves of characters."""
+
+
+def visible(text: str) -> str:
+    """`text` with its unprintable characters as escapes (`\\x1b`)."""
+    return UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
 class VsfError(Exception):
@@ -31,7 +40,7 @@ class InputError(VsfError):
         self.what, self.file, self.where, self.right = what, file, where, right
         place = ": ".join(str(part) for part in (file, where) if part is not None)
         message = f"{place}: {what}" if place else what
-        super().__init__(f"{message}. {right}" if right else message)
+        super().__init__(visible(f"{message}. {right}" if right else message))
 
 
 class SimulationError(VsfError):

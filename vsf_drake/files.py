@@ -1,4 +1,4 @@
-"""Writing files so that nothing half-written stays behind, and fingerprints of what was read."""
+"""Paths that users give, reading within limits, writing so that nothing half-written stays, and fingerprints."""
 
 from __future__ import annotations
 
@@ -10,12 +10,76 @@ import os
 import secrets
 import shutil
 import socket
+import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import UNPRINTABLE, InputError
+
+_SHOWN = 60
+"""Characters of a path that cannot be one, in messages."""
+
+
+def user_path(given: str | Path, *, file: str | Path | None = None, where: str | None = None) -> Path:
+    """A path that a user gave, with ~ expanded; whether it exists is another question.
+
+    Args:
+        file, where: what names it, for messages; without them it is the file itself.
+
+    Raises:
+        InputError: it has unprintable characters or line breaks, is too long, or begins with the home of nobody.
+    """
+    text = str(given)
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}... ({len(text)} characters)"
+    try:
+        if UNPRINTABLE.search(text) or "\n" in text:
+            raise InputError(f"{shown!r} has characters that no path may have", file=file, where=where)
+        path = Path(given).expanduser()
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:
+        raise InputError(f"{shown!r} cannot be used as a path ({error.strerror})", file=file, where=where) from None
+    except RuntimeError:
+        raise InputError(f"{shown!r} begins with a home folder that does not exist", file=file, where=where) from None
+    return path
+
+
+def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> bytes:
+    """The content of an ordinary file of at most `most` bytes.
+
+    Args:
+        right: what to do if there is no such file.
+
+    Raises:
+        InputError: it is missing, cannot be read, is larger, or is a folder, a pipe or a device.
+    """
+    try:
+        about = os.stat(path)
+        if not stat.S_ISREG(about.st_mode):
+            raise InputError("is a folder" if stat.S_ISDIR(about.st_mode) else "is no ordinary file", file=path)
+        if about.st_size > most:
+            raise InputError(f"has {about.st_size} bytes, which is more than the {most} that are read", file=path)
+        with open(path, "rb") as stream:
+            return stream.read(most)
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path, right=right) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None
+
+
+def read_text(path: str | Path, *, most: int, right: str | None = None) -> str:
+    """As `read_bytes`, for UTF-8.
+
+    Raises:
+        InputError: see `read_bytes`; or it is not UTF-8.
+    """
+    try:
+        return read_bytes(path, most=most, right=right).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot be read as text ({error})", file=path, right="Save it as UTF-8") from None
 
 OTHER_HOSTS_S = 7 * 86400.0
 """How long what another machine has begun stays, whose processes cannot be seen from here."""

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 from vsf_drake.ground import Ground, check_ground, load_ground
 from vsf_drake.parameters import GRAVITY, SIDES, Subject
 from vsf_drake.resources import resource
@@ -194,13 +195,13 @@ def file_of(value: str) -> Path:
     Raises:
         InputError: the package has no such file.
     """
-    return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else Path(value).expanduser()
+    return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else user_path(value)
 
 
 def _absolute(value: Any, folder: Path) -> Any:
     if not isinstance(value, str) or "://" in value:
         return value
-    return str((folder / Path(value).expanduser()).resolve())
+    return str(user_path(folder / user_path(value)).resolve())
 
 
 def _existing(value: str, key: str, file: str | Path | None) -> None:

@@ -23,7 +23,8 @@ from typing import Any, TypeVar
 
 import yaml
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import UNPRINTABLE, InputError
+from vsf_drake.yaml_file import dump, number, read_yaml, scalar
 
 T = TypeVar("T")
 
@@ -57,33 +58,31 @@ def load_yaml(path: str | Path, schema: type[T]) -> T:
     """Reads `path` into `schema`.
 
     Raises:
-        InputError: the file is missing or is not YAML; a key is unknown, doubled or
-            missing; a value has the wrong type, is not finite or is out of range.
+        InputError: see `vsf_drake.yaml_file.read_yaml`; a key is unknown, doubled or missing; a value has the wrong
+            type, is not finite or is out of range.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as text ({error})", file=path) from None
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}" if mark else None
-        problem = getattr(error, "problem", None) or error
-        raise InputError(f"is not valid YAML ({problem})", file=path, where=where) from None
+    node = read_yaml(path)
     if node is None:
         raise InputError("is empty", file=path, right=f"Its keys are: {_names(schema)}")
     return _Reader(path).dataclass(node, schema, "")
+
+
+def load_plain(path: str | Path, *, right: str | None = None) -> Any:
+    """What a YAML file holds, as nested dicts, lists and scalars; `right` is what to do if there is no such file.
+
+    Raises:
+        InputError: see `vsf_drake.yaml_file.read_yaml`; a key is doubled, or a value has a tag.
+    """
+    node = read_yaml(path, right=right)
+    return None if node is None else _Reader(path).value(node, Any, "")
 
 
 def check(instance: T, *, file: str | Path | None = None) -> T:
     """Returns `instance` after checking every number in it against its field's range.
 
     Raises:
-        InputError: a number is not finite or out of range, or a word is not one of its options.
+        InputError: a number is not finite or out of range, a word is not one of its options, or a text is unprintable.
     """
     _check_dataclass(instance, "", file)
     return instance
@@ -91,7 +90,7 @@ def check(instance: T, *, file: str | Path | None = None) -> T:
 
 def dump_yaml(instance: Any) -> str:
     """`instance` as YAML text that `load_yaml` reads back to an equal object."""
-    return yaml.safe_dump(to_plain(instance), sort_keys=False, allow_unicode=True)
+    return dump(to_plain(instance))
 
 
 def to_plain(instance: Any) -> Any:
@@ -120,7 +119,7 @@ def from_plain(schema: type[T], values: Any, *, where: str = "", file: str | Pat
     """
     try:
         node = yaml.representer.SafeRepresenter().represent_data(values)
-    except yaml.representer.RepresenterError as error:
+    except (yaml.representer.RepresenterError, ValueError) as error:  # ValueError: of integers beyond reason
         raise InputError(f"holds what is not a plain value ({error.args[-1]!r})", file=file, where=where) from None
     return _Reader(file).dataclass(node, schema, where and f"{where}.")
 
@@ -164,6 +163,8 @@ def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
         raise InputError(
             f"{value!r} is not known", file=file, where=where, right=f"Known are: {', '.join(options)}"
         )
+    if isinstance(value, str) and UNPRINTABLE.search(value):
+        raise InputError(f"{value!r} has unprintable characters", file=file, where=where)
     if isinstance(value, str) and "unit" in metadata:
         raise InputError(f"{value!r} is not a number", file=file, where=where, right=f"Its unit is {metadata['unit']}")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -234,9 +235,9 @@ class _Reader:
     def _range_check(self, node: yaml.Node, value: Any, field: Any, key: str) -> None:
         items = {f"{key}.{name}": item for name, item in value.items()} if isinstance(value, dict) else {key: value}
         for where, item in items.items():
-            for scalar in item if isinstance(item, tuple) else (item,):
-                if not dataclasses.is_dataclass(scalar):
-                    _check_scalar(scalar, field.metadata, self.place(node, where), self.file)
+            for one in item if isinstance(item, tuple) else (item,):
+                if not dataclasses.is_dataclass(one):
+                    _check_scalar(one, field.metadata, self.place(node, where), self.file)
 
     def value(self, node: yaml.Node, hint: Any, key: str) -> Any:
         origin, args = typing.get_origin(hint), typing.get_args(hint)
@@ -282,24 +283,25 @@ class _Reader:
         if not isinstance(node, yaml.ScalarNode):
             raise self.fail(node, key, f"must be a single {_KINDS.get(hint, hint)}")
         value = self._construct(node, key)
-        if hint is float and not isinstance(value, bool):
-            try:
-                return float(value)
-            except (TypeError, ValueError):
-                pass
-        elif hint is int and isinstance(value, int) and not isinstance(value, bool):
-            return value
-        elif hint is bool and isinstance(value, bool):
-            return value
-        elif hint is str and value is not None:
-            return str(node.value)
-        raise self.fail(node, key, f"{node.value!r} is not a {_KINDS.get(hint, hint)}")
+        if hint is str and value is not None:
+            return node.value
+        if hint in (int, float) and isinstance(value, str):  # a number in quotes
+            value = number(value)
+        if type(value) is hint or (hint is float and type(value) is int):
+            return hint(value)
+        kind, right = _KINDS[hint], _RIGHT.get(hint)
+        raise self.fail(node, key, f"{node.value[:_SHOWN]!r} is not a {kind}", right)
 
     def _construct(self, node: yaml.Node, key: str) -> Any:
         try:
-            return yaml.SafeLoader("").construct_object(node)
-        except (yaml.YAMLError, ValueError):
-            raise self.fail(node, key, f"{node.value!r} has the tag {node.tag}, which is not plain YAML") from None
+            return scalar(node)
+        except ValueError:
+            raise self.fail(node, key, f"{node.value[:_SHOWN]!r} has the tag {node.tag}, which is not plain YAML "
+                                       "or not what it is") from None
 
 
+_SHOWN = 40
+"""Letters of a wrong value in messages."""
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+_RIGHT = {float: "Write it in decimals, such as 70, 0.5 or 1e5", int: "Write it in decimals, such as 70",
+          bool: "Write true or false"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 
 BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv", "{}.forces")
 """Names of a force file beside `walk.trc`, the first that exists counts; {} is the walk's name without suffix."""
@@ -55,9 +56,9 @@ def gather(standing: Path, walks: Sequence[Path], forces: Sequence[Path] = ()) -
     Raises:
         InputError: a file is missing, a walk is given twice, or there are not as many forces as walks.
     """
-    walks = [path.expanduser() for path in walks]
-    forces = [path.expanduser() for path in forces]
-    standing = standing.expanduser()
+    walks = [user_path(path) for path in walks]
+    forces = [user_path(path) for path in forces]
+    standing = user_path(standing)
     for path in (standing, *walks, *forces):
         if not path.is_file():
             raise InputError("is a folder" if path.is_dir() else "there is no such file", file=path)

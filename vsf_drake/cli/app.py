@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from vsf_drake import __version__
 from vsf_drake.errors import InputError, VsfError
+from vsf_drake.files import user_path
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
@@ -71,7 +72,7 @@ def target(out: Path, kind: str) -> Path:
     """`out` with ~ expanded, after making sure that results can go there."""
     from vsf_drake.simulation.archive import check_target
 
-    out = out.expanduser()
+    out = user_path(out)
     check_target(out, kind)
     return out
 
@@ -96,7 +97,7 @@ def contact_hash(path: Path | None) -> dict[str, str]:
 
 def file_of(path: Path | None) -> Path | None:
     """`path` with ~ expanded."""
-    return None if path is None else path.expanduser()
+    return None if path is None else user_path(path)
 
 
 def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:

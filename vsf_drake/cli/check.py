@@ -10,6 +10,7 @@ import typer
 from vsf_drake.cli.app import Contact, Out, app, console, file_of, progress
 from vsf_drake.cli.import_ import finish, print_checks
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -26,7 +27,7 @@ def check(
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.import_outputs import CHECK, check_folder, write_check
 
-    out = out.expanduser()
+    out = user_path(out)
     check_folder(out, CHECK)
     contact = file_of(contact)
     fitted = None if contact is None else load_contact(contact)
@@ -35,7 +36,7 @@ def check(
         for number, path in enumerate(trials):
             show(f"checking {path.name}", number / len(trials))
             try:
-                trial, manifest = load_trial(path.expanduser()), load_manifest(path.expanduser())
+                trial, manifest = load_trial(user_path(path)), load_manifest(user_path(path))
                 if fitted is not None:
                     trial = trial_with(trial, fitted, file=contact)
                 items.append(examine(trial, cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -34,7 +35,7 @@ def export(
     model, contact = file_of(model), file_of(contact)
     foot = model_of(model, contact).foot
     inputs = contact_hash(contact) | ({} if model is None else {f"model: {model.name}": sha256(model)})
-    written = write_export(foot, out.expanduser(), fulcrum_m=1e-3 * fulcrum_mm, form=form,
+    written = write_export(foot, user_path(out), fulcrum_m=1e-3 * fulcrum_mm, form=form,
                            springs=springs, collision=collision, inputs=inputs)
     for name in written["files_sha256"]:
-        console.print(f"written {out.expanduser() / name}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"written {user_path(out) / name}", highlight=False, markup=False, soft_wrap=True)

@@ -12,6 +12,7 @@ from vsf_drake.cli.app import Out, app, console, errors, file_of
 from vsf_drake.cli.fit_names import check_patterns
 from vsf_drake.cli.fit_screen import print_fit
 from vsf_drake.errors import FitError, InputError
+from vsf_drake.files import user_path
 
 JOINT, PAPER = "joint", "paper"
 
@@ -64,12 +65,12 @@ def fit(
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, check_fit_folder
 
-    out, bench = out.expanduser(), file_of(bench)
+    out, bench = user_path(out), file_of(bench)
     check_fit_folder(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
     task = Task(
-        trials=[load_trial(path.expanduser()) for path in trials], strategy=strategy,
-        held_out=[load_trial(path.expanduser()) for path in hold_out or ()],
+        trials=[load_trial(user_path(path)) for path in trials], strategy=strategy,
+        held_out=[load_trial(user_path(path)) for path in hold_out or ()],
         bench=None if bench is None else load_measured_bench(bench), bench_file=bench, seed=seed,
         starts=1 if quick else starts, solver=solver, free=tuple(free or ()), freeze=tuple(freeze or ()),
         resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)

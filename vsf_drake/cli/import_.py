@@ -12,6 +12,7 @@ from rich.text import Text
 
 from vsf_drake.cli.app import app, console, errors, progress
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
@@ -55,7 +56,7 @@ def import_trials(
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
-        _list_markers(list_markers.expanduser())
+        _list_markers(user_path(list_markers))
         return
     from vsf_drake.analysis.intake import take_in
     from vsf_drake.analysis.intake_files import gather
@@ -68,7 +69,7 @@ def import_trials(
                          right="Without a standing trial name the walk twice")
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    out = out.expanduser()
+    out = user_path(out)
     person, stated = _person(subject, {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
                                        "stature_m": stature_m, "name": name})
     check_folder(out, IMPORT)
@@ -133,5 +134,5 @@ def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str
     if given:
         option = f"--{next(iter(given)).replace('_', '-')}"
         raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
-    return load_stated_subject(subject.expanduser())
+    return load_stated_subject(user_path(subject))
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from vsf_drake.cli.app import app, console
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -19,7 +20,7 @@ def report(
     from vsf_drake.report.tuning import schedule_output as schedule
     from vsf_drake.report.validation import output as validation
 
-    folder = folder.expanduser()
+    folder = user_path(folder)
     others = ((tuning.TABLE, tuning.remake_tuning), (schedule.TABLE, schedule.remake_schedule))
     remake = next((make for table, make in others if (folder / table).is_file()), validation.remake_report)
     for sentence in remake(folder):

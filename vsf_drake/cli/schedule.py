@@ -12,6 +12,7 @@ from vsf_drake.cli.app import INTERRUPTED, Contact, app, console, errors, file_o
 from vsf_drake.cli.tune import Cost, Joints, Level, Quick, Range, Weights
 from vsf_drake.cli.tune_options import TuneOptions, read_names, read_weights
 from vsf_drake.errors import FitError
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -48,7 +49,7 @@ def schedule(
     from vsf_drake.report.tuning.schedule_chapters import schedule_words
     from vsf_drake.report.tuning.schedule_output import PAGE, TABLE, check_schedule_folder, write_schedule
 
-    out, contact = out.expanduser(), file_of(contact)
+    out, contact = user_path(out), file_of(contact)
     check_schedule_folder(out)
     try:
         with progress() as show:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from vsf_drake.cli.app import Contact, Model, app, console, file_of, model_of
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -30,12 +31,12 @@ def show(
     from vsf_drake.resources import resource
 
     if what == "person":
-        person = load_subject(subject.expanduser() if subject else resource("data/reference_subject/subject.yaml"))
+        person = load_subject(user_path(subject) if subject else resource("data/reference_subject/subject.yaml"))
     else:
-        person = load_subject(subject.expanduser()) if subject else None
+        person = load_subject(user_path(subject)) if subject else None
     shown = model_of(file_of(model), file_of(contact))
     if html is not None:
-        html = html.expanduser()
+        html = user_path(html)
         write_model_page(what, shown, html, person, keel_joints=keel_joints)
         console.print(f"written to {html}", highlight=False, markup=False)
         return

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, file_of, progress, target
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -31,7 +32,7 @@ def simulate(
     check_contact_use(contact, fit_offsets=fit_offsets)
     out, contact = target(out, "walk"), file_of(contact)
     with progress() as show:
-        walk = validate_walk(trial.expanduser(), with_fit=fit_offsets, contact=contact, step_s=1e-3 * step_ms,
+        walk = validate_walk(user_path(trial), with_fit=fit_offsets, contact=contact, step_s=1e-3 * step_ms,
                              progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
     print_walk(metrics, offsets_are="with those of the fitted contact" if contact else "not fitted")

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from vsf_drake.cli.app import Contact, Model, Out, app, console, file_of, model_of, progress, target
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -34,7 +35,7 @@ def stand(
     from vsf_drake.simulation.standing import simulate_standing
 
     out, contact = target(out, "standing"), file_of(contact)
-    person = load_subject(subject.expanduser())
+    person = load_subject(user_path(subject))
     if contact:
         check_person(person, load_contact(contact), file=contact)
     stood_on = model_of(file_of(model), contact)

@@ -20,6 +20,7 @@ from vsf_drake.cli.sweep_axes import (
     within_reach,
 )
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -79,7 +80,7 @@ def sweep(
                          right="Give --vary, or --fulcrum-mm without --sample; --list prints the names")
     count = len(trials) * max(1, len(positions)) * (sample or _product(axes))
     check_count(count, meant=yes)
-    out = out.expanduser()
+    out = user_path(out)
     loaded, variables = _loaded(trials, contact, axes, positions)
     fitted = contact_hash(contact)
     if any(item.name == SHIFT and item.bounds is None for item in axes) and sample is not None:
@@ -119,7 +120,7 @@ def _loaded(
     from vsf_drake.model_file import check_fulcrum
     from vsf_drake.simulation.walk import Walker
 
-    paths = [path.expanduser() for path in trials]
+    paths = [user_path(path) for path in trials]
     for i, path in enumerate(paths):
         if path.resolve() in [other.resolve() for other in paths[:i]]:
             raise InputError("the trial stands twice", file=path)
@@ -184,7 +185,7 @@ def _print_variables(trials: list[Path], contact: Path | None) -> None:
     """A line a variable, in columns, for reading and for grep."""
     from vsf_drake.simulation.walk import Walker
 
-    for trial in _read([path.expanduser() for path in trials], contact):
+    for trial in _read([user_path(path) for path in trials], contact):
         own = Walker(trial.subject, trial.model).variables
         found = within_reach(own, [(trial.fulcrum_m, trial.model.foot.fulcrum)]).values()
         rows = [("variable", "unit", "value", "low", "high", ""),

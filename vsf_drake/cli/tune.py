@@ -11,6 +11,7 @@ import typer
 from vsf_drake.cli.app import INTERRUPTED, Contact, app, console, errors, file_of, progress
 from vsf_drake.cli.tune_options import DESIGN, TuneOptions, read_names, read_pareto, read_weights
 from vsf_drake.errors import FitError, InputError
+from vsf_drake.files import user_path
 
 Cost = Annotated[str, typer.Option(
     metavar="joint_load|metabolic|push_off|tracking|weighted", help="What is to be least.")]
@@ -68,12 +69,12 @@ def tune(
     from vsf_drake.cli.tune_screen import print_tuning
     from vsf_drake.report.tuning.output import PAGE, check_tuning_folder, write_tuning
 
-    out, contact, warm_start = out.expanduser(), file_of(contact), file_of(warm_start)
+    out, contact, warm_start = user_path(out), file_of(contact), file_of(warm_start)
     check_tuning_folder(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
     try:
         with progress() as show:
-            given = load_tuning_trials([path.expanduser() for path in trials or ()], contact=contact, level=level,
+            given = load_tuning_trials([user_path(path) for path in trials or ()], contact=contact, level=level,
                                        quick=quick, progress=show)
             table, arrays = tune_trials(given, options, show=show, warm=warm)
             show("writing the report", 0.99)

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from vsf_drake.cli.app import INTERRUPTED, Contact, Out, app, console, errors, file_of, progress
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.files import user_path
 
 MOST_ISO_FORCE_N = 10_000.0
 """Beyond what any structural test presses a foot with (a choice)."""
@@ -46,7 +47,7 @@ def validate(
     from vsf_drake.analysis.validation.run import NAMES, failures, run_sections
     from vsf_drake.report.validation.output import PAGE, UNFINISHED, check_validation_folder, write_validation
 
-    out, contact, bench = out.expanduser(), file_of(contact), file_of(bench)
+    out, contact, bench = user_path(out), file_of(contact), file_of(bench)
     check_validation_folder(out)
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
@@ -55,7 +56,7 @@ def validate(
     exact = None
     with progress() as show:
         if trials:
-            study = make_study([path.expanduser() for path in trials], contact=contact, bench=bench, options=options,
+            study = make_study([user_path(path) for path in trials], contact=contact, bench=bench, options=options,
                                progress=show)
         else:
             study = make_study(embedded_trials(quick=quick), contact=contact or embedded_contact(),

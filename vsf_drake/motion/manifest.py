@@ -37,6 +37,7 @@ from pathlib import Path
 from vsf_drake.bench_file import load_bench_file
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.stated_subject import load_stated_subject
 from vsf_drake.schema import choice, load_yaml, quantity
@@ -206,9 +207,10 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
     """The file that a key of the manifest names.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or it is no path; see `user_path`.
     """
-    path = manifest_path.parent / Path(value).expanduser()
+    path = user_path(manifest_path.parent / user_path(value, file=manifest_path, where=key), file=manifest_path,
+                     where=key)
     if not path.is_file():
         raise InputError(f"there is no file {value}", file=manifest_path, where=key,
                          right="Paths are relative to the manifest's folder")

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import yaml
 
+from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import load_manifest, named_file
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import load_yaml
+from vsf_drake.yaml_file import read_yaml
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -26,7 +28,7 @@ def load_subject(path: str | Path) -> Subject:
 def _names_a_subject(path: Path) -> bool:
     """Whether the file is a manifest. What cannot be read is left to `load_yaml`, which says why."""
     try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        node = read_yaml(path)
+    except InputError:
         return False
     return isinstance(node, yaml.MappingNode) and any(key.value == "subject" for key, _ in node.value)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum
@@ -15,6 +13,7 @@ from vsf_drake.plants.export import foot_mjcf, foot_sdf
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import result_folder
 from vsf_drake.simulation.provenance import provenance
+from vsf_drake.yaml_file import dump
 
 FORMATS = ("sdf", "mjcf", "both")
 MOVABLE = "vsf_foot.sdf"
@@ -61,5 +60,5 @@ def write_export(
             **({} if form == "mjcf" else {"springs_of_movable": springs, "collision_spheres_of_sdf": collision}),
             "files_sha256": {name: sha256(folder / name) for name in texts},
             "foot": to_plain(foot), "provenance": provenance(inputs)}
-        (folder / SIDECAR).write_text(yaml.safe_dump(sidecar, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        (folder / SIDECAR).write_text(dump(sidecar), encoding="utf-8")
     return sidecar

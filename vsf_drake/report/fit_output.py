@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.npz_file import read_npz
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_page import fit_page
 from vsf_drake.report.style import save_figure
@@ -102,23 +101,11 @@ def read_fit(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]
         return table, {}
     if sha256(path) != table["arrays_sha256"]:
         raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=path)
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return table, {name: stored[name] for name in stored.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", file=path) from None
+    return table, read_npz(path)
 
 
 def _table(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path, right="A fit leaves one") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
-    if not isinstance(found, dict):
-        raise InputError("is not the table of a fit", file=path)
-    return found
+    return read_json(path, right="A fit leaves one")
 
 
 @contextlib.contextmanager

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from vsf_drake.analysis.intake import Intake
 from vsf_drake.analysis.json_file import write_json
@@ -22,6 +21,7 @@ from vsf_drake.report.import_page import write_import_page
 from vsf_drake.schema import dump_yaml, to_plain
 from vsf_drake.simulation.archive import check_target, result_folder
 from vsf_drake.simulation.provenance import provenance
+from vsf_drake.yaml_file import dump
 
 IMPORT, CHECK = "import", "check"
 SUBJECT_FILE, MODEL_FILE = "subject.yaml", "model.yaml"
@@ -106,8 +106,7 @@ def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> st
     if trial.synthetic:
         content["synthetic"] = True
     origin = " ".join(str(trial.path.name).split())
-    return f"# Made by vsf-drake import from {origin}.\n" + yaml.safe_dump(content, sort_keys=False,
-                                                                           allow_unicode=True)
+    return f"# Made by vsf-drake import from {origin}.\n" + dump(content)
 
 
 def _text(path: Path, text: str) -> None:

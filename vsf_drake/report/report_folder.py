@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.json_file import read_json
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
+from vsf_drake.npz_file import read_npz
 from vsf_drake.simulation.archive import check_target
 
 Known = Callable[[Mapping[str, Any]], bool]
@@ -53,12 +52,9 @@ def check_names(out: Path, *, files: Iterable[str], folders: Iterable[str]) -> N
 def holds(path: Path, known: Known) -> bool:
     """Whether there is such a table, be it damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        return True
-    except OSError:
-        return False
-    return isinstance(found, dict) and known(found)
+        return known(read_json(path))
+    except InputError:
+        return path.is_file()
 
 
 def read_table(path: Path, known: Known, *, kind: str, command: str) -> dict[str, Any]:
@@ -68,14 +64,8 @@ def read_table(path: Path, known: Known, *, kind: str, command: str) -> dict[str
         InputError: it is missing, damaged, or another table.
     """
     right = f"Name the folder that `vsf-drake {command} --out` wrote"
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no such file", file=path, right=right) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path,
-                         right=f"Run `vsf-drake {command}` again") from None
-    if not isinstance(table, dict) or not known(table):
+    table = read_json(path, right=right, damaged=f"Run `vsf-drake {command}` again")
+    if not known(table):
         raise InputError(f"is not the table of a {kind}", file=path, right=right)
     return table
 
@@ -89,8 +79,4 @@ def read_arrays(path: Path, table: Mapping[str, Any], *, named: str, command: st
     right = f"Run `vsf-drake {command}` again"
     if sha256(path) != table.get("arrays_sha256"):
         raise InputError(f"is not the file that {named} describes (its SHA-256 differs)", file=path, right=right)
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"cannot be read ({error})", file=path, right=right) from None
+    return read_npz(path, right=right)

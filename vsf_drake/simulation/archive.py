@@ -6,16 +6,17 @@ import contextlib
 import errno
 import json
 import os
-import zipfile
 from collections.abc import Callable, Container, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, replaced, sha256
+from vsf_drake.files import part_of, read_text, replaced, sha256
+from vsf_drake.npz_file import read_npz
+from vsf_drake.schema import load_plain
+from vsf_drake.yaml_file import dump
 
 ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
@@ -42,12 +43,12 @@ def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lam
             raise InputError("is a link to nothing", file=out, right="Choose another folder")
         with result_folder(out, kind, keep=False):
             pass
-        sidecar = out / SIDECAR_FILE
-        found = yaml.safe_load(sidecar.read_text(encoding="utf-8")) if sidecar.is_file() else None
         others = out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir())
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    except (UnicodeDecodeError, yaml.YAMLError):
+    try:
+        found = load_plain(out / SIDECAR_FILE) if (out / SIDECAR_FILE).is_file() else None
+    except InputError:  # a damaged one
         return
     if isinstance(found, dict) and found.get("kind") not in (None, kind):
         raise InputError(f"holds the result of a {found['kind']}", file=out,
@@ -109,7 +110,7 @@ def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar:
         np.savez_compressed(stream, allow_pickle=False, **dict(arrays))
     content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
     with replaced(folder / SIDECAR_FILE) as stream:
-        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True, width=120)
+        stream.write(dump(content, width=120))
 
 
 def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -119,22 +120,13 @@ def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, A
         InputError: a file is missing or damaged, or the two do not belong together.
     """
     path = Path(folder) / SIDECAR_FILE
-    try:
-        sidecar = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path, right="A result folder holds one") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"cannot be read as YAML ({str(error).splitlines()[0]})", file=path) from None
+    sidecar = load_plain(path, right="A result folder holds one")
     if not isinstance(sidecar, dict):
         raise InputError("does not describe a result", file=path)
     path = Path(folder) / ARRAYS_FILE
     if sha256(path) != sidecar.pop("arrays_sha256", None):
         raise InputError(f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path)
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}, sidecar
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", file=path) from None
+    return read_npz(path), sidecar
 
 
 def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
@@ -170,8 +162,8 @@ def _write_record(folder: Path, record: Mapping[str, Mapping[str, str]]) -> None
 def _recorded(folder: Path) -> dict[str, dict[str, str]]:
     """SHA-256 by path within `folder`, by kind; nothing that leads out of it."""
     try:
-        found = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        found = json.loads(read_text(folder / RECORD_FILE, most=2**24))
         return {kind: {name: digest for name, digest in files.items()
                        if (folder / name).resolve().is_relative_to(folder.resolve())} for kind, files in found.items()}
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+    except (InputError, OSError, ValueError, TypeError, AttributeError, RecursionError):
         return {}

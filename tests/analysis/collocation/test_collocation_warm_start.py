@@ -14,6 +14,7 @@ from vsf_drake.analysis.collocation import (
     save_start,
     solve,
 )
+from vsf_drake.analysis.collocation.warm_start import FORMAT
 from vsf_drake.errors import InputError
 
 
@@ -42,10 +43,11 @@ def test_files_that_fit_no_problem_are_refused(tmp_path):
     (tmp_path / "bad.npz").write_text("nothing")
     with pytest.raises(InputError, match="cannot be read"):
         load_start(problem, tmp_path / "bad.npz")
-    np.savez(tmp_path / "other.npz", z=1.0)
-    with pytest.raises(InputError, match="no saved trajectory"):
-        load_start(problem, tmp_path / "other.npz")
-    with pytest.raises(InputError, match="cannot be read"):
+    for other in ({"z": 1.0}, {"format": FORMAT, "z": 1.0}):
+        np.savez(tmp_path / "other.npz", **other)
+        with pytest.raises(InputError, match="no saved trajectory"):
+            load_start(problem, tmp_path / "other.npz")
+    with pytest.raises(InputError, match="there is no such file"):
         load_start(problem, tmp_path / "missing.npz")
 
 

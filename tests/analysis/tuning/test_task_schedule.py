@@ -164,7 +164,7 @@ def test_policy_goes_to_a_file_and_back(tmp_path):
     assert load_schedule(path).lookup(speed=1.0) == found.lookup(speed=1.0) == pytest.approx(90.0)
 
 
-@pytest.mark.parametrize(("text", "words"), [("{", "cannot be read as JSON"), ("[]", "no policy table"),
+@pytest.mark.parametrize(("text", "words"), [("{", "cannot be read as JSON"), ("[]", "no table"),
                                              ('{"format": "x"}', "no policy table"),
                                              ('{"format": "vsf_drake schedule 1"}', "KeyError")])
 def test_a_damaged_policy_is_refused_with_its_file(tmp_path, text, words):

@@ -184,7 +184,7 @@ def test_a_section_that_failed_says_why(tmp_path):
     [
         ("validation.json", None, "vsf-drake validate --out"),
         ("validation.json", "{", "cannot be read as JSON"),
-        ("validation.json", "[]", "not the table of a validation"),
+        ("validation.json", "[]", "no table"),
         ("validation.json", '{"kind": "fit"}', "not the table of a validation"),
         ("validation.npz", "other", "SHA-256"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,10 @@ from vsf_drake.analysis.collocation.problem import TrajectoryProblem
 from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
+from vsf_drake.npz_file import read_npz
 
 FORMAT = "vsf_drake trajectory 1"
+_SAVED = {"names", "design", "z", "p", "multipliers", "method", "intervals", "duration_s", "periodic", "advance"}
 
 
 def save_start(solution: TrajectorySolution, path: str | Path) -> None:
@@ -36,12 +37,8 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
     Raises:
         InputError: the file is none of these, or its variables are others.
     """
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            found = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", file=path) from None
-    if str(found.get("format", "")) != FORMAT:
+    found = read_npz(path)
+    if str(found.get("format", "")) != FORMAT or not _SAVED <= found.keys():
         raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
     for name, own in (("names", problem.layout.names), ("design", tuple(str(each) for each in problem.design.names))):
         if tuple(found[name].tolist()) != own:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import user_path
 from vsf_drake.schema import load_yaml, quantity
 
 DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
@@ -62,7 +63,7 @@ def read_tasks(words: Sequence[str]) -> tuple[Task, ...]:
     """
     found: dict[str, Task] = {}
     for word in words:
-        for task in _named(word) if "=" in word else _listed(Path(word).expanduser()):
+        for task in _named(word) if "=" in word else _listed(user_path(word)):
             known = found.get(task.label)
             if known is not None and (dict(known.descriptors) != dict(task.descriptors)):
                 raise InputError(f"{task.label!r} is described in two ways", where="TASKS",
@@ -87,7 +88,7 @@ def _named(word: str) -> list[Task]:
     label, _, manifest = word.partition("=")
     if not label.strip() or not manifest.strip():
         raise InputError(f"{word!r} is no task", where="TASKS", right="Write LABEL=TRIAL.yaml")
-    return [Task(label.strip(), (Path(manifest).expanduser(),), dict.fromkeys(DESCRIPTORS))]
+    return [Task(label.strip(), (user_path(manifest),), dict.fromkeys(DESCRIPTORS))]
 
 
 def _listed(path: Path) -> list[Task]:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
-import zipfile
 from collections.abc import Container, Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.json_file import plain, read_json, write_json
 from vsf_drake.analysis.validation.study import Section, Study
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.keys import digest, software
 
@@ -51,14 +50,13 @@ class SectionStore:
         """The section and how long it took (s); None if it is not there, damaged, or of another key."""
         path = self.folder / f"{name}.json"
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = read_json(path)
             if found["key"] != self.key or found["arrays_sha256"] != sha256(path.with_suffix(".npz")):
                 return None
-            with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
-                arrays = {key: stored[key] for key in stored.files}
-            section = Section(table=found["table"], arrays=arrays, missing=tuple(found["missing"]))
+            section = Section(table=found["table"], arrays=read_npz(path.with_suffix(".npz")),
+                              missing=tuple(found["missing"]))
             return section, float(found["wall_s"])
-        except (OSError, ValueError, TypeError, KeyError, InputError, zipfile.BadZipFile):
+        except (ValueError, TypeError, KeyError, InputError):
             return None
 
     def write(self, name: str, section: Section, wall_s: float) -> None:

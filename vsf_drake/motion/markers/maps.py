@@ -17,9 +17,11 @@ from pathlib import Path
 import yaml
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import read_text, user_path
 from vsf_drake.motion.formats.labels import listed
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.resources import resource
+from vsf_drake.yaml_file import MOST_BYTES, parse_yaml
 
 SIDED_ROLES = ("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial", "heel",
                "toe", "met1", "met5", "toe_tip", "thigh_plane", "shank_plane")
@@ -143,15 +145,9 @@ def load_marker_map(name_or_path: str | Path) -> MarkerMap:
         InputError: there is no such map, or it is not one.
     """
     shipped = str(name_or_path) in SHIPPED
-    path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else Path(name_or_path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError("there is no such marker map", file=path,
-                         right=f"Shipped are {', '.join(SHIPPED)}; any other is the path of a file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as text ({error})", file=path) from None
-    return parse_marker_map(text, path)
+    path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else user_path(name_or_path)
+    right = f"Shipped marker maps are {', '.join(SHIPPED)}; any other is the path of a file"
+    return parse_marker_map(read_text(path, most=MOST_BYTES, right=right), path)
 
 
 def parse_marker_map(text: str, path: str | Path) -> MarkerMap:
@@ -162,12 +158,7 @@ def parse_marker_map(text: str, path: str | Path) -> MarkerMap:
             that stands for two things.
     """
     path = Path(path)
-    try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        raise InputError(f"is not valid YAML ({getattr(error, 'problem', None) or error})", file=path,
-                         where=f"line {mark.line + 1}" if mark else None) from None
+    root = parse_yaml(text, path)
     roles: dict[str, tuple[str, ...]] = {}
     clusters: dict[str, tuple[str, ...]] = {}
     prefix = "any"

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.files import replaced, user_path
+from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.cases import Task
 from vsf_drake.simulation.many.keys import digest
@@ -40,7 +41,7 @@ class WalkCache:
     def __init__(self, folder: str | Path) -> None:
         if not isinstance(folder, (str, Path)):
             raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
-        self.folder = Path(folder).expanduser()
+        self.folder = user_path(folder)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -53,14 +54,10 @@ class WalkCache:
     def read(self, key: str) -> tuple[Reply | None, str]:
         """The reply that was kept, or None; and a sentence if there is an entry that cannot be trusted."""
         path = self.path(key)
-        try:
-            content = path.read_bytes()
-        except FileNotFoundError:
+        if not path.exists():
             return None, ""
-        except OSError as error:
-            return None, f"Its cache entry cannot be read ({error.strerror}); it was computed anew."
         try:
-            return _decoded(content, key), ""
+            return _decoded(path, key), ""
         except Exception as error:  # a damaged file can make its readers raise anything
             return None, f"Its cache entry was damaged ({error}); it was computed anew."
 
@@ -101,10 +98,9 @@ def _encoded(task: Task, reply: Reply) -> bytes:
     return buffer.getvalue()
 
 
-def _decoded(content: bytes, key: str) -> Reply:
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        about = json.loads(stored[ABOUT])
-        arrays = {name: stored[name] for name in stored.files if name != ABOUT}
+def _decoded(path: Path, key: str) -> Reply:
+    arrays = read_npz(path)
+    about = json.loads(arrays.pop(ABOUT))
     expected = about.pop("content_sha256")
     if digest(about, arrays) != expected or about["key"] != key:
         raise ValueError("its SHA-256 differs")
