@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning.policy import policy_table
+from vsf_drake.analysis.tuning.schedule import make_schedule
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.report.tuning.table import FORMAT
 
 NAMES = ("pelvis_tilt", "pelvis_tx", "pelvis_ty", "hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l",
@@ -117,3 +120,27 @@ def failed_table(**changes: Any) -> dict[str, Any]:
                                 "checks", "confirmed_by", "starts")}
     return made_table(optimal=False, status="the iteration limit was reached", fulcrum_interval_mm=None,
                       interval_meaning="", common_fulcrum_mm=None, **bare) | changes
+
+
+SPEEDS, BEST, REACH = (0.8, 1.2, 1.6), (75.0, 105.0, 125.0), (66.0, 151.0)
+
+
+def made_schedule(
+    *, optimal: bool = True, matters: bool = True, described: bool = True, **changes: Any
+) -> dict[str, Any]:
+    """MADE UP: three parabolas, 2 + 1e-4 (mm - best)² BW, as the tunings of three speeds."""
+    x = np.linspace(*REACH, 86)
+    known = dict.fromkeys(DESCRIPTORS)
+    tuned = [(f"speed {speed}", known | ({"speed_m_per_s": speed} if described else {}), {
+        "fulcrum_mm": best, "cost": 2.0, "cost_name": "joint_load", "optimal": optimal or best != BEST[1],
+        "status": "solved" if optimal or best != BEST[1] else "the iteration limit was reached",
+        "sweep": [{"fulcrum_mm": mm, "cost": 2.0 + 1e-4 * (mm - best) ** 2} for mm in x.tolist()],
+        "outcomes": [{"name": "cost", "matters": matters}], "fulcrum_interval_mm": [best - 4.0, best + 4.0]})
+             for speed, best in zip(SPEEDS, BEST, strict=True)]
+    table = policy_table(make_schedule(tuned, reach_mm=REACH, resolution_mm=0.5))
+    for row, best in zip(table["tasks"], BEST, strict=True):
+        row |= {"trials": [f"{row['label']}/walk"], "recorded_mm": [66.0],
+                "sweep": {"fulcrum_mm": x.tolist(), "cost": (2.0 + 1e-4 * (x - best) ** 2).tolist()}}
+    return {**table, "cost_name": "joint_load", "cost_label": "load of the intact knee", "cost_unit": "BW", "level": 1,
+            "synthetic": True, "notes": ["MADE UP FOR A TEST."], "wall_s": 3.0,
+            "provenance": {"versions": {"vsf-drake": "0"}, "options": {"quick": True}}} | changes

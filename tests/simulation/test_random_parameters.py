@@ -2,47 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import pytest
-from drawn_walks import draws, outcomes, reach
+from drawn_walks import assert_sound, drawn, draws, outcomes, reach, reference_walk
 
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS
-from vsf_drake.simulation.walk import Walker
-
-MOST_UNCONVERGED = 0.005
-"""Share of the steps that may stay unconverged, which is what was promised."""
 MOST_FAILED = 0.05
 """Share of the walks that may end in an error (a choice): a search can do without these."""
-
-
-@cache
-def reference_walk(setting):
-    """(walker, trajectory, span) of an embedded trial: setting 0 soft, 1 medium, 2 stiff."""
-    trial = load_trial(embedded_trials("exact")[3 * setting])
-    span = {"fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s}
-    return Walker(trial.subject, trial.model), trial.trajectory, span
-
-
-def drawn(setting, count, *, seed, step_s, **bounds):
-    """Outcomes of `count` walks of an embedded trial."""
-    walker, trajectory, span = reference_walk(setting)
-    sets = draws(walker.variables, count, seed=seed, bounds=reach(walker, span["fulcrum_m"]) | bounds)
-    return outcomes(walker, trajectory, sets, step_s=step_s, **span)
-
-
-def assert_sound(found):
-    """None NaN, none without end, hardly a step unconverged; what fails left the model's range and did not diverge."""
-    walked = [one for one in found if one.failure is None]
-    assert all(one.finite for one in walked)
-    assert all(one.iterations <= MAX_ITERATIONS * one.steps for one in walked)
-    assert sum(len(one.unconverged) for one in walked) < MOST_UNCONVERGED * sum(one.steps for one in walked)
-    assert len(walked) > 0.5 * len(found)
-    for one in found:
-        if one.failure is not None:
-            assert "beyond the" in one.failure, f"{one.failure} at {one.failed_s} s with {one.values}"
 
 
 @pytest.mark.parametrize("setting", [0, 1, 2])

@@ -8,37 +8,15 @@ import numpy as np
 import pytest
 from browser import chromium, look
 from command_line import read_json
+from made_tuning import BEST, SPEEDS, made_schedule
 from page_reader import Balanced
 
-from vsf_drake.analysis.tuning.policy import load_schedule, policy_table
-from vsf_drake.analysis.tuning.schedule import make_schedule
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.analysis.tuning.policy import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.schedule_chapters import schedule_words
 from vsf_drake.report.tuning.schedule_figure import policy_figure, schedule_curves_figure, telling
 from vsf_drake.report.tuning.schedule_output import check_schedule_folder, remake_schedule, write_schedule
 from vsf_drake.report.tuning.words import HARDLY
-
-SPEEDS, BEST, REACH = (0.8, 1.2, 1.6), (75.0, 105.0, 125.0), (66.0, 151.0)
-
-
-def made_schedule(*, optimal=True, matters=True, described=True, **changes):
-    """MADE UP: three parabolas, 2 + 1e-4 (mm - best)² BW, as the tunings of three speeds."""
-    x = np.linspace(*REACH, 86)
-    known = dict.fromkeys(DESCRIPTORS)
-    tuned = [(f"speed {speed}", known | ({"speed_m_per_s": speed} if described else {}), {
-        "fulcrum_mm": best, "cost": 2.0, "cost_name": "joint_load", "optimal": optimal or best != BEST[1],
-        "status": "solved" if optimal or best != BEST[1] else "the iteration limit was reached",
-        "sweep": [{"fulcrum_mm": mm, "cost": 2.0 + 1e-4 * (mm - best) ** 2} for mm in x.tolist()],
-        "outcomes": [{"name": "cost", "matters": matters}], "fulcrum_interval_mm": [best - 4.0, best + 4.0]})
-             for speed, best in zip(SPEEDS, BEST, strict=True)]
-    table = policy_table(make_schedule(tuned, reach_mm=REACH, resolution_mm=0.5))
-    for row, best in zip(table["tasks"], BEST, strict=True):
-        row |= {"trials": [f"{row['label']}/walk"], "recorded_mm": [66.0],
-                "sweep": {"fulcrum_mm": x.tolist(), "cost": (2.0 + 1e-4 * (x - best) ** 2).tolist()}}
-    return {**table, "cost_name": "joint_load", "cost_label": "load of the intact knee", "cost_unit": "BW", "level": 1,
-            "synthetic": True, "notes": ["MADE UP FOR A TEST."], "wall_s": 3.0,
-            "provenance": {"versions": {"vsf-drake": "0"}, "options": {"quick": True}}} | changes
 
 
 def files(folder):

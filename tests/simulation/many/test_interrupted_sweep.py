@@ -6,10 +6,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from kills import gone_soon, session_of
 
 from vsf_drake.simulation.many import simulate_many
 
@@ -32,20 +32,6 @@ print("simulated", sum(not o.from_cache for o in outcomes), "failed", sum(not o.
 def started(script: Path, *words: object) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, script, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             text=True, start_new_session=True)
-
-
-def session_of(leader: int) -> list[str]:
-    """Living processes of a session: what it has started stays in it, whoever its parent is now."""
-    found = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(leader)], capture_output=True, text=True, check=False)
-    return [line for line in found.stdout.splitlines() if not line.split()[1].startswith("Z")]
-
-
-def gone_soon(leader: int) -> bool:
-    for _ in range(100):
-        if not session_of(leader):
-            return True
-        time.sleep(0.1)
-    return False
 
 
 @pytest.mark.slow
