@@ -6,9 +6,9 @@ or `choice` (words from a list). It has no behaviour. `load_yaml` reads a file i
 `from_plain` do so with nested dicts, as saved results hold them.
 
 Drake's yaml_load_typed and yaml_dump_typed do not take such classes: they want annotations that are no strings, no
-tuples, a default for every field and nothing frozen, and know no ranges. The call that does is `load_yaml(path, schema)`
-(for a scenario `load_scenario(path)`), or `from_plain(schema, yaml_load_file(path))` where Drake has read the file; what
-`dump_yaml` writes, Drake's yaml_load_data and yaml_load_file read.
+tuples, a default for every field and nothing frozen, and know no ranges. The call that does is
+`load_yaml(path, schema)`, for a scenario `load_scenario(path)`, or `from_plain(schema, yaml_load_file(path))` where
+Drake has read the file. What `dump_yaml` writes, Drake's yaml_load_data and yaml_load_file read.
 """
 
 from __future__ import annotations

@@ -52,9 +52,9 @@ class Held:
                 "beside", self.plant.world_frame(), RigidTransform([0.0, 0.5, 0.0])))
             self.other = add_foot(self.plant, beside, FOOT, name="other", contact="drake_point", fulcrum_m=other_m)
         self.plant.Finalize()
-        self.wired = wire_foot(builder, self.plant, self.foot)
+        self.wired = wire_foot(builder, self.plant, self.foot, own_ground=True)
         if other_m is not None:
-            wire_foot(builder, self.plant, self.other)
+            wire_foot(builder, self.plant, self.other, own_ground=True)
         force = ExternallyAppliedSpatialForce()
         self.piece = self.foot.keel_body_at(FOOT.load_point_m)
         force.body_index = self.foot.keel[self.piece].index()

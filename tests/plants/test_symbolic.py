@@ -20,7 +20,7 @@ def test_springs_and_servos_are_linear_in_symbols():
     """A diagram of both: coefficients of the state are what they were built with."""
     builder = DiagramBuilder()
     keel = builder.AddNamedSystem("keel", KeelElasticity(
-        num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.1, 0.2]))
+        num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.125, 0.25]))
     servo = builder.AddNamedSystem("servo", GaitDriver(
         num_velocities=2, velocity_indices=[1], position_gain=7.0, velocity_gain=0.5))
     builder.ExportInput(keel.GetInputPort("state"), "state")
@@ -33,7 +33,7 @@ def test_springs_and_servos_are_linear_in_symbols():
     symbolic.GetInputPort("state").FixValue(context, [Expression(v) for v in x])
     symbolic.GetInputPort("desired").FixValue(context, [Expression(0.3), Expression(0.0)])
     assert [str(f) for f in symbolic.GetOutputPort("keel").Eval(context)] == [
-        "( - 3 * x(0) - 0.10000000000000001 * x(2))", "( - 5 * x(1) - 0.20000000000000001 * x(3))"]
+        "( - 3 * x(0) - 0.125 * x(2))", "( - 5 * x(1) - 0.25 * x(3))"]
     force = Polynomial(symbolic.GetOutputPort("servo").Eval(context)[1], x)
     assert force.TotalDegree() == 1
     assert force.Evaluate(dict(zip(x, [0.0, 0.1, 0.0, 2.0], strict=True))) == pytest.approx(7.0 * 0.2 - 0.5 * 2.0)

@@ -110,8 +110,8 @@ def wire_foot(
         plant: finalised, and in `builder`.
         ground: by default the plane z = 0 of W with the foot's friction.
         fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
-        own_ground: the foot has a contact of Drake's own, and the ground is yours to bring, such as a moving body's
-            geometry. Otherwise geometry that is fixed to the world must be there for it to stand on.
+        own_ground: the foot has a contact of Drake's own, and what it meets is your affair: a body that moves, or
+            nothing. Otherwise geometry that is fixed to the world must be there for it to stand on.
 
     Raises:
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
@@ -216,7 +216,7 @@ def _check_geometry(plant: MultibodyPlant, foot: FootHandles, own_ground: bool) 
             if body not in (foot.frame, *foot.keel)):
         raise InputError(f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
                          where="ground", right="Call add_ground_geometry(plant, ground) before plant.Finalize(), or "
-                         "say wire_foot(..., own_ground=True) if a ground of yours moves")
+                         "say wire_foot(..., own_ground=True) if it is to meet a ground of yours that moves, or none")
 
 
 def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str) -> None:

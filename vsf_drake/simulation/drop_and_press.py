@@ -106,7 +106,7 @@ def press(foot: FootParameters, way: Advance, fulcrum_m: float, wall_limit_s: fl
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     handles = add_foot(plant, plant.world_frame(), foot, contact="drake_point", fulcrum_m=fulcrum_m)
     plant.Finalize()
-    wire_foot(builder, plant, handles)
+    wire_foot(builder, plant, handles, own_ground=True)  # held, over none
     load = builder.AddSystem(PassThrough(AbstractValue.Make([ExternallyAppliedSpatialForce()])))
     share_spatial_forces(builder, plant, load.get_output_port())
     builder.ExportInput(load.get_input_port(), "load")
