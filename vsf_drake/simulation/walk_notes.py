@@ -55,8 +55,8 @@ def _too_deep(walk: Walk, model: ModelParameters) -> list[str]:
                 f"first at {walk.record.time_s[int(np.argmax(deepest > limit))]:.3f} s")
             notes.append(
                 f"The {foot} foot goes {1e3 * deepest.max():.0f} mm into the ground ({at}), more than the "
-                f"{1e3 * limit:.0f} mm that {what}: its forces there mean nothing. The recorded path of the pelvis, the "
-                "subject's lengths and the ground do not fit together.")
+                f"{1e3 * limit:.0f} mm that {what}: its forces there mean nothing. The recorded path of the pelvis, "
+                "the subject's lengths and the ground do not fit together.")
     return notes
 
 
