@@ -97,7 +97,7 @@ def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_
 
 def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_remainder_shows_it(ball):
     """Amplitudes shrink by 1 / sqrt(1 + h^2 w^2) a step, energies by its square; within a period the loss, h w^2 times
-    twice the kinetic energy a second, runs ahead of its mean by up to h w / 2 of the energy. Nothing else may remain."""
+    twice the kinetic energy a second, runs ahead of its mean by up to h w / 2 of the energy. Nothing else remains."""
     machine, mechanism = ball
     tree, plant = mechanism.tree, mechanism.plant
     joint = int(mechanism.spring_index[-1])  # ahead of the fulcrum: the support does not feel it
@@ -111,7 +111,7 @@ def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_re
         v0 = np.zeros_like(q0)
         v0[joint] = 1e-4 * omega
         time = phase / omega * np.arange(n + 1)
-        record, terms = run_of(ball, time, np.repeat(q0[None], n + 1, axis=0), v0, free=(joint,))
+        _, terms = run_of(ball, time, np.repeat(q0[None], n + 1, axis=0), v0, free=(joint,))
         energy = 0.5 * inertia * v0[joint] ** 2
         left = (1.0 + phase**2) ** -np.arange(1.0, n + 1.0)
         np.testing.assert_allclose(terms["remainder"] / energy, 1.0 - left, atol=0.51 * phase)

@@ -16,6 +16,7 @@ from vsf_drake.simulation.reference import simulate_reference
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk_notes import walk_notes
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
@@ -162,3 +163,17 @@ def test_same_input_gives_the_same_bits(walker, motion):
     first, second = run(walker, motion, end_s=0.3), run(walker, motion, end_s=0.3)
     np.testing.assert_array_equal(first.record.q, second.record.q)
     np.testing.assert_array_equal(first.record.load, second.record.load)
+
+
+def test_foot_that_is_deeper_in_the_ground_than_its_foam_is_thick_is_noted(walker, motion, stance):
+    """A prosthesis 20 or 50 mm too long on a tenth of its foam."""
+    model, own = walker("right").model, stance("right", 1e-3)
+    assert own.record.site("depth").max() < model.foot.foam_thickness_m
+    assert not any("into the ground" in note for note in walk_notes(own, SUBJECT, model))
+    soft = {f"contact.{zone.name}.stiffness": 0.1 * zone.stiffness for zone in model.foot.zones}
+    for height, said in ((-0.02, "first at 0."), (-0.05, "already at the start")):
+        walk = run(walker, motion, values=soft, offsets=GeometricOffsets(height_m=height))
+        deepest = 1e3 * walk.record.site("depth").max()
+        [note] = [note for note in walk_notes(walk, SUBJECT, model) if "into the ground" in note]
+        assert note.startswith(f"The prosthetic foot goes {deepest:.0f} mm into the ground ({said}")
+        assert "30 mm that the foam" in note

@@ -26,6 +26,7 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
     if refined:
         notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
     notes += implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg)
+    notes += _too_deep(walk, model)
     if walk.prosthetic.grf_W[0, 2] > LOADED_N:
         notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
                      "equilibrium and without shear: its first hundredths of a second are not the recording's.")
@@ -37,6 +38,25 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
                      f"{1e-3 * bench_k:.1f}: this model walks on another foam than it is tested with.")
     if walk.rest_speed > AT_REST:
         notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
+    return notes
+
+
+def _too_deep(walk: Walk, model: ModelParameters) -> list[str]:
+    """A sentence for each foot that goes deeper into the ground than what its contact stands for is thick."""
+    count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
+    notes = []
+    for foot, own, limit, what in (
+            ("prosthetic", depth[:, :count], model.foot.foam_thickness_m, "the foam under the keel is thick"),
+            ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)),
+             "the radius of its largest contact sphere is")):
+        deepest = own.max(axis=1, initial=0.0)
+        if deepest.max() > limit:
+            at = "already at the start" if deepest[0] > limit else (
+                f"first at {walk.record.time_s[int(np.argmax(deepest > limit))]:.3f} s")
+            notes.append(
+                f"The {foot} foot goes {1e3 * deepest.max():.0f} mm into the ground ({at}), more than the "
+                f"{1e3 * limit:.0f} mm that {what}: its forces there mean nothing. The recorded path of the pelvis, "
+                "the subject's lengths and the ground do not fit together.")
     return notes
 
 

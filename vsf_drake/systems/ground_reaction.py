@@ -27,12 +27,13 @@ def GroundReaction_(T):
 
             cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
-        and the free moment is what is left about the vertical there, M_z - (cop × F)_z. The
-        contact points lie below h by their depths, so the horizontal forces have a small moment
-        about the plane, as on a real force plate. For contact points in the plane the centre of
-        pressure equals the force-weighted mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi
-        10.1115/1.4050456), eq. 4; otherwise the two differ by at most the friction coefficient
-        times the largest depth.
+        and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is
+        how a force plate makes them of force and moment. A real plate is touched at its surface;
+        here, as in the library that the paper used, friction acts at the contact points, which lie
+        below h by their depths, so that the horizontal forces have a small moment about the plane.
+        For contact points in the plane the centre of pressure equals the force-weighted mean
+        Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ
+        by at most the friction coefficient times the largest depth.
 
         .. pydrake_system::
 

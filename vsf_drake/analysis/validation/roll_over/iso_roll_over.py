@@ -78,7 +78,8 @@ def _row(
     taken, given = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
     half = run.time_s <= 0.5 * DURATION_S
     rolled = run.time_s <= SECOND_PEAK_S
-    shape = shape_numbers(np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m, foot_length_m=foot.length_m)
+    shape = shape_numbers(np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m,
+                          foot_length_m=foot.length_m)
     loaded = np.isfinite(cop[:, 0])
     row = {
         "fulcrum_mm": 1e3 * fulcrum, "follows": following.follows, "residual_n": following.residual_n,

@@ -15,8 +15,8 @@ def finding(table: Mapping[str, Any]) -> str:
              for c in conditions]
     share = table["ledger_remainder_share_max"]
     closes = "" if share is None else (
-        f" In steps of {1e3 * table['step_s']:g} ms the energy ledger closes within {100.0 * share:.2g} % of the stored "
-        f"energy in the worst {_of(len(table['trials']))} (asked: {100.0 * table['asked_share']:g} %).")
+        f" In steps of {1e3 * table['step_s']:g} ms the energy ledger closes within {100.0 * share:.2g} % of the "
+        f"stored energy in the worst {_of(len(table['trials']))} (asked: {100.0 * table['asked_share']:g} %).")
     origin = " The walks follow SYNTHETIC motion." if table["synthetic"] else ""
     return f"In the mean of its stances the model's foot stores {_listed(parts)}.{closes}{origin}"
 

@@ -35,11 +35,11 @@ def _walking(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list
         "\"foot alone\" is the model seen from the pylon. The radius is that of the circle nearest to the shape. "
         "Effective foot length is from the heel, the rear end of the sole "
         f"{1e3 * table['heel_behind_pylon_m']:.0f} mm behind the pylon's axis before any fitted offset, to the front "
-        f"end of the shape, and its ratio is to the {1e3 * table['foot_length_m']:.0f} mm from there to the toe. The mean moment arm "
-        "is the impulse of the ground force's moment about the origin, toe up positive, over the impulse of the "
-        "vertical force, in the whole of stance; the dynamic mean ankle moment arm of Adamczyk 2020 is, by its "
-        "abstract, the ratio of these impulses, and we take the vertical force. The definitions of arc and effective "
-        "foot length were not read at their source.")]
+        f"end of the shape, and its ratio is to the {1e3 * table['foot_length_m']:.0f} mm from there to the toe. The "
+        "mean moment arm is the impulse of the ground force's moment about the origin, toe up positive, over the "
+        "impulse of the vertical force, in the whole of stance; the dynamic mean ankle moment arm of Adamczyk 2020 is, "
+        "by its abstract, the ratio of these impulses, and we take the vertical force. The definitions of arc and "
+        "effective foot length were not read at their source.")]
     if not table["walks"]:
         return [*pieces, Missing("No footfall is recorded and simulated as a whole: there is no roll-over shape.")]
     finding = _walking_finding(table["conditions"])
