@@ -43,3 +43,13 @@ def test_unknown_names_and_wrong_shapes_are_refused_before_anything_is_set(keel)
     np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
     with pytest.raises(ValueError, match="no parameter 'k'"):
         keel.GetParameter(context, "k")
+
+
+def test_a_context_of_another_system_is_refused_and_kept(keel):
+    """A numeric parameter is a number in order: of two keels alike, the other's would be changed unseen."""
+    other = KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
+    context = other.CreateDefaultContext()
+    for call in (lambda: keel.SetParameters(context, stiffness=9.0), lambda: keel.GetParameter(context, "stiffness")):
+        with pytest.raises(ValueError, match="belongs to another system"):
+            call()
+    np.testing.assert_array_equal(other.GetParameter(context, "stiffness"), [1.0, 2.0])
