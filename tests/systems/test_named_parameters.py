@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsf_drake.errors import InputError
 from vsf_drake.systems import KeelElasticity
 
 
@@ -50,6 +51,6 @@ def test_a_context_of_another_system_is_refused_and_kept(keel):
     other = KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
     context = other.CreateDefaultContext()
     for call in (lambda: keel.SetParameters(context, stiffness=9.0), lambda: keel.GetParameter(context, "stiffness")):
-        with pytest.raises(ValueError, match="belongs to another system"):
+        with pytest.raises(InputError, match="belongs to another system"):
             call()
     np.testing.assert_array_equal(other.GetParameter(context, "stiffness"), [1.0, 2.0])
