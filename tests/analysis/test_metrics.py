@@ -63,6 +63,18 @@ def test_tenth_more_load_is_a_tenth_more_of_everything():
         1.1 * peaks["measured_peaks_bw"]["vertical_first_half"], rel=1e-4)
 
 
+def test_peaks_are_of_the_halves_of_stance():
+    """Humps of 1.0 and 1.2 body weights at 20 and 85 % of stance, slow against the filter's 40 Hz."""
+    walk, plate = make_walk(), make_plate()
+    share = (plate.time_s - STRIKE_S) / (LIFT_S - STRIKE_S)
+    body_weights = 0.3 + 0.7 * np.exp(-((share - 0.2) / 0.12) ** 2) + 0.9 * np.exp(-((share - 0.85) / 0.12) ** 2)
+    vertical = np.where((share > 0) & (share < 1), WEIGHT_N * body_weights, 0.0)
+    plate = dataclasses.replace(plate, force_W=np.outer(vertical, [0, 0, 1]))
+    peaks = walk_metrics(walk, plate)["stances"][0]["measured_peaks_bw"]
+    assert peaks["vertical_first_half"] == pytest.approx(1.0, rel=0.01)
+    assert peaks["vertical_second_half"] == pytest.approx(1.2, rel=0.01)
+
+
 def test_resultant_is_the_euclidean_norm():
     time = make_walk().time_s
     steady = np.tile([0.0, 300.0, 400.0], (len(time), 1))

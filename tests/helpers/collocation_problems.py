@@ -78,7 +78,7 @@ def rest_to_rest(most, *, as_limit, intervals=60):
     if not as_limit:
         low[:, 2], high[:, 2] = -most, most
     problem = TrajectoryProblem(constant_outputs([[0, 0, 1]]), Layout(("x",)), grid, outputs=1, limits=limits,
-                                residuals=[Residuals(outputs=[0])], low=low, high=high)
+                                y_scale=3.0, residuals=[Residuals(outputs=[0])], low=low, high=high)
     s = np.sqrt(max(3.0 * (0.25 - 1.0 / most), 0.0))
     return problem, most**2 * (0.5 - 2.0 * s / 3.0)
 

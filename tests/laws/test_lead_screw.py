@@ -115,6 +115,7 @@ def test_stops_push_inwards_only_and_begin_without_a_jump():
     assert law.stop_force(0.1, 0.3, **stop) == 0.0
     assert law.stop_force(0.152, 0.0, **stop) == pytest.approx(-100.0)
     assert law.stop_force(0.065, 0.0, **stop) == pytest.approx(100.0)
-    assert law.stop_force(0.152, 0.05, **stop) == pytest.approx(-150.0)
-    assert law.stop_force(0.152, -1.0, **stop) == 0.0  # leaving fast: it does not pull
+    for beyond, outwards in ((0.152, 1.0), (0.065, -1.0)):
+        assert law.stop_force(beyond, 0.05 * outwards, **stop) == pytest.approx(-150.0 * outwards)
+        assert law.stop_force(beyond, -1.0 * outwards, **stop) == 0.0  # leaving fast: it does not pull
     assert abs(law.stop_force(0.151 + 1e-12, 1.0, **stop)) < 1e-5

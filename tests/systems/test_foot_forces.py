@@ -21,7 +21,9 @@ from vsf_drake.systems.foot_forces import CONTACT_LAWS, FootForces
 SEEDS = (1, 2, 3)
 UNEVEN = Ground(patches=(
     GroundPatch(slope_deg=2.0, bank_deg=-1.0),
-    GroundPatch(name="mat", from_x_m=0.0, height_m=1e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
+    GroundPatch(name="mat", from_x_m=0.0, height_m=1e-3, slope_deg=2.0, bank_deg=-1.0, stiffness_n_per_m=3e4,
+                mu_static=0.9, mu_kinetic=0.8)))
+"""A mat on a slope: the higher patch is the one that bears."""
 LEVEL = Ground()
 
 

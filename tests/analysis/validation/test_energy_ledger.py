@@ -66,6 +66,16 @@ def test_ledger_is_the_sum_of_its_terms_with_the_remainder_apart():
     assert set(own.terms) == set(TERMS)
 
 
+def test_energy_that_a_step_makes_counts_in_what_is_missing_as_energy_that_it_loses():
+    own, trial = energy(1e-3), embedded_study().walks[0].trial
+    [found] = [s for s in find_stances(own.time_s, own.vertical_n) if s.complete]
+    made = dataclasses.replace(own, terms=own.terms | {"remainder": -own.terms["remainder"]})
+    lost, gained = (stance_energy(of, found, foot=trial.model.foot, fulcrum_m=trial.fulcrum_m).row
+                    for of in (own, made))
+    for key in ("remainder_max_j", "remainder_share"):
+        assert gained[key] == lost[key] > 0.0
+
+
 @pytest.mark.parametrize("name", LOST)
 def test_what_is_lost_never_comes_back(name):
     """But for rounding at reversals, where a step's rate and the mean of two differ in sign."""
