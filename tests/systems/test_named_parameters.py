@@ -83,6 +83,8 @@ def test_bounds_hold_for_autodiff_too(keel):
         converted.GetOutputPort("joint_moment").Eval(context)
     converted.SetParameters(context, stiffness=AutoDiffXd(2.0, [1.0]))
     assert converted.GetOutputPort("joint_moment").Eval(context)[0].derivatives() == [-1.0]
+
+
 def test_a_context_of_another_system_is_refused_and_kept(keel):
     """A numeric parameter is a number in order: of two keels alike, the other's would be changed unseen."""
     other = KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
