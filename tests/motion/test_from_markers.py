@@ -103,7 +103,7 @@ def test_stated_plates_win_over_the_centre_of_pressure():
 
 def test_labels_that_no_shipped_map_knows_are_refused():
     strange = dataclasses.replace(walk(), markers={f"M{i}": x for i, x in enumerate(walk().markers.values())})
-    with pytest.raises(InputError, match=r"marker_map: no shipped marker map fits its labels: M0, M1.*--list-markers"):
+    with pytest.raises(InputError, match=r"marker_map \(--map\): no shipped .*: M0, M1.*--list-markers"):
         make(walked=strange, still=False)
 
 

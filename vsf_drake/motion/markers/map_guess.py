@@ -86,13 +86,13 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
         if 2 * known >= len(recording.markers):
             raise error
         raise InputError("no shipped marker map fits its labels: " + listed(list(recording.markers)),
-                         file=recording.path, where="marker_map",
+                         file=recording.path, where="marker_map (--map)",
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, found) for known, marker_map, found in fitting if known == most]
     if any(found != best[0][1] for _, found in best):
         raise InputError(f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
-                         file=recording.path, where="marker_map", right="Say which one (--marker-map)")
+                         file=recording.path, where="marker_map (--map)", right="Say which one")
     chosen = best[0][0]
     return chosen, (f"No marker map was stated; {chosen.name}, which knows {most} of the {len(recording.markers)} "
                     "labels, was taken.")
