@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
+import ezc3d
 import numpy as np
 import pytest
+from made_c3d import write_c3d
 from made_laboratory import MASS, Laboratory
 
 from vsf_drake.analysis.intake import take_in
@@ -13,6 +15,7 @@ from vsf_drake.analysis.intake_files import gather, walk_names
 from vsf_drake.analysis.intake_steps import IntakeOptions
 from vsf_drake.analysis.recording.examine import examine, weighed
 from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.pelvis_path import model_ankle
 from vsf_drake.motion.plates import os_to_world
@@ -88,6 +91,22 @@ def test_masses_of_several_walks_become_one_person(tmp_path):
     stated = take_in(gather(standing, walks), IntakeOptions(person=dataclasses.replace(PERSON, mass_kg=mass)))
     assert intake.items[0].trial.subject == stated.items[0].trial.subject
     assert any("median" in note for note in intake.items[0].notes)
+
+
+@pytest.mark.parametrize(("mass", "mark"), [(78.5, "good"), (120.0, "unusable")])
+def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plates(tmp_path, mass, mark):
+    laboratory = Laboratory(tmp_path)
+    marked = read_trial(laboratory.standing())
+    standing = write_c3d(tmp_path / "standing.c3d", marked.markers, rate=marked.marker_rate_hz)
+    c3d = ezc3d.c3d(str(standing))
+    c3d.add_parameter("PROCESSING", "Bodymass", [mass])
+    c3d.add_parameter("PROCESSING", "Height", [1790.0])
+    c3d.write(str(standing))
+    person = dataclasses.replace(PERSON, mass_kg=None, stature_m=None)
+    [item] = take_in(gather(standing, [laboratory.walk()]), IntakeOptions(person=person)).items
+    assert (item.trial.subject.mass_kg, item.trial.subject.stature_m) == (mass, pytest.approx(1.79))
+    marks = {check.name: check.mark for check in item.checks}
+    assert marks["mass from the forces"] == mark and not {"body mass", "stature"} & {*marks}
 
 
 def test_inverse_kinematics_leaves_the_prosthetic_foot_where_its_markers_show_it(tmp_path):

@@ -140,7 +140,7 @@ def test_stated_plates_win_and_a_contradiction_is_noted():
     assert dict(sides(result)) == {"L0": "right", "R0": "left"}
     assert all("it is stated as the" in c.doubt for c in result.contacts)
     assert assign(*everywhere()[:2], stated={"right": "R0", "left": "L0"}).contacts[0].doubt is None
-    with pytest.raises(InputError, match=r"forces\.right: there is no plate 9\. Plates are: R0, L0"):
+    with pytest.raises(InputError, match=r"forces\.right \(--right-plate\): there is no plate 9\. Plates are: R0, L0"):
         assign(*everywhere()[:2], stated={"right": "9"})
 
 

@@ -74,6 +74,18 @@ def test_mass_that_is_not_stated_comes_from_a_stride():
              walked=walk(missed=[("left", 0), ("right", 1), ("left", 1), ("right", 2)]))
 
 
+def test_mass_and_stature_are_those_that_a_file_states_unless_the_user_does():
+    """The walk's forces would tell 80 kg; the file says 76, and the check of the plates is to find that out."""
+    walked = dataclasses.replace(walk(), person={"mass_kg": 76.0, "stature_m": 1.75})
+    unknown = dataclasses.replace(PERSON, mass_kg=None, stature_m=None)
+    trial = make(person=unknown, walked=walked)
+    assert (trial.subject.mass_kg, trial.subject.stature_m) == (76.0, 1.75)
+    assert any("body mass of 76 kg is what" in note and "states (PROCESSING)" in note for note in trial.notes)
+    stated = make(walked=walked)
+    assert (stated.subject.mass_kg, stated.subject.stature_m) == (MASS, 1.8)
+    assert any(f"states a body mass of 76 kg, where {MASS:g} kg is stated" in note for note in stated.notes)
+
+
 def test_steps_beside_the_plates_are_left_out_of_the_window():
     trial = make("right", walked=walk(missed=[("right", 2)]))
     ((start, end),) = trial.unmeasured["right"]
@@ -103,7 +115,7 @@ def test_stated_plates_win_over_the_centre_of_pressure():
 
 def test_labels_that_no_shipped_map_knows_are_refused():
     strange = dataclasses.replace(walk(), markers={f"M{i}": x for i, x in enumerate(walk().markers.values())})
-    with pytest.raises(InputError, match=r"marker_map: no shipped marker map fits its labels: M0, M1.*--list-markers"):
+    with pytest.raises(InputError, match=r"marker_map \(--map\): no shipped .*: M0, M1.*--list-markers"):
         make(walked=strange, still=False)
 
 

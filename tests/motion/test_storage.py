@@ -81,7 +81,6 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path):
         ("0\t1\t2\n0.1\t3\t4\n", "", "the header says 2 rows, the file has 0"),
         ("\t3\t4", "\t3", "line 9: the row has 2 cells, there are 3 labels. Is the file truncated?"),
         ("\t3\t4", "\t3\t4\t5", "line 9: the row has 4 cells, there are 3 labels"),
-        ("time\ta\tb", "time\ta\ta", "line 7, column a: the column stands twice"),
         ("time\ta\tb", "time\t\tb", "line 7: column 2 has no label"),
         ("time\ta\tb", "t\ta\tb", "line 7: the first column is 't'. It must be time"),
         ("0.1\t3", "x\t3", "line 9, column time: the time 'x' is not a number"),
@@ -91,6 +90,19 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path):
 def test_broken_table_is_named(table, old, new, wanted):
     assert old in TABLE
     assert wanted in message(table(TABLE.replace(old, new)))
+
+
+@pytest.mark.parametrize(("cells", "kept", "where"), [("1\t2\t3", [1, 3], 2), ("nan\t2\t3", [2, 3], 3)])
+def test_of_a_column_that_stands_twice_the_first_with_numbers_is_read_and_said(table, cells, kept, where):
+    """The number in another column that is none is still told as it stands there."""
+    text = f"walk\nendheader\ntime\ta\ta\tb\n0\t{cells}\n0.1\t{cells[:-1]}x\n"
+    storage = read_storage(table(text))
+    assert storage.names == ("a", "b")
+    np.testing.assert_array_equal(storage.values[0], kept)
+    assert storage.notes == (
+        f"The column a stands twice: the first that holds anything was used (column {where} of 4).",)
+    with pytest.raises(InputError, match=r"line 5, time 0\.1 s, column b: 'x' is not"):
+        storage.column("b")
 
 
 def test_wrong_number_of_columns_in_the_header_is_noted_where_labels_and_rows_agree(table):

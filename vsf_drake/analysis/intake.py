@@ -17,8 +17,9 @@ from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum
+from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.markers.person_facts import check_facts
+from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.trial import Trial
 from vsf_drake.motion.trial_record import default_model
@@ -85,7 +86,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
         one, note = _one_mass(options, masses)
         made = {walk: noted(make(walk, one), note) for walk in made}
     trials, model_notes, scaled = _one_model(list(made.values()), options)
-    stated = _statements(trials[0], files, options)
+    stated = _statements(trials[0], standing, with_files(options.person, standing, trials[0].recording)[0])
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
         notes = (*files.notes(walk), *model_notes, *trial.notes)
@@ -148,18 +149,18 @@ def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial]
     return moved, tuple(notes), True
 
 
-def _statements(trial: Trial, files: FileSet, options: IntakeOptions) -> list[Check]:
+def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -> list[Check]:
     """What was not measured but taken from somewhere else; one check for each."""
     subject, found = trial.subject, []
-    if options.person.mass_kg is None:
+    if person.mass_kg is None:
         found.append(Check("body mass", "doubtful", subject.mass_kg, "kg", f"The body mass is not stated; "
                            f"{subject.mass_kg:.1f} kg comes from the force plates. Every force in body weights rests "
                            "on it (--mass-kg)."))
-    if options.person.stature_m is None:
+    if person.stature_m is None:
         found.append(Check("stature", "doubtful", subject.stature_m, "m", f"The stature is not stated; "
                            f"{subject.stature_m:.2f} m is estimated. It scales only what the markers do not measure, "
                            "such as the trunk (--stature-m)."))
-    if files.standing is None:
+    if standing is None:
         found.append(Check("standing trial", "doubtful", None, "", "The walk itself stands for the standing trial: "
                            "joint centres and the feet's level are averages over its frames, good to a centimetre and "
                            "a few degrees at best."))

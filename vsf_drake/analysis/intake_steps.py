@@ -103,7 +103,8 @@ def make_trial(files: FileSet, number: int, standing: Recording | None, marker_m
             raise error from None
         trial = noted(make(dataclasses.replace(options.person, mass_kg=found.value)),
                       f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground was "
-                      "on a plate, less what the body's motion took of it; it is good to a few percent: state mass_kg.")
+                      "on a plate, less what the body's motion took of it; it is good to a few percent: state mass_kg "
+                      "(--mass-kg).")
     if not options.inverse_kinematics:
         return trial
     return refined(trial, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)

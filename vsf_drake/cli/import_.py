@@ -56,7 +56,7 @@ def import_trials(
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
-        _list_markers(user_path(list_markers))
+        _list_markers(user_path(list_markers), up=up, forward=forward, length_unit=length_unit)
         return
     from vsf_drake.analysis.intake import take_in
     from vsf_drake.analysis.intake_files import gather
@@ -111,16 +111,21 @@ def finish(table: dict[str, Any]) -> None:
         sys.exit(InputError.exit_code)
 
 
-def _list_markers(path: Path) -> None:
+def _list_markers(path: Path, **axes: str | None) -> None:
     """Labels and a started marker map, as YAML whose comments list the labels."""
-    from vsf_drake.motion.formats.read import list_labels
+    from vsf_drake.motion.formats.read import list_labels, read_trial
     from vsf_drake.motion.markers.map_guess import suggest_map
 
     labels = list_labels(path)
     if not labels:
         raise InputError("has no markers", file=path)
-    lines = [f"# {len(labels)} labels in {' '.join(path.name.split())}:", *(f"#   {label}" for label in labels)]
-    typer.echo("\n".join(lines) + "\n\n" + suggest_map(labels), nl=False)
+    lines = [f"# {' '.join(path.name.split())}"]
+    try:
+        recording = read_trial(path, **axes)
+    except InputError as error:
+        recording = None
+        lines.append(f"# Where the markers lie was not looked at: {' '.join(str(error).split())}")
+    typer.echo("\n".join(lines) + "\n" + suggest_map(labels, recording), nl=False)
 
 
 def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str, float]]:

@@ -84,7 +84,8 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     """
     file = recording.force_path or recording.path
     if not recording.plates:
-        raise InputError("has no force plates", file=file, where="forces", right="Name the file that has the forces")
+        raise InputError("has no force plates", file=file, where="forces (--forces)",
+                         right="Name the file that has the forces")
     for plate in recording.plates:
         check_upward(plate, file=file)
     names = _stated_names(recording, stated)
@@ -115,7 +116,7 @@ def _stated_names(recording: Recording, stated: dict[str, str | None] | None) ->
     for name, side in names.items():
         if name not in known:
             raise InputError(f"there is no plate {name}", file=recording.force_path or recording.path,
-                             where=f"forces.{side}", right=f"Plates are: {', '.join(known)}")
+                             where=f"forces.{side} (--{side}-plate)", right=f"Plates are: {', '.join(known)}")
     return names
 
 
@@ -139,7 +140,7 @@ def _check_near(found: Sequence[Found], recording: Recording, time_s: np.ndarray
             f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the plate carries a person "
             f"({near.load.start_s:.3f} to {near.load.end_s:.3f} s)", file=file, where=f"plate {near.load.plate.name}",
             right="Plates and markers must share frame, unit and clock: check the plate's corners, the unit of the "
-                  "centre of pressure, the up and the forward axis")
+                  "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
 
 
 def _describe(contacts: Sequence[Contact]) -> list[str]:

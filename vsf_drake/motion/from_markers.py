@@ -23,7 +23,7 @@ from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.handedness import prepared
 from vsf_drake.motion.markers.map_guess import choose_map
 from vsf_drake.motion.markers.maps import MarkerMap
-from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.settling import MID_FULCRUM_M
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
@@ -76,8 +76,8 @@ def trial_from_recordings(
         standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
         walk: markers and plates.
         marker_map: what the labels are; None: the shipped map that finds most of them.
-        person: what is stated of the person; without a mass it is taken from the forces of the standing trial or of
-            the walk.
+        person: what is stated of the person; without a mass it is what a file states, or taken from the forces of the
+            standing trial or of the walk.
         fulcrum_m: where the fulcrum stood.
         standing_fulcrum_m: where it stood in the standing trial, if elsewhere.
         stated: fields of `Subject` that are known better than the markers tell, by name; they win.
@@ -128,7 +128,8 @@ def walk_from_markers(
         InputError: see `calibrate`, `track` and `assign_plates`; or the body mass is not known, or a force exceeds
             four body weights.
     """
-    notes: list[str] = []
+    person, stated_notes = with_files(person, standing, walk)
+    notes = [*stated_notes]
     if marker_map is None:
         marker_map, note = choose_map(walk if standing is None else standing)
         notes.append(note)

@@ -33,7 +33,7 @@ def check_upward(plate: Plate, *, file: str | Path) -> None:
     mean = plate.force_n[size > 0.3 * size.max()].mean(axis=0)
     if np.argmax(np.abs(mean)) != 2:
         raise InputError("the largest part of its force is not vertical", file=file, where=where,
-                         right="Say which axis of the file is up, and check the plate's corners")
+                         right="Say which axis of the file is up, laboratory.up (--up), and check the plate's corners")
     if mean[2] < 0.0:
         raise InputError(f"its vertical force is negative ({mean[2]:.4g} N)", file=file, where=where,
                          right="The force of the ground on the person is needed, up positive: turn its sign")

@@ -17,6 +17,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
+from vsf_drake.motion.formats.labels import first_of_each
 from vsf_drake.motion.formats.text import Rows, as_label, text_lines
 
 MOST_ODDITIES = 10_000
@@ -84,9 +85,8 @@ def read_storage(path: str | Path) -> Storage:
     from which columns were taken out are common, and OpenSim reads them.
 
     Raises:
-        InputError: the file is missing or no text; `endheader` or the labels are missing; a
-            label stands twice; the number of rows differs from what the header says; a row is
-            shorter or longer than the labels; a time is not a number.
+        InputError: the file is missing or no text; `endheader` or the labels are missing; the number of rows differs
+            from what the header says; a row is shorter or longer than the labels; a time is not a number.
     """
     path = Path(path)
     lines = _text_lines(path)
@@ -100,16 +100,24 @@ def read_storage(path: str | Path) -> Storage:
         labels.pop()
     _check_labels(labels, path, start)
     table, numbers, oddities = _read_rows(lines, split, labels, path)
+    doubled: list[str] = []
+    first = first_of_each(labels, doubled, what="column", empty=lambda i: not np.isfinite(table[:, i]).any())
+    if len(first) < len(labels):
+        table, names = table[:, first], [labels[i] for i in first]
+        oddities = {(row, first.index(i + 1) - 1): cell for (row, i), cell in oddities.items() if i + 1 in first}
+    else:
+        names = labels
     for stated, line_number in header.get("rows", ()):
         if stated != len(table):
             raise InputError(f"the header says {stated} rows, the file has {len(table)}", file=path,
                              where=f"line {line_number}",
                              right="Is the file truncated?" if stated > len(table) else None)
-    notes = tuple(f"Line {number} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
-                  for stated, number in header.get("columns", ()) if stated != len(labels))
+    notes = (*doubled, *(
+        f"Line {number} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
+        for stated, number in header.get("columns", ()) if stated != len(labels)))
     if not len(table):
         raise InputError("there are no rows of numbers", file=path, where=f"after line {start}")
-    return Storage(path, tuple(labels[1:]), table[:, 0], table[:, 1:], header.get("degrees"), numbers, oddities, notes)
+    return Storage(path, tuple(names[1:]), table[:, 0], table[:, 1:], header.get("degrees"), numbers, oddities, notes)
 
 
 def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
@@ -179,13 +187,8 @@ def _check_labels(labels: list[str], path: Path, line: int) -> None:
         first = labels[0] if labels else ""
         raise InputError(f"the first column is {first!r}", file=path, where=f"line {line}",
                          right="It must be time")
-    seen = set()
-    for i, label in enumerate(labels):
-        if not label:
-            raise InputError(f"column {i + 1} has no label", file=path, where=f"line {line}")
-        if label in seen:
-            raise InputError("the column stands twice", file=path, where=f"line {line}, column {label}")
-        seen.add(label)
+    if "" in labels:
+        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {line}")
 
 
 def _read_rows(lines: Iterator[tuple[int, str]], split: Callable[[str], list[str]], labels: list[str],

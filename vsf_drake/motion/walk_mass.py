@@ -52,7 +52,7 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]
                          file=walk.force_path or walk.path, where=where, right=right)
     spans = ", ".join(f"{a:.3f} to {b:.3f} s" for a, b in strides)
     return mass, (f"Body mass {mass:.1f} kg is the mean vertical force over {spans}, a stride; it is good to one or "
-                  "two percent: state mass_kg.")
+                  "two percent: state mass_kg (--mass-kg).")
 
 
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:

@@ -117,3 +117,51 @@ def test_plate_of_an_unknown_type_is_left_out_and_said(tmp_path):
     read = read_trial(path)
     assert [plate.name for plate in read.plates] == ["1"]
     assert any("type 21" in note for note in read.notes)
+
+
+def changed(path, group, name, value):
+    c3d = ezc3d.c3d(str(path))
+    c3d["parameters"][group][name]["value"] = value
+    c3d.write(str(path))
+
+
+def test_a_plate_whose_channels_are_absent_is_left_out_beside_a_whole_one_and_said(tmp_path):
+    plates = (load((0.45, 0.25)), load((1.2, 0.25)))
+    path = write_c3d(tmp_path / "a.c3d", walker([1.2, 0, 0]), plates=plates)
+    changed(path, "FORCE_PLATFORM", "CHANNEL", np.column_stack([np.arange(1, 7), np.arange(13, 19)]))
+    read = read_trial(path)
+    check(read, plates[:1], np.eye(3))
+    assert any("Force plate 2 of a.c3d was left out" in note and "channels 13 to 18" in note for note in read.notes)
+    changed(path, "FORCE_PLATFORM", "CHANNEL", np.column_stack([np.arange(13, 19), np.arange(13, 19)]))
+    assert "FORCE_PLATFORM:CHANNEL: force plate 1 uses analog channels 13 to 18" in message(lambda: read_trial(path))
+
+
+@pytest.mark.parametrize("header", [7, 12, 0])
+def test_samples_a_frame_are_those_on_which_channels_and_rates_agree(tmp_path, header):
+    """Six channels at 1000 Hz in frames of 100 Hz make 10 samples a frame, whatever the header says."""
+    plates = (load((0.45, 0.25)),)
+    path = write_c3d(tmp_path / "a.c3d", walker([1.2, 0, 0]), plates=plates)
+    data = bytearray(path.read_bytes())
+    assert data[18:20] == (10).to_bytes(2, "little")
+    data[18:20] = header.to_bytes(2, "little")
+    path.write_bytes(bytes(data))
+    read = read_trial(path)
+    check(read, plates, np.eye(3))
+    assert read.force_rate_hz == 1000.0 and any(f"says {header} analog samples a frame" in n for n in read.notes)
+
+
+@pytest.mark.parametrize(("used", "rate"), [(16, 1000.0), (16, 1200.0), (6, 1200.0), (7, 960.0)])
+def test_the_headers_samples_a_frame_stand_where_the_parameters_disagree(tmp_path, used, rate):
+    """60 numbers a frame in 10 samples: 16 channels do not divide them, 12 samples do but no parameter agrees."""
+    plates = (load((0.45, 0.25)),)
+    path = write_c3d(tmp_path / "a.c3d", walker([1.2, 0, 0]), plates=plates)
+    data = path.read_bytes()
+    at = data.index(b"USED", data.index(b"ANALOG"))
+    assert data[at + 6] == 2 and data[at + 8:at + 10] == (6).to_bytes(2, "little")
+    data = data[:at + 8] + used.to_bytes(2, "little") + data[at + 10:]
+    old, new = (np.float32(value).tobytes() for value in (1000.0, rate))
+    path.write_bytes(data.replace(old, new, 1))
+    read = read_trial(path)
+    check(read, plates, np.eye(3))
+    assert read.force_rate_hz == 1000.0
+    assert any("ANALOG:RATE" in note for note in read.notes) == (rate != 1000.0)

@@ -89,7 +89,7 @@ def test_markers_come_in_metres_whatever_the_unit(tmp_path, unit, length):
 
 def test_a_missing_unit_is_asked_for(tmp_path):
     path = write_c3d(tmp_path / "walk.c3d", body(), unit=None)
-    assert "Give length_unit" in message(lambda: read_trial(path))
+    assert "Give laboratory.length_unit (--length-unit)" in message(lambda: read_trial(path))
     assert read_trial(path, length_unit="mm").markers["M1"][0, 2] == pytest.approx(1.72)
 
 
@@ -130,11 +130,53 @@ def test_labels_in_any_alphabet_stay_as_they_are(tmp_path):
     assert list_labels(write_c3d(tmp_path / "walk.c3d", markers)) == names
 
 
-def test_a_label_that_stands_twice_is_refused(tmp_path):
+@pytest.mark.parametrize("hidden", [False, True])
+def test_of_a_label_that_stands_twice_the_first_that_is_seen_is_read_and_said(tmp_path, hidden):
+    markers = body()
+    second, first = markers["M4"].copy(), markers["M2"].copy()
+    if hidden:
+        markers["M2"] = np.full_like(first, np.nan)
+    path = write_c3d(tmp_path / "walk.c3d", markers)
+    relabelled(path, "M4", "M2")
+    read = read_trial(path)
+    assert list(read.markers).count("M2") == 1 and "M4" not in read.markers
+    np.testing.assert_allclose(read.markers["M2"], second if hidden else first, atol=1e-6)
+    assert any("M2 stands twice: the first" in note for note in read.notes)
+
+
+def relabelled(path, old, new):
+    c3d = ezc3d.c3d(str(path))
+    labels = c3d["parameters"]["POINT"]["LABELS"]["value"]
+    data = path.read_bytes()
+    width = max(map(len, labels))
+    assert data.count(old.encode().ljust(width)) == 1
+    path.write_bytes(data.replace(old.encode().ljust(width), new.encode().ljust(width)))
+
+
+@pytest.mark.parametrize(("unit", "length"), [("mete", 1.0), ("mill", 1e-3), ("cent", 1e-2), ("millim", 1e-3)])
+def test_a_unit_that_was_cut_to_the_fields_width_is_read(tmp_path, unit, length):
+    read = read_trial(write_c3d(tmp_path / "walk.c3d", body(), unit=unit, length=length))
+    assert read.markers["M1"][0, 2] == pytest.approx(1.72)
+
+
+@pytest.mark.parametrize("unit", ["me", "met", "mi", "metric", "cents", "inc", "x"])
+def test_a_unit_that_could_be_anything_is_refused(tmp_path, unit):
+    path = write_c3d(tmp_path / "walk.c3d", body(), unit=unit)
+    assert f"POINT:UNITS: the unit '{unit}' is unknown" in message(lambda: read_trial(path))
+
+
+@pytest.mark.parametrize(("mass", "height", "stated"), [
+    (71.5, 1760.0, {"mass_kg": 71.5, "stature_m": 1.76}), (71.5, 176.0, {"mass_kg": 71.5, "stature_m": 1.76}),
+    (71.5, 1.76, {"mass_kg": 71.5, "stature_m": 1.76}), (0.0, 0.0, {}), (7150.0, 17.0, {})])
+def test_mass_and_stature_that_the_file_states_are_read_where_somebody_has_them(tmp_path, mass, height, stated):
     path = write_c3d(tmp_path / "walk.c3d", body())
-    path.write_bytes(path.read_bytes().replace(b"M1 ", b"M2 ").replace(b"M10", b"M12"))
-    assert "M2 stands twice, as markers 2 and 3" in message(lambda: read_trial(path)) or "M12" in message(
-        lambda: read_trial(path))
+    c3d = ezc3d.c3d(str(path))
+    c3d.add_parameter("PROCESSING", "Bodymass", [mass])
+    c3d.add_parameter("PROCESSING", "Height", [height])
+    c3d.write(str(path))
+    read = read_trial(path)
+    assert dict(read.person) == pytest.approx(stated, rel=1e-6)
+    assert sum("nobody's" in note for note in read.notes) == (2 if mass == 7150.0 else 0)
 
 
 @pytest.mark.parametrize("kept", [0, 100, 511, 600, 3000, -2000])

@@ -66,10 +66,10 @@ def test_tables_of_opensims_c3d_adapter(tmp_path, unit):
     about = np.cross(cop - corner, force) + TWIST[:, None] * [0, 0, 1]
     names = [f"{k}1_{i}" for k in "fpm" for i in (1, 2, 3)]
     path = mot(tmp_path / "grf.sto", names, force, factor * corner, factor * about)
-    assert "Give up" in message(lambda: read_trial(path, length_unit=unit))
+    assert "Give laboratory.up (--up)" in message(lambda: read_trial(path, length_unit=unit))
     check(read_trial(path, up="z", length_unit=unit))
     if unit == "mm":
-        assert "Give length_unit, perhaps mm" in message(lambda: read_trial(path, up="z"))
+        assert "Give laboratory.length_unit (--length-unit), perhaps mm" in message(lambda: read_trial(path, up="z"))
 
 
 def csv(path, labels, blocks, separator=",", units=None, lead="", comma=False):
@@ -94,7 +94,7 @@ def test_csv_with_opensims_labels(tmp_path, separator):
     ["Fx", "Fy", "Fz", "COPx", "COPy", "COPz", "Mx", "My", "Mz"]])
 def test_csv_with_other_labels(tmp_path, style):
     path = csv(tmp_path / "grf.csv", style, [FORCE, COP, TWIST[:, None] * UP])
-    assert "Give up" in message(lambda: read_trial(path))
+    assert "Give laboratory.up (--up)" in message(lambda: read_trial(path))
     check(read_trial(path, up="y"))
 
 
@@ -104,6 +104,13 @@ def test_csv_states_its_units_in_a_row_of_their_own_or_behind_the_labels(tmp_pat
     check(read_trial(csv(tmp_path / "a.csv", opensim_names(), blocks, units=units)))
     labels = [f"{n} [{u}]" for n, u in zip(opensim_names(), units[1:], strict=True)]
     check(read_trial(csv(tmp_path / "b.csv", labels, blocks, lead="exported by hand\n\n")))
+
+
+def test_of_a_column_that_stands_twice_in_a_csv_the_first_is_read_and_said(tmp_path):
+    names = [*opensim_names(), "ground_force_r_vy"]
+    read = read_trial(csv(tmp_path / "grf.csv", names, [FORCE, COP, TWIST[:, None] * UP, 2 * FORCE[:, 1]]))
+    check(read)
+    assert any("ground_force_r_vy stands twice: the first" in note for note in read.notes)
 
 
 def test_decimal_commas_are_read_between_semicolons_and_refused_between_commas(tmp_path):

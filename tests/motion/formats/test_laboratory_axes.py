@@ -78,7 +78,7 @@ def test_markers_that_come_and_go_do_not_make_a_direction(tmp_path):
 
 def test_without_screen_and_plates_up_is_asked_for(tmp_path):
     path = write_c3d(tmp_path / "a.c3d", walk(), screen=None)
-    assert "Give up: x, y or z" in message(lambda: read_trial(path))
+    assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
     np.testing.assert_array_equal(read_trial(path, up="z").rotation_W, np.eye(3))
 
 
@@ -94,7 +94,7 @@ def test_plates_tell_the_vertical_where_the_screen_does_not_or_is_wrong(tmp_path
 
 def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_path):
     lying = write_c3d(tmp_path / "a.c3d", walk(), screen=("+X", "+Y"))
-    assert "Give up, probably z" in message(lambda: read_trial(lying))
+    assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(lying))
     upside = write_c3d(tmp_path / "b.c3d", walk(), screen=("+X", "-Z"))
     assert "below the floor" in message(lambda: read_trial(upside))
 
@@ -103,6 +103,6 @@ def test_trc_is_y_up_unless_its_markers_say_otherwise(tmp_path):
     write_trc(tmp_path / "a.trc", walk(), rate_hz=50.0)
     np.testing.assert_array_equal(read_trial(tmp_path / "a.trc").rotation_W, rotation_of("+x", "+y"))
     write_trc(tmp_path / "b.trc", seen_in(rotation_of("+x", "+y").T, walk()), rate_hz=50.0)
-    assert "Give up, probably z" in message(lambda: read_trial(tmp_path / "b.trc"))
+    assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(tmp_path / "b.trc"))
     read = read_trial(tmp_path / "b.trc", up="z")
     np.testing.assert_allclose(read.markers["M3"], walk()["M3"], atol=1e-12)

@@ -115,12 +115,15 @@ def test_units_are_the_files(trc, unit, factor):
 
 @pytest.mark.parametrize("unit", ["furlongs", "N"])
 def test_unknown_unit_is_asked_for(trc, unit):
-    assert "give length_unit" in message(trc(units=unit)).lower()
+    assert "--length-unit" in message(trc(units=unit)).lower()
     check(read_trial(trc(units=unit), length_unit="mm"))
 
 
-def test_doubled_label_names_both_markers(trc):
-    assert "line 4: the label heel stands twice, as markers 1 and 3" in message(trc(labels=("heel", "toe", "heel")))
+def test_of_a_doubled_label_the_first_is_read_and_said(trc):
+    once, twice = read_trial(trc()), read_trial(trc(labels=("heel", "toe", "heel")))
+    assert list(twice.markers) == ["heel", "toe"]
+    np.testing.assert_array_equal(twice.markers["heel"], next(iter(once.markers.values())))
+    assert any("heel stands twice: the first that holds anything was used (column 1 of 3)" in n for n in twice.notes)
 
 
 def test_truncated_files(trc):

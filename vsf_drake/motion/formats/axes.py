@@ -52,13 +52,14 @@ def rotation_to_world(trial: RawTrial, path: Path, *, up: str | None, forward: s
         InputError: `up` or `forward` is no axis, they are not perpendicular, nothing tells the vertical, or the
             markers contradict it.
     """
-    vertical = axis_vector(up, "up") if up is not None else _vertical(trial, path, notes)
+    vertical = axis_vector(up, "laboratory.up (--up)") if up is not None else _vertical(trial, path, notes)
     if trial.markers is not None:
         _check_upright(trial.markers, vertical, path)
-    ahead = axis_vector(forward, "forward") if forward is not None else _ahead(trial.markers, vertical, notes)
+    ahead = _ahead(trial.markers, vertical, notes) if forward is None else axis_vector(
+        forward, "laboratory.forward (--forward)")
     if abs(ahead @ vertical) > 0.5:
         raise InputError(f"forward ({axis_name(ahead)}) lies along the vertical ({axis_name(vertical)})",
-                         file=path, where="forward", right="Give a horizontal axis")
+                         file=path, where="laboratory.forward (--forward)", right="Give a horizontal axis")
     return np.array([ahead, np.cross(vertical, ahead), vertical])
 
 
@@ -78,7 +79,7 @@ def _vertical(trial: RawTrial, path: Path, notes: list[str]) -> np.ndarray:
         return normal
     if trial.up_convention is not None:
         return axis_vector(trial.up_convention, "up")
-    raise InputError("does not say which axis is vertical", file=path, right="Give up: x, y or z")
+    raise InputError("does not say which axis is vertical", file=path, right="Give laboratory.up (--up): x, y or z")
 
 
 def _plates_normal(trial: RawTrial) -> np.ndarray | None:
@@ -110,13 +111,14 @@ def _check_upright(markers: RawMarkers, vertical: np.ndarray, path: Path) -> Non
     if reach[axis] < NARROW * reach.max():
         tall = AXES[int(np.argmax(reach))]
         raise InputError(f"the markers extend {reach.max():.2f} m along {tall} and only {reach[axis]:.2f} m along "
-                         f"{axis_name(vertical)}, which was taken as up", file=path, right=f"Give up, probably {tall}")
+                         f"{axis_name(vertical)}, which was taken as up", file=path,
+                         right=f"Give laboratory.up (--up), probably {tall}")
     heights = markers.positions[::max(1, len(markers.positions) // 200)] @ vertical
     seen = ~np.isnan(heights).all(axis=1)
     lowest, middle = np.median(np.nanmin(heights[seen], axis=1)), np.nanmedian(heights)
     if lowest < -BELOW_M and middle < 0.0:
         raise InputError(f"the markers' middle lies {-middle:.2f} m below the floor, with {axis_name(vertical)} as up",
-                         file=path, right="Give up, with its sign")
+                         file=path, right="Give laboratory.up (--up), with its sign")
 
 
 def travel(markers: RawMarkers) -> np.ndarray:

@@ -14,10 +14,11 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.c3d_data import Layout, read_layout, read_points
 from vsf_drake.motion.formats.c3d_parameters import C3dDescription, read_description
 from vsf_drake.motion.formats.c3d_plates import read_plates
-from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
+from vsf_drake.motion.formats.labels import first_of_each, without_prefix
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
 from vsf_drake.motion.formats.units import file_length_factor
 
+MASSES_KG, STATURES_M = (20.0, 250.0), (0.8, 2.5)
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
 
@@ -26,7 +27,7 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     """Reads a C3D file into its laboratory frame, SI.
 
     Raises:
-        InputError: the file is truncated or damaged, its unit is unknown, a label stands twice.
+        InputError: the file is truncated or damaged, or its unit is unknown.
     """
     c3d = read_description(path)
     layout = read_layout(c3d)
@@ -40,9 +41,14 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     markers = None
     if labels:
         positions = read_points(c3d, layout, kept, length_m=factor)
-        labels, positions = _merge_doubled(labels, positions, notes)
-        refuse_doubled(labels, path, "POINT:LABELS")
+        unseen = np.isnan(positions[..., 0]).all(axis=0)
+        first = first_of_each(labels, notes, empty=lambda i: bool(unseen[i]))
+        if len(first) < len(labels):
+            labels, positions = [labels[i] for i in first], positions[:, first]
         markers = RawMarkers(labels, positions, rate, start)
+    if layout.subframes != c3d.header.subframes and layout.channels:
+        notes.append(f"The header of {path.name} says {c3d.header.subframes} analog samples a frame; its parameters "
+                     f"and the numbers that a frame holds say {layout.subframes}, which was used.")
     forces = read_plates(c3d, layout, length_m=factor, rate_hz=rate, start_s=start, notes=notes)
     if markers is None and forces is None:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
@@ -51,7 +57,7 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if forces is not None and stated and abs(stated / forces.rate_hz - 1.0) > 1e-3:
         notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {layout.subframes} samples a frame make "
                      f"{forces.rate_hz:g} Hz, which was used.")
-    return RawTrial(markers, forces, up=_axis(c3d.texts("POINT:Y_SCREEN")), notes=notes)
+    return RawTrial(markers, forces, up=_axis(c3d.texts("POINT:Y_SCREEN")), notes=notes, person=_person(c3d, notes))
 
 
 def c3d_labels(path: Path) -> list[str]:
@@ -76,24 +82,18 @@ def _labels(c3d: C3dDescription, layout: Layout, notes: list[str]) -> tuple[list
     return short, kept
 
 
-def _merge_doubled(labels: list[str], positions: np.ndarray, notes: list[str]) -> tuple[list[str], np.ndarray]:
-    """Leaves out a point that repeats another of the same label or was never seen; the others move up in place."""
-    kept: list[int] = []
-    for i, label in enumerate(labels):
-        first = next((k for k in kept if labels[k] == label), None)
-        if first is not None and np.isnan(positions[:, first]).all():
-            kept.remove(first)
-            first = None
-            notes.append(f"The label {label} stands twice; the point that was never seen was left out.")
-        elif first is not None and (np.isnan(positions[:, i]).all()
-                                    or np.array_equal(positions[:, i], positions[:, first], equal_nan=True)):
-            notes.append(f"The label {label} stands twice; the point that is empty or the same was left out.")
-            continue
-        kept.append(i)
-    for to, i in enumerate(kept):
-        if to != i:
-            positions[:, to] = positions[:, i]
-    return [labels[i] for i in kept], positions[:, :len(kept)]
+def _person(c3d: C3dDescription, notes: list[str]) -> dict[str, float]:
+    """Body mass (kg) and stature (m) that Vicon's software writes, where somebody may weigh and measure so much."""
+    found = {}
+    for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
+                                            ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M)):
+        value = c3d.number(f"PROCESSING:{name}")
+        fitting = [value * factor for factor in factors if low <= value * factor <= high] if value else []
+        if fitting:
+            found[key] = fitting[0]
+        elif value:
+            notes.append(f"PROCESSING:{name} of {c3d.path.name} says {value:g}, which is nobody's, and was not used.")
+    return found
 
 
 def _axis(texts: list[str]) -> str | None:

@@ -59,10 +59,11 @@ def read_layout(c3d: C3dDescription) -> Layout:
     if block < 2 or not np.isfinite(scale):
         raise InputError("the header does not say where the frames are", file=c3d.path, where="header",
                          right="Is the file damaged?")
-    subframes = header.subframes if header.analog_per_frame else 0
-    if header.analog_per_frame and (not subframes or header.analog_per_frame % subframes):
-        raise InputError(f"{header.analog_per_frame} analog numbers a frame do not fit {subframes} samples a frame",
-                         file=c3d.path, where="header", right="Is the file damaged?")
+    subframes = _subframes(c3d) if header.analog_per_frame else 0
+    if header.analog_per_frame and not subframes:
+        raise InputError(f"{header.analog_per_frame} analog numbers a frame fit neither {header.subframes} samples a "
+                         "frame nor ANALOG:USED and ANALOG:RATE", file=c3d.path, where="header",
+                         right="Is the file damaged?")
     channels = header.analog_per_frame // subframes if subframes else 0
     one = Layout((block - 1) * BLOCK, 1, header.points, channels, subframes, scale < 0.0, max(header.first_frame, 1))
     if one.words == 0:
@@ -79,6 +80,24 @@ def read_layout(c3d: C3dDescription) -> Layout:
     trial = _trial_frames(c3d)
     first = trial[0] if trial and trial[0] % (MOST_16_BITS + 1) == header.first_frame else one.first_frame
     return Layout(one.start, frames, one.points, channels, subframes, one.floats, first)
+
+
+def _subframes(c3d: C3dDescription) -> int:
+    """Analog samples a frame: the header's where they divide the numbers of a frame, but where the parameters agree.
+
+    ANALOG:USED channels and the rates of ANALOG and POINT each give a number; where both give the same, that counts,
+    else the header's, else the one of the two that divides. 0 where none does.
+    """
+    total = c3d.header.analog_per_frame
+    used, fast, slow = (c3d.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
+    by_channels = total / used if used >= 1.0 else 0.0
+    by_rate = fast / (slow or c3d.header.rate_hz or np.inf)
+    own = float(c3d.header.subframes)
+    agreed = by_channels if abs(by_rate - by_channels) < 1e-3 * by_channels else 0.0
+    for subframes in (agreed, own, by_channels, by_rate):
+        if 1.0 <= subframes <= total and subframes == round(subframes) and total % subframes == 0:
+            return int(subframes)
+    return 0
 
 
 def _frames_held(c3d: C3dDescription, layout: Layout, held: int) -> int:

@@ -38,7 +38,7 @@ def read_plates(c3d: C3dDescription, layout: Layout, *, length_m: float, rate_hz
         notes: is added to.
 
     Raises:
-        InputError: the plates' parameters are incomplete or name channels that do not exist.
+        InputError: the parameters of all plates are incomplete or name channels that do not exist.
     """
     used = c3d.number("FORCE_PLATFORM:USED")
     if not used or used < 0 or not layout.channels:
@@ -46,11 +46,21 @@ def read_plates(c3d: C3dDescription, layout: Layout, *, length_m: float, rate_hz
     if used > MOST_PLATES:
         raise InputError(f"{used:g} force plates are stated", file=c3d.path, where="FORCE_PLATFORM:USED",
                          right="Is the file damaged?")
-    plates = []
+    plates, broken = [], list[InputError]()
     for i in range(int(used)):
-        plate = _read_plate(c3d, layout, i, length_m, notes)
+        try:
+            plate = _read_plate(c3d, layout, i, length_m, notes)
+        except InputError as error:
+            if not (error.where or "").startswith("FORCE_PLATFORM:"):
+                raise
+            broken.append(error)
+            notes.append(f"Force plate {i + 1} of {c3d.path.name} was left out, and what stood on it counts as not "
+                         f"measured: {error.where} {error.what}.")
+            continue
         if plate is not None:
             plates.append(plate)
+    if broken and not plates:
+        raise broken[0]
     return RawForces(plates, rate_hz * layout.subframes, start_s) if plates else None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.force_tables import Table
+from vsf_drake.motion.formats.labels import first_of_each
 from vsf_drake.motion.formats.text import as_label, fitted_rows, text_lines
 from vsf_drake.motion.formats.units import length_factor, moment_factor
 
@@ -24,14 +25,14 @@ _PREAMBLE = 50
 """Lines that may stand above the labels."""
 
 
-def read_csv(path: Path) -> tuple[Table, np.ndarray]:
-    """The table and (n,) s, its times. What the file states a unit for comes back in SI.
+def read_csv(path: Path) -> tuple[Table, np.ndarray, list[str]]:
+    """The table, (n,) s, its times, and notes. What the file states a unit for comes back in SI.
 
     Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them.
 
     Raises:
-        InputError: there is no row of labels that begins with time, a label stands twice, a row does not fit, a cell is
-            no number (a decimal comma among them), or positions are in several units.
+        InputError: there is no row of labels that begins with time, a column has no label, a row does not fit, a cell
+            is no number (a decimal comma among them), or positions are in several units.
     """
     lines: Iterator[tuple[int, str]] = text_lines(path)
     labels, separator, number = _find_labels(lines, path)
@@ -39,7 +40,8 @@ def read_csv(path: Path) -> tuple[Table, np.ndarray]:
     for i, label in enumerate(labels):
         if found := _UNIT.match(label):
             labels[i], units[i] = found.group(1).strip(), found.group(2)
-    _check(labels, path, number)
+    if "" in labels:
+        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}")
     first = next((pair for pair in lines if pair[1].strip(separator + " ")), None)
     if first is not None:
         cells = [cell.strip().strip('"') for cell in first[1].split(separator)]
@@ -50,15 +52,17 @@ def read_csv(path: Path) -> tuple[Table, np.ndarray]:
     table, places = fitted_rows(_with_points(lines, path) if separator == ";" else lines, labels, path, separator)
     if not len(table):
         raise InputError("there are no rows of numbers", file=path)
+    notes: list[str] = []
     columns = {}
     lengths = set()
-    for i, label in enumerate(labels):
+    for i in first_of_each(labels, notes, what="column", empty=lambda i: not np.isfinite(table[:, i]).any()):
+        label = labels[i]
         factor, length = _factor(units[i], path, label)
         columns[label] = table[:, i] * factor
         if length is not None:
             lengths.add(length)
     time = columns.pop(labels[0])
-    return Table(path, columns, places, 1.0 if lengths else None), time
+    return Table(path, columns, places, 1.0 if lengths else None), time, notes
 
 
 def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
@@ -89,15 +93,6 @@ def _find_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str
             break
     raise InputError("there is no row of labels that begins with time", file=path,
                      right="The first column must be time, the cells separated by comma, semicolon or tab")
-
-
-def _check(labels: list[str], path: Path, line: int) -> None:
-    seen = set()
-    for i, label in enumerate(labels):
-        if not label or label in seen:
-            raise InputError(f"the column {label} stands twice" if label else f"column {i + 1} has no label",
-                             file=path, where=f"line {line}")
-        seen.add(label)
 
 
 def _is_unit(cell: str) -> bool:

@@ -39,7 +39,8 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
         table, rate, start = read_cortex(path)
     else:
         if suffix == ".csv":
-            table, time = read_csv(path)
+            table, time, more = read_csv(path)
+            notes += more
         else:
             storage = read_storage(path)
             notes += storage.notes
@@ -73,7 +74,7 @@ def _in_metres(table: Table, found: list[PlateColumns], wanted: str | None, note
     if wanted is not None:
         factor = length_factor(wanted)
         if factor is None:
-            raise InputError(f"{wanted!r} is no unit of length", where="length_unit",
+            raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
                              right=f"Use one of {', '.join(LENGTHS_M)}")
         units = [factor, convention]
     for unit in units:
@@ -85,7 +86,8 @@ def _in_metres(table: Table, found: list[PlateColumns], wanted: str | None, note
             return plates
     row, name, far = wrong
     raise InputError(f"a centre of pressure {far:.4g} m from the origin is not believable", file=table.path,
-                     where=f"line {table.lines[row]}, plate {name}", right="Give length_unit, perhaps mm")
+                     where=f"line {table.lines[row]}, plate {name}",
+                     right="Give laboratory.length_unit (--length-unit), perhaps mm")
 
 
 def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] | None:

@@ -1,11 +1,8 @@
-"""Labels of markers: a subject's prefix taken away, no label twice; lists short enough to read."""
+"""Labels of markers: a subject's prefix taken away, each label once; lists short enough to read."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-from vsf_drake.errors import InputError
+from collections.abc import Callable, Sequence
 
 MOST_LISTED = 20
 """A message that names more labels is not read."""
@@ -31,13 +28,16 @@ def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
     return short, [f"The labels' prefix {prefix}: was taken away."]
 
 
-def refuse_doubled(labels: list[str], path: Path, where: str) -> None:
-    """Raises:
-    InputError: a label stands twice; the message names both places.
-    """
-    seen: dict[str, int] = {}
-    for i, label in enumerate(labels, start=1):
-        if label in seen:
-            raise InputError(f"the label {label} stands twice, as markers {seen[label]} and {i}", file=path,
-                             where=where, right="Give each marker a label of its own")
-        seen[label] = i
+def first_of_each(labels: list[str], notes: list[str], *, what: str = "label",
+                  empty: Callable[[int], bool] = lambda i: False) -> list[int]:
+    """Which of the labels to read: each once, the first that is not `empty`, and a note on what was left out."""
+    kept: dict[str, int] = {}
+    doubled: dict[str, int] = {}
+    for i, label in enumerate(labels):
+        if label in kept:
+            doubled[label] = doubled.get(label, 1) + 1
+        if label not in kept or (empty(kept[label]) and not empty(i)):
+            kept[label] = i
+    notes += [f"The {what} {label} stands {'twice' if times == 2 else f'{times} times'}: the first that holds anything "
+              f"was used (column {kept[label] + 1} of {len(labels)})." for label, times in doubled.items()]
+    return sorted(kept.values())

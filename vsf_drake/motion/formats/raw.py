@@ -55,6 +55,7 @@ class RawTrial:
     Attributes:
         up: the signed axis such as "+z" that the file states for the vertical; None where it states none.
         up_convention: the vertical of this format where the file states none; None where there is no convention.
+        person: what the file states of `mass_kg` and `stature_m`.
     """
 
     markers: RawMarkers | None = None
@@ -62,3 +63,4 @@ class RawTrial:
     up: str | None = None
     up_convention: str | None = None
     notes: list[str] = field(default_factory=list)
+    person: dict[str, float] = field(default_factory=dict)

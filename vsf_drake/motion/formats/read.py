@@ -132,12 +132,12 @@ def _check_size(markers: RawMarkers, path: Path) -> None:
     smallest = SMALLEST_WHOLE_M if len(markers.labels) >= 12 else SMALLEST_M
     if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
         raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
-                         right="The stated unit is wrong: give length_unit")
+                         right="The stated unit is wrong: give laboratory.length_unit (--length-unit)")
     farthest = max(np.fmax.reduce(markers.positions, axis=None, initial=0.0),
                    -np.fmin.reduce(markers.positions, axis=None, initial=0.0))
     if farthest > FARTHEST_M:
         raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
-                         right="Is the unit right? Otherwise give length_unit")
+                         right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)")
 
 
 def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
@@ -167,4 +167,4 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
     marked, felt = trial.markers, trial.forces
     return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),
                      felt.rate_hz if felt else None, marked.start_s if marked else 0.0,
-                     (felt.start_s or 0.0) if felt else 0.0, force_path, rotation, tuple(notes))
+                     (felt.start_s or 0.0) if felt else 0.0, force_path, rotation, tuple(notes), trial.person)

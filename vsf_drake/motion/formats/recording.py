@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -43,6 +44,7 @@ class Recording:
         force_start_s: time of the first sample, on the markers' clock.
         rotation_W: (3, 3) takes a vector of the file's laboratory frame to W.
         notes: sentences on what was assumed (units, axes, doubled labels, ...).
+        person: what the file states of `mass_kg` and `stature_m`.
     """
 
     path: Path
@@ -55,6 +57,7 @@ class Recording:
     force_path: Path | None = None
     rotation_W: np.ndarray = field(default_factory=lambda: np.eye(3))
     notes: tuple[str, ...] = ()
+    person: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:

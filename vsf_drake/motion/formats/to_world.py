@@ -42,7 +42,8 @@ def rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str
         if abs(mean[2]) < VERTICAL_SHARE * size[strong].mean():
             along = AXES[int(np.argmax(np.abs(rotation_W.T @ mean)))]
             raise InputError(f"the force of plate {plate.name} is mainly along the laboratory's {along}, which is not "
-                             "what was taken as vertical", file=path, right=f"Give up, probably {along}")
+                             "what was taken as vertical", file=path,
+                             right=f"Give laboratory.up (--up), probably {along}")
         if corners is not None and abs(_normal(corners)[2]) < LEVEL:
             angle = np.degrees(np.arccos(min(1.0, abs(_normal(corners)[2]))))
             raise InputError(f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is modelled",

@@ -7,9 +7,11 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import even_rate
-from vsf_drake.motion.formats.labels import refuse_doubled, without_prefix
+from vsf_drake.motion.formats.labels import first_of_each, without_prefix
 from vsf_drake.motion.formats.pieces import pieces
 from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
 from vsf_drake.motion.formats.text import Rows, as_label, numbers, text_lines
@@ -24,13 +26,12 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     """Reads a TRC file into its laboratory frame (by convention y up), metres, NaN where a marker was not seen.
 
     Raises:
-        InputError: no TRC file; a label stands twice; fewer rows than the header says; a row or cell that is none;
+        InputError: no TRC file; fewer rows than the header says; a row or cell that is none;
             uneven times; an unknown unit.
     """
     lines = text_lines(path)
     header, labels, label_line = _read_header(lines, path)
     labels, notes = without_prefix(labels)
-    refuse_doubled(labels, path, f"line {label_line}")
     _check_count(header, labels, path, notes)
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
@@ -60,6 +61,10 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         some = positions[piece]
         some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
         some *= factor
+    unseen = [bool(np.isnan(positions[:, i]).any(axis=1).all()) for i in range(len(labels))]
+    first = first_of_each(labels, notes, empty=lambda i: unseen[i])
+    if len(first) < len(labels):
+        labels, positions = [labels[i] for i in first], positions[:, first]
     return RawTrial(RawMarkers(labels, positions, rate, start), up_convention="+y", notes=notes)
 
 

@@ -11,12 +11,15 @@ LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
 """Metres in each unit of length."""
 _LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
          "inch": "in", "inches": "in"}
+SHORTEST_CUT = 4
+"""Letters to which programs cut a unit that they keep in a field of fixed width: "mete", "mill"."""
 
 
 def length_factor(unit: str) -> float | None:
     """Metres in a unit of length as files spell it; None for an unknown or empty one."""
     plain = unit.strip().lower().strip("[]().\0 ")
-    plain = _LONG.get(plain.removesuffix("s"), _LONG.get(plain, plain))
+    cut = {unit for word, unit in _LONG.items() if len(plain) >= SHORTEST_CUT and word.startswith(plain)}
+    plain = _LONG.get(plain.removesuffix("s"), cut.pop() if len(cut) == 1 else plain)
     return LENGTHS_M.get(plain)
 
 
@@ -35,11 +38,12 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
     if wanted is not None:
         factor = length_factor(wanted)
         if factor is None:
-            raise InputError(f"{wanted!r} is no unit of length", where="length_unit",
+            raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
                              right=f"Use one of {', '.join(LENGTHS_M)}")
         return factor
     factor = length_factor(stated)
     if factor is None:
         what = f"the unit {stated!r} is unknown" if stated.strip() else "no unit of length is stated"
-        raise InputError(what, file=path, where=where, right=f"Give length_unit: {', '.join(LENGTHS_M)}")
+        raise InputError(what, file=path, where=where,
+                         right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}")
     return factor

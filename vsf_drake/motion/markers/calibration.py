@@ -53,7 +53,8 @@ def calibrate(
     """
     check_facts(person)
     if hip not in HIP_METHODS:
-        raise InputError(f"{hip!r} is not known", where="hip", right=f"Known are: {', '.join(HIP_METHODS)}")
+        raise InputError(f"{hip!r} is not known", where="hip_centre (--hip)",
+                         right=f"Known are: {', '.join(HIP_METHODS)}")
     standing = right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     found = marker_map.find(seen, standing.path)

@@ -84,7 +84,7 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
         InputError: a segment lacks markers; a gap cannot be filled; too few frames have every needed marker.
     """
     if not longest_gap_s >= 0.0:
-        raise InputError(f"the longest gap to fill is {longest_gap_s:g} s", where="longest_gap_s",
+        raise InputError(f"the longest gap to fill is {longest_gap_s:g} s", where="longest_gap_s (--longest-gap-s)",
                          right="It must be zero or more")
     rate = recording.marker_rate_hz
     if not recording.markers or not rate:
@@ -199,7 +199,8 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
             f"marker {label} is missing from {work.interval(first, last)}, longer than the "
             f"{work.longest / (recording.marker_rate_hz or 1.0):g} s that may be filled, and its segment has no three "
             "others to stand in (nor two and the joint centre)", file=recording.path,
-            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps")
+            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps "
+                  "(--longest-gap-s)")
     lacking = [label for label, flags in missing.items() if flags.any()]
     if stop - start < FEWEST_FRAMES:
         raise InputError(f"only {stop - start} frames show every needed marker; {listed(lacking, most=MOST_LISTED)} "

@@ -56,7 +56,7 @@ def check_scale(recording: Recording, filled: FilledMarkers) -> None:
     if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
         raise InputError(f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
                          "files is in another unit than it says", file=recording.path,
-                         right="State length_unit where a file has the wrong one")
+                         right="Give laboratory.length_unit (--length-unit) where a file states the wrong one")
     if abs(scale - 1) > OTHER_PERSON:
         raise InputError(f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
                          "of another person", file=recording.path, right="Give the standing trial of the same session")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ ANKLE_WIDTH_MM = {"male": 73.0, "female": 65.0}
 LEG_TO_STATURE = {"male": (422.2 + 434.0 * 44.59 / 43.95) / 1741.0, "female": (368.5 + 432.3 * 44.16 / 43.52) / 1735.0}
 """Hip to ankle centre / stature: means of de Leva (1996, doi 10.1016/0021-9290(95)00178-6)."""
 LEAST_MASS_KG, MOST_MASS_KG = 20.0, 250.0
+FILES_APART = 0.02
+"""A file that states another mass or stature than was taken, by this share, is worth a note."""
 STEADY_FORCE = 0.05
 """Most relative standard deviation of the vertical force on somebody who stands still (a choice)."""
 
@@ -27,8 +30,8 @@ class PersonFacts:
     """A person as stated. None is unknown.
 
     Attributes:
-        mass_kg: prosthesis included; from the standing trial's force plates if None.
-        stature_m: from a marker on top of the head, else from the leg's length, if None.
+        mass_kg: prosthesis included; from the file, else from the standing trial's force plates, if None.
+        stature_m: from the file, else from a marker on top of the head, else from the leg's length, if None.
         sex: "male" or "female"; required.
         prosthetic_side: "right" or "left"; required.
         name: what reports call the person.
@@ -74,6 +77,24 @@ def check_facts(person: PersonFacts) -> tuple[str, str]:
             raise InputError(f"{value:g} {unit} is out of range", where=f"{key} (--{key.replace('_', '-')})",
                              right=f"It must be between {low:g} and {high:g} {unit}{unit_hint(value, unit, low, high)}")
     return str(person.sex), str(person.prosthetic_side)
+
+
+def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[PersonFacts, tuple[str, ...]]:
+    """The person with mass and stature as the files state them, the first that does, where nobody else states them."""
+    notes = []
+    for key, words, unit in (("mass_kg", "body mass", "kg"), ("stature_m", "stature", "m")):
+        stated = {one.path.name: one.person[key] for one in recordings if one is not None and key in one.person}
+        if not stated:
+            continue
+        file, value = next(iter(stated.items()))
+        own = getattr(person, key)
+        if own is None:
+            person = dataclasses.replace(person, **{key: value})
+            notes.append(f"The {words} of {value:.4g} {unit} is what {file} states (PROCESSING).")
+        notes += [f"{other} states a {words} of {found:.4g} {unit}, where {getattr(person, key):.4g} {unit} "
+                  f"{'is stated' if own is not None else 'was taken'}." for other, found in stated.items()
+                  if abs(found / getattr(person, key) - 1.0) > FILES_APART]
+    return person, tuple(notes)
 
 
 def joint_width_m(person: PersonFacts, joint: str) -> tuple[float, str]:
@@ -129,7 +150,8 @@ def stature(
         note = f"Stature {found:.3f} m is the height of the marker on the head above the floor."
     else:
         found = leg_length_m / LEG_TO_STATURE[str(person.sex)]
-        note = f"Stature {found:.3f} m is an estimate from hip to ankle after de Leva (1996); state stature_m instead."
+        note = (f"Stature {found:.3f} m is an estimate from hip to ankle after de Leva (1996); state stature_m "
+                "(--stature-m) instead.")
     low, high = RANGES["stature_m"]
     if not low <= found <= high:
         raise InputError(f"the markers make a stature of {found:.2f} m", where="stature_m (--stature-m)",
