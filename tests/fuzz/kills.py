@@ -61,8 +61,7 @@ class Command:
 
 def commands(folder: Path) -> tuple[Command, ...]:
     """The shortest forms that pass through every stage, with their inputs in `folder`."""
-    low, high = (copied(path, folder, window={"start_s": 0.4, "end_s": 1.15})
-                 for path in (embedded_trials("exact")[0], embedded_trials("exact")[6]))
+    low, high = (copied(embedded_trials("exact")[i], folder, window={"start_s": 0.4, "end_s": 1.3}) for i in (0, 6))
     contact = ("--contact", embedded_contact("exact"))
     laboratory = Laboratory(folder)
     recorded = laboratory.standing(), laboratory.walk()

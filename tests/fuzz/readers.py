@@ -168,7 +168,8 @@ READERS = (
     Reader("bench_file", ("bench.yaml",), (load_bench_file, load_measured_bench), sound),
     Reader("bench_curves", ("curves.csv",), (load_bench_curves, load_measured_bench), sound),
     Reader("walk", ("result.yaml", "result.npz"),
-           (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything, signed="result.yaml", slow=2),
+           (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything,
+           signed="result.yaml", slow=2),
     Reader("bench", ("result.yaml", "result.npz"), (in_folder(load_bench),), anything, signed="result.yaml", slow=2),
     Reader("fit", ("fit.json", "fit.npz", "checkpoint.json"),
            (in_folder(read_fit), in_folder(check_fit_folder),
@@ -302,7 +303,8 @@ def _write_recordings(folder: Path) -> None:
     laboratory = Laboratory(folder / "markers")
     laboratory.standing()
     laboratory.walk()
-    (folder / "markers" / "subject.yaml").write_text("sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n")
+    (folder / "markers" / "subject.yaml").write_text(
+        "sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n")
     (folder / "markers" / "trial.yaml").write_text(
         "subject: subject.yaml\nmarkers: walk.trc\nstanding: static.trc\nforces: walk.mot\nhip_centre: harrington\n"
         "marker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n")

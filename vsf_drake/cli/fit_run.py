@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
-from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.cli.app import progress
@@ -155,14 +154,10 @@ class Checkpoint:
         return "interrupted before the fit began; nothing was written"
 
     def _load(self) -> dict[str, Any]:
-        try:
-            state = json.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
+        if not self.path.exists():
             raise InputError("there is no interrupted fit to go on from", file=self.path, where="--resume",
-                             right="Leave --resume out to begin one") from None
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot be read ({error})", file=self.path, where="--resume",
-                             right="Leave --resume out to begin again") from None
+                             right="Leave --resume out to begin one")
+        state = read_json(self.path, right="Leave --resume out to begin again")
         if not isinstance(state, dict):
             raise InputError("is no state of a fit", file=self.path, where="--resume",
                              right="Leave --resume out to begin again")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
@@ -119,12 +118,7 @@ def read_fit(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def _table(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path, right="A fit leaves one") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
+    found = read_json(path, right="A fit leaves one")
     if not isinstance(found, dict):
         raise InputError("is not the table of a fit", file=path)
     return found

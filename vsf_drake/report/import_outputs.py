@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import yaml
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.json_file import write_json
+from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
 from vsf_drake.errors import InputError
@@ -128,8 +127,8 @@ def _text(path: Path, text: str) -> None:
 def _written_before(path: Path) -> set[str]:
     """The files that an earlier import says it wrote: plain names only."""
     try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
+        files = read_json(path)["files"]
+    except (InputError, KeyError, TypeError):
         return set()
     return {name for name in files if isinstance(name, str) and Path(name).name == name and Path(name).suffix in KINDS}
 

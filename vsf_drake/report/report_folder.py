@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import zipfile
 import zlib
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.json_file import read_json
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.simulation.archive import check_target
@@ -55,11 +55,9 @@ def check_names(out: Path, *, files: Iterable[str], folders: Iterable[str]) -> N
 def holds(path: Path, known: Known) -> bool:
     """Whether there is such a table, be it damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        return True
-    except OSError:
-        return False
+        found = read_json(path)
+    except InputError:
+        return path.is_file()
     return isinstance(found, dict) and known(found)
 
 
@@ -70,13 +68,7 @@ def read_table(path: Path, known: Known, *, kind: str, command: str) -> dict[str
         InputError: it is missing, damaged, or another table.
     """
     right = f"Name the folder that `vsf-drake {command} --out` wrote"
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no such file", file=path, right=right) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path,
-                         right=f"Run `vsf-drake {command}` again") from None
+    table = read_json(path, right=right)
     if not isinstance(table, dict) or not known(table):
         raise InputError(f"is not the table of a {kind}", file=path, right=right)
     return table

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.json_file import plain, read_json, write_json
 from vsf_drake.analysis.sweep_table import SCORES, has_stance, measured_peak_bw, sweep_row
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
@@ -41,10 +40,10 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
                              right="Choose another folder")
     path = out / f"{SWEEP}.json"
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))["trials"] if path.exists() else None
+        found = read_json(path)["trials"] if path.exists() else None
         other = found is not None and not _same(list(trials), found)
         names = ", ".join(trial["name"] for trial in found or ())
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (InputError, TypeError, KeyError, AttributeError):
         raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
     if other:
         raise InputError(f"holds a sweep of other trials ({names})", file=out,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vsf_drake.analysis.json_file import read_json
 from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import InputError
@@ -57,12 +57,7 @@ def load_schedule(path: str | Path) -> Schedule:
         InputError: the file is missing, damaged or of another kind.
     """
     path = Path(path)
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=path) from None
+    table = read_json(path)
     if not isinstance(table, dict):
         raise InputError("is no policy table", file=path)
     return schedule_of(table, file=path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import zipfile
 from collections.abc import Container, Iterable
 from importlib.util import find_spec
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain, write_json
+from vsf_drake.analysis.json_file import plain, read_json, write_json
 from vsf_drake.analysis.validation.study import Section, Study
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
@@ -51,7 +50,7 @@ class SectionStore:
         """The section and how long it took (s); None if it is not there, damaged, or of another key."""
         path = self.folder / f"{name}.json"
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = read_json(path)
             if found["key"] != self.key or found["arrays_sha256"] != sha256(path.with_suffix(".npz")):
                 return None
             with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
