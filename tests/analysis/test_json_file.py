@@ -22,7 +22,7 @@ def test_what_no_table_can_be_is_refused(tmp_path, text):
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no such file. Look elsewhere"):
+    with pytest.raises(InputError, match=r"there is no such file\. Look elsewhere"):
         read_json(tmp_path / "a.json", right="Look elsewhere")
     with pytest.raises(InputError, match="cannot be read as JSON"):
         read_json(tmp_path)

@@ -250,7 +250,7 @@ class Workbench:
 
 @contextlib.contextmanager
 def limited() -> Iterator[None]:
-    """Ends what is inside after 10 s, and refuses it more than 300 MB beyond what the process has (on Linux)."""
+    """Ends what is inside after 10 s of processor time, and (on Linux) refuses it 300 MB beyond what there is."""
     def late(*_: object) -> None:
         raise TooLong(f"not back after {MOST_S:g} s")
 
@@ -258,13 +258,13 @@ def limited() -> Iterator[None]:
     if own.exists():
         now = int(own.read_text(encoding="ascii").split()[0]) * getpagesize()
         setrlimit(RLIMIT_AS, (now + MOST_BYTES, had[1]))
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, MOST_S)
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, MOST_S)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
         setrlimit(RLIMIT_AS, had)
 
 

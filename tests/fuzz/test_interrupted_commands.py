@@ -13,7 +13,7 @@ def test_a_command_that_a_signal_ended_leaves_no_trace_in_the_next_run(tmp_path,
     assert started(command, whole).wait(300.0) == 0
     for i, signal in enumerate(CODES):
         (tmp_path / signal).mkdir()
-        assert not interrupted(command, signal, 2.0 + 0.7 * i, tmp_path / signal / "out", whole)
+        assert not interrupted(command, signal, 0.5 + 1.5 * i, tmp_path / signal / "out", whole)
 
 
 def test_results_that_differ_in_more_than_times_are_told_apart(tmp_path):

@@ -51,8 +51,8 @@ def read_json(path: str | Path, *, right: str | None = None) -> Any:
         right: what to do about a file that cannot be read, for the message.
 
     Raises:
-        InputError: it is missing or too large, is no JSON or nested too deeply, or holds a number that is not finite, or
-            text that is none.
+        InputError: it is missing or too large, is no JSON or nested too deeply, or holds numbers that are not finite
+            or text that is none.
     """
     try:
         with open(path, "rb") as stream:
