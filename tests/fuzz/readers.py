@@ -168,7 +168,8 @@ READERS = (
     Reader("bench_file", ("bench.yaml",), (load_bench_file, load_measured_bench), sound),
     Reader("bench_curves", ("curves.csv",), (load_bench_curves, load_measured_bench), sound),
     Reader("walk", ("result.yaml", "result.npz"),
-           (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything, signed="result.yaml", slow=2),
+           (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything,
+           signed="result.yaml", slow=2),
     Reader("bench", ("result.yaml", "result.npz"), (in_folder(load_bench),), anything, signed="result.yaml", slow=2),
     Reader("fit", ("fit.json", "fit.npz", "checkpoint.json"),
            (in_folder(read_fit), in_folder(check_fit_folder),
@@ -249,7 +250,7 @@ class Workbench:
 
 @contextlib.contextmanager
 def limited() -> Iterator[None]:
-    """Ends what is inside after 10 s, and refuses it more than 300 MB beyond what the process has (on Linux)."""
+    """Ends what is inside after 10 s of processor time, and (on Linux) refuses it 300 MB beyond what there is."""
     def late(*_: object) -> None:
         raise TooLong(f"not back after {MOST_S:g} s")
 
@@ -257,13 +258,13 @@ def limited() -> Iterator[None]:
     if own.exists():
         now = int(own.read_text(encoding="ascii").split()[0]) * getpagesize()
         setrlimit(RLIMIT_AS, (now + MOST_BYTES, had[1]))
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, MOST_S)
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, MOST_S)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
         setrlimit(RLIMIT_AS, had)
 
 
@@ -302,7 +303,8 @@ def _write_recordings(folder: Path) -> None:
     laboratory = Laboratory(folder / "markers")
     laboratory.standing()
     laboratory.walk()
-    (folder / "markers" / "subject.yaml").write_text("sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n")
+    (folder / "markers" / "subject.yaml").write_text(
+        "sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n")
     (folder / "markers" / "trial.yaml").write_text(
         "subject: subject.yaml\nmarkers: walk.trc\nstanding: static.trc\nforces: walk.mot\nhip_centre: harrington\n"
         "marker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n")

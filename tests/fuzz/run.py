@@ -152,8 +152,7 @@ def kills(given: argparse.Namespace) -> int:
         chosen = [command for command in commands(inputs) if given.command in (None, command.name)]
         usual = {}
         for command in chosen:
-            began = time.monotonic()
-            process = started(command, Path(name, command.name, "out"))
+            process, began = started(command, Path(name, command.name, "out")), time.monotonic()
             said = process.communicate()[1]
             usual[command.name] = time.monotonic() - began
             print(f"{command.name}: {usual[command.name]:.1f} s uninterrupted", flush=True)

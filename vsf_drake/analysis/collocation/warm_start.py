@@ -40,15 +40,26 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
     found = read_npz(path)
     if str(found.get("format", "")) != FORMAT or not _SAVED <= found.keys():
         raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
-    for name, own in (("names", problem.layout.names), ("design", tuple(str(each) for each in problem.design.names))):
-        if tuple(found[name].tolist()) != own:
-            raise InputError(f"is of other variables: {', '.join(found[name].tolist())}", file=path, where=name,
-                             right=f"This problem has {', '.join(own)}")
-    grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
-    if grid == problem.grid:
-        multipliers = found["multipliers"]
-        return Start(found["z"], found["p"], multipliers if multipliers.size else None)
-    return Start(carried(problem, found["z"], grid, problem.grid, advance=found["advance"]), found["p"])
+    try:
+        for name, own in (("names", problem.layout.names), ("design", [str(each) for each in problem.design.names])):
+            known = [str(each) for each in found[name].tolist()]
+            if known != list(own):
+                raise InputError(f"is of other variables: {', '.join(known)}", where=name,
+                                 right=f"This problem has {', '.join(own)}")
+        grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
+        z, p, advance, multipliers = (np.asarray(found[name], dtype=float)
+                                      for name in ("z", "p", "advance", "multipliers"))
+        if z.shape != (grid.instants, problem.layout.size) or p.shape != (len(problem.design.names),):
+            raise ValueError(f"shapes {z.shape} and {p.shape}")
+        if not all(np.isfinite(array).all() for array in (z, p, advance, multipliers)):
+            raise ValueError("a number is not finite")
+        if grid == problem.grid:
+            return Start(z, p, multipliers if multipliers.size else None)
+        return Start(carried(problem, z, grid, problem.grid, advance=advance), p)
+    except InputError as error:
+        raise InputError(error.what, file=path, where=error.where, right=error.right) from None
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        raise InputError(f"is damaged ({error})", file=path) from None
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
