@@ -90,19 +90,27 @@ def test_sliding_foot_is_not_good_and_the_sentence_names_its_speed():
     foot = made_foot(slide_m_per_s=0.1)
     check = slip(foot, flat(foot), 1)
     assert check.value == pytest.approx(0.1, abs=1e-3)
-    assert check.mark == "unusable"
+    assert check.mark == "doubtful"
     assert "0.100 m/s" in check.sentence
 
 
-def test_slip_that_costs_a_tenth_of_the_load_is_the_end_of_doubt():
-    # McGeehan's friction below its threshold is 0.5 / (0.1 m/s): 20 mm/s are 10 % of the load.
-    for speed, mark in ((0.005, "good"), (0.015, "doubtful"), (0.025, "unusable")):
-        foot = made_foot(slide_m_per_s=speed)
-        assert slip(foot, flat(foot)).mark == mark
+@pytest.mark.parametrize(("speed", "mark"), [(0.04, "good"), (0.06, "doubtful"), (0.16, "doubtful"),
+                                             (0.18, "unusable")])
+def test_slip_is_marked_by_what_it_costs(speed, mark):
+    """A fit of the offsets leaves 0.6 % of body weight for a cm/s forward: 3 % at 0.05 m/s, 10 % at 0.17."""
+    foot = made_foot(slide_m_per_s=speed)
+    check = slip(foot, flat(foot))
+    assert check.mark == mark and check.cost_bw == pytest.approx(0.6 * speed, rel=0.02)
+
+
+@pytest.mark.parametrize(("speed", "excess"), [(-0.05, 0.0), (-0.1, 0.02), (0.05, 0.08)])
+def test_foot_that_hangs_rigid_under_its_shank_may_seem_to_slip_as_far_as_socket_and_keel_explain(speed, excess):
+    foot = made_foot(slide_m_per_s=speed, undeformed=True)
+    assert slip(foot, flat(foot)).cost_bw == pytest.approx(0.6 * excess, abs=1e-3)
 
 
 def test_intact_foot_is_doubtful_at_worst():
-    foot = made_foot(slide_m_per_s=0.3, prosthetic=False, pitch_deg=20.0)
+    foot = made_foot(slide_m_per_s=0.5, prosthetic=False, pitch_deg=20.0)
     assert slip(foot, flat(foot)).mark == "doubtful"
     assert sole_angle(foot, flat(foot)).mark == "doubtful"
 

@@ -1,11 +1,22 @@
-"""The checks on walks whose truth is known: right ones are good, ones with misplaced markers are not."""
+"""The checks on walks whose truth is known: right ones are good, spoiled ones are not, worse ones are called worse."""
 
 from __future__ import annotations
 
-import pytest
+import dataclasses
 
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.recording.check import Check, expected_error, overall
 from vsf_drake.analysis.recording.examine import examine
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.analysis.validation.inputs import embedded_contact
+from vsf_drake.analysis.validation.walks import walk_trial
+from vsf_drake.contact_file import load_contact
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.resources import resource
 
 SETTINGS = ("low", "medium", "high")
@@ -25,8 +36,78 @@ def test_walk_consistent_to_the_time_step_is_good_in_every_check(setting):
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_walk_with_markers_a_degree_off_is_doubtful_and_not_unusable(setting):
+def test_walk_with_markers_a_degree_off_is_good_but_for_remarks_and_costs_more_than_an_exact_one(setting):
+    """After a fit of the offsets these walks are predicted within 2 to 3 % of body weight, the exact within 1 to 2."""
     item = examined("laboratory", setting)
-    assert item.mark == "doubtful"
-    assert any(check.name in ("slip at foot-flat", "height drift through foot-flat") for check in item.checks
-               if check.mark == "doubtful")
+    assert item.mark == "good" and any(check.mark == "doubtful" for check in item.checks)
+    assert expected_error(item.checks) > 3.0 * expected_error(examined("exact", setting).checks)
+
+
+def moved(trial: Trial, name: str, course) -> Trial:
+    motion = trial.trajectory
+    values = np.array(motion.values)
+    values[:, motion.names.index(name)] += course(motion.time_s)
+    return dataclasses.replace(trial, trajectory=CoordinateTrajectory(motion.time_s, values, motion.names,
+                                                                      source=motion.source))
+
+
+def late(trial: Trial, lag_s: float) -> Trial:
+    return dataclasses.replace(trial, plates={side: dataclasses.replace(plate, time_s=plate.time_s + lag_s)
+                                              for side, plate in trial.plates.items()})
+
+
+def wave(degrees: float):
+    return lambda time_s: np.radians(degrees) * np.sin(2 * np.pi * time_s / 1.1)
+
+
+SPOILED = {
+    "nothing": lambda trial: trial, "slid 0.05 m/s": lambda trial: moved(trial, "pelvis_tx", lambda t: 0.05 * t),
+    "slid 0.15 m/s": lambda trial: moved(trial, "pelvis_tx", lambda t: 0.15 * t),
+    "20 ms late": lambda trial: late(trial, 0.02), "40 ms late": lambda trial: late(trial, 0.04),
+    "knee 1 degree": lambda trial: moved(trial, "knee_angle_r", wave(1.0)),
+    "knee 4 degrees": lambda trial: moved(trial, "knee_angle_r", wave(4.0)),
+    "hip 2 degrees": lambda trial: moved(trial, "hip_flexion_r", wave(2.0)),
+    "hip 4 degrees": lambda trial: moved(trial, "hip_flexion_r", wave(4.0)),
+    "noise": lambda trial: moved(trial, "hip_flexion_r", lambda t: np.radians(0.7) * np.sin(2 * np.pi * 20.0 * t))}
+
+
+def test_expected_error_ranks_spoiled_walks_as_the_plate_does():
+    """Against the error of the force that the foot fitted to these walks predicts, its offsets fitted. Ten ranks that
+    agree by 0.75 and more do so by chance in one case of a hundred (Spearman)."""
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    contact, told, true = load_contact(embedded_contact("exact")), [], []
+    for spoil in SPOILED.values():
+        told.append(expected_error(examine(spoil(trial)).checks))
+        walk = walk_trial(trial_with(spoil(trial), contact), with_fit=True, step_s=2e-3)
+        true.append(walk_metrics(walk.result, trial.prosthetic_plate)["grf_rmse_bw"])
+    assert spearmanr(told, true)[0] > 0.75
+
+
+@pytest.mark.parametrize("spoil", ["slid 0.15 m/s", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_spoiled_walk_is_not_good(setting, spoil):
+    trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
+    assert examine(SPOILED[spoil](trial)).mark != "good"
+
+
+def test_mass_off_by_a_tenth_turns_the_mark():
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    heavy = dataclasses.replace(trial, subject=dataclasses.replace(trial.subject, mass_kg=1.1 * 78.0))
+    assert examine(heavy).mark == "doubtful"
+
+
+def costing(*costs: float | None, mark: str = "good") -> list[Check]:
+    return [Check(f"check {i}", mark, None, "", "", cost_bw=cost) for i, cost in enumerate(costs)]
+
+
+def test_independent_errors_add_as_squares_and_one_error_counts_once():
+    assert expected_error(costing(0.03, 0.04, None)) == pytest.approx(0.05)
+    assert expected_error(costing(0.02) + costing(0.03)) == pytest.approx(0.03)  # one name: two feet, or two stances
+    assert expected_error([]) == 0.0
+
+
+def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
+    assert overall(costing(0.01, None, None, mark="doubtful")) == "good"
+    assert overall(costing(0.02, 0.025)) == "doubtful"
+    assert overall(costing(0.08, 0.07)) == "unusable"
+    assert overall(costing(None, mark="unusable")) == "unusable"

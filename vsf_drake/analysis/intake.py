@@ -11,7 +11,7 @@ import numpy as np
 
 from vsf_drake.analysis.intake_files import FileSet, walk_names
 from vsf_drake.analysis.intake_steps import IntakeOptions, make_trial, noted, read
-from vsf_drake.analysis.recording.check import Check
+from vsf_drake.analysis.recording.check import FITTED_HIP_BW_PER_DEG, Check
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
@@ -29,6 +29,8 @@ from vsf_drake.plants.scaling import scale_foot
 
 MID_FULCRUM_MM = 1e3 * MID_FULCRUM_M
 """Where the fulcrum is taken to be if nobody says."""
+WEIGHED = 0.02
+"""Error of a body mass that the plates of a walk or of a standing trial tell (`mass_from_walk`: one or two percent)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,7 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
     if person.mass_kg is None:
         found.append(Check("body mass", "doubtful", subject.mass_kg, "kg", f"The body mass is not stated; "
                            f"{subject.mass_kg:.1f} kg comes from the force plates. Every force in body weights rests "
-                           "on it (--mass-kg)."))
+                            "on it (--mass-kg).", cost_bw=WEIGHED))
     if person.stature_m is None:
         found.append(Check("stature", "doubtful", subject.stature_m, "m", f"The stature is not stated; "
                            f"{subject.stature_m:.2f} m is estimated. It scales only what the markers do not measure, "
@@ -163,7 +165,7 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
     if standing is None:
         found.append(Check("standing trial", "doubtful", None, "", "The walk itself stands for the standing trial: "
                            "joint centres and the feet's level are averages over its frames, good to a centimetre and "
-                           "a few degrees at best."))
+                           "a few degrees at best.", cost_bw=2 * FITTED_HIP_BW_PER_DEG))
     return found
 
 

@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from vsf_drake.analysis.recording.check import EXPECTED
 from vsf_drake.cli.app import app, console, errors, progress
 from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
@@ -90,16 +91,18 @@ def import_trials(
 
 
 def print_checks(table: dict[str, Any]) -> None:
-    """Each trial with its mark: what makes it unusable in words, what is doubtful by name."""
-    grid = Table("trial", "mark", "why")
+    """Each trial with its mark and expected error: what makes it unusable in words, what else is doubtful by name."""
+    grid = Table("trial", "mark", "expected error", "why")
     for trial in table["trials"]:
         name = f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"
         bad = [check["sentence"] for check in trial["checks"] if check["mark"] == "unusable"]
         doubts = dict.fromkeys(check["name"] for check in trial["checks"] if check["mark"] == "doubtful")
-        why = [*bad, *([f"Doubtful: {', '.join(doubts)}."] if doubts else [])]
+        why = [*bad, *([f"Doubtful by itself: {', '.join(doubts)}."] if doubts else [])]
         why = why or [f"All {len(trial['checks'])} checks are good."]
-        grid.add_row(Text(name), Text(trial["mark"], style=COLOURS[trial["mark"]]), Text("\n".join(why)))
+        grid.add_row(Text(name), Text(trial["mark"], style=COLOURS[trial["mark"]]),
+                     f"{100 * trial['expected_error_bw']:.1f} % BW", Text("\n".join(why)))
     console.print(grid)
+    console.print(EXPECTED, highlight=False)
 
 
 def finish(table: dict[str, Any]) -> None:

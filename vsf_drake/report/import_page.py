@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.recording.check import MARKS, Check
+from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, Check, costs, expected_error
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.files import replaced
 from vsf_drake.report.import_figures import (
@@ -39,9 +39,9 @@ def import_page(items: Sequence[Examined], *, title: str, person: Mapping[str, A
         names = ", ".join(item.trial.name for item in items if item.trial.synthetic)
         parts.append(f'<p class="synthetic">SYNTHETIC, not recorded: {html.escape(names)}.</p>')
     parts.append(_summary(items, failures or {}))
-    parts.append('<p class="quiet">A mark says what an error would cost in the predicted ground reaction: good is '
-                 'below about 3 % of body weight, doubtful below 10 %; where that cannot be derived, the limits are '
-                 'choices. A trial is as good as its worst check.</p>')
+    parts.append(f'<p class="quiet">{html.escape(EXPECTED)} Independent errors add as squares; the model has an error '
+                 'of its own on top. Limits of single checks are choices where no cost is known, and their doubts '
+                 'remarks.</p>')
     if person:
         parts.append(_person(person))
     parts += [_trial(item, number) for number, item in enumerate(items)]
@@ -61,16 +61,19 @@ def write_import_page(path: str | Path, items: Sequence[Examined], *, title: str
 
 
 def _summary(items: Sequence[Examined], failures: Mapping[str, str]) -> str:
-    rows = ["<tr><th>trial</th><th>overall</th>" + "".join(f"<th>{mark}</th>" for mark in MARKS) + "<th></th></tr>"]
+    heads = ("trial", "overall", "expected error", *MARKS, "")
+    rows = [f"<tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"]
     for number, item in enumerate(items):
         counts = [sum(check.mark == mark for check in item.checks) for mark in MARKS]
-        bad = dict.fromkeys(check.name for check in item.checks if check.mark == item.mark != MARKS[0])
+        bad = dict.fromkeys([*(check.name for check in item.checks if check.mark == MARKS[2]),
+                             *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
         rows.append(f'<tr><td><a href="#trial-{number}">{html.escape(item.trial.name)}</a></td><td>{_badge(item.mark)}'
-                    "</td>" + "".join(f'<td class="number">{count}</td>' for count in counts)
+                    f'</td><td class="number">{_share(expected_error(item.checks))}</td>'
+                    + "".join(f'<td class="number">{count}</td>' for count in counts)
                     + f"<td>{html.escape(', '.join(bad))}</td></tr>")
     for file, why in failures.items():
         rows.append(f'<tr><td>{html.escape(file)}</td><td>{_badge("unusable", "not imported")}</td>'
-                    f'<td colspan="4" class="error">{html.escape(why)}</td></tr>')
+                    f'<td colspan="5" class="error">{html.escape(why)}</td></tr>')
     return f"<table>{''.join(rows)}</table>"
 
 
@@ -84,14 +87,15 @@ def _person(person: Mapping[str, Any]) -> str:
 def _trial(item: Examined, number: int) -> str:
     order = sorted(item.checks, key=lambda check: -MARKS.index(check.mark))
     rows = "".join(f"<tr><td>{_badge(check.mark)}</td><td>{html.escape(_name(check))}</td>"
-                   f'<td class="number">{_value(check)}</td><td>{html.escape(check.sentence)}</td></tr>'
+                   f'<td class="number">{_value(check)}</td><td class="number">{_share(check.cost_bw)}</td>'
+                   f"<td>{html.escape(check.sentence)}</td></tr>"
                    for check in order)
     figures = "".join(picture(figure) for make in _FIGURES if (figure := make(item)) is not None)
     notes = (f"<details><summary>Notes ({len(item.notes)})</summary>{bullets(item.notes)}</details>"
              if item.notes else "")
     head = f'<h2 id="trial-{number}">{html.escape(item.trial.name)} {_badge(item.mark)}</h2>'
-    return (f"{head}<table><tr><th>mark</th><th>check</th><th>value</th><th>what it means</th></tr>{rows}</table>"
-            f"{notes}{figures}")
+    return (f"{head}<table><tr><th>mark</th><th>check</th><th>value</th><th>cost</th><th>what it means</th></tr>"
+            f"{rows}</table>{notes}{figures}")
 
 
 def _name(check: Check) -> str:
@@ -105,6 +109,10 @@ def _value(check: Check) -> str:
     value, unit = (1e3 * check.value, "ms") if check.unit == "s" and abs(check.value) < 1 else (check.value, check.unit)
     unit = {"1": "", "deg": "°"}.get(unit, unit)
     return html.escape(f"{value:.3g} {unit}".strip())
+
+
+def _share(share_bw: float | None) -> str:
+    return "" if share_bw is None else f"{100 * share_bw:.1f} % BW"
 
 
 def _badge(mark: str, text: str | None = None) -> str:

@@ -130,7 +130,7 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
     mark = grade(value, *ROUGH_DEG)
     sentence = f"The roughest angle, {worst_key}, holds {value:.3f}° above {ROUGH_HZ:.0f} Hz"
     sentence += ": smooth enough to prescribe." if mark == "good" else ": noise that shakes the model; filter it."
-    return Check("smoothness of angles", mark, value, "deg", sentence)
+    return Check("smoothness of angles", mark, value, "deg", sentence, cost_bw=HIP_BW_PER_DEG * value)
 
 
 def belt(feet_m_per_s: Sequence[float]) -> Check | None:

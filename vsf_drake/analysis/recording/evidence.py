@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsf_drake.analysis.recording.check import Check, worst
+from vsf_drake.analysis.recording.check import Check, overall
 from vsf_drake.analysis.recording.foot import FootMotion
 from vsf_drake.motion.contacts import Contact
 from vsf_drake.motion.events import Stance
@@ -51,5 +51,5 @@ class Examined:
 
     @property
     def mark(self) -> str:
-        """The worst of all marks."""
-        return worst(check.mark for check in self.checks)
+        """Of its expected error, unless a fault makes it unusable."""
+        return overall(self.checks)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import Check, grade
+from vsf_drake.analysis.recording.check import FITTED_LAG_BW_PER_S, Check, grade
 from vsf_drake.analysis.recording.foot import FootMotion
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.filters import low_pass
@@ -24,6 +24,7 @@ LEAST_S = 0.25
 LAG_S = (0.015, 0.030)
 """Lag: 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but a rigid trunk tells the body's
 acceleration to 10 ms or so only; so the limits are choices of one and two frames at 67 Hz."""
+TOLD_S = 0.010
 LARGEST_LAG_S = 0.15
 LAG_CUTOFF_HZ = 6.0
 MOST_OF_IT = 0.8
@@ -93,13 +94,14 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     duration = float(time_s[end] - time_s[start])
     found = impulse / (GRAVITY * duration + float(up_m_per_s[end] - up_m_per_s[start]))
     error = found / mass_kg - 1.0
-    mark = grade(error, *(MASS if feet > 1 else MASS_ONE_FOOT))
+    limits = MASS if feet > 1 else MASS_ONE_FOOT
+    mark = grade(error, *limits)
     what = "agree with" if mark == "good" else "contradict"
     sentence = f"The forces over {duration:.2f} s belong to {found:.1f} kg; they {what} the subject's {mass_kg:.1f} kg"
     if mark != "good":
         sentence += f" ({100 * error:+.0f} %), and so every force in body weights is off by as much"
     sentence += "." if feet > 1 else ". Only one foot is measured: closer than some 5 % it cannot be told."
-    return Check(name, mark, found, "kg", sentence)
+    return Check(name, mark, found, "kg", sentence, cost_bw=max(0.0, abs(error) - limits[0]))
 
 
 def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, known: np.ndarray) -> Check | None:
@@ -125,7 +127,7 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
     if values[best] < BELIEVABLE_R or best in (0, len(shifts) - 1):
         return None
     value = float(shifts[best] / rate)
-    return _lag_check("lag of the forces", value, grade(value, *LAG_S),
+    return _lag_check("lag of the forces", value, grade(value, *LAG_S), TOLD_S,
                       f"by the body's vertical acceleration (correlation {values[best]:.2f})")
 
 
@@ -139,17 +141,17 @@ def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Seq
     if not pairs:
         return None
     value = float(np.median(pairs))
-    return _lag_check("lag of the forces at touch-down", value, grade(value, *EVENT_LAG_S),
+    return _lag_check("lag of the forces at touch-down", value, grade(value, *EVENT_LAG_S), EVENT_LAG_S[0],
                       f"by {len(pairs)} touch-down{'s' if len(pairs) > 1 else ''}, each known to 35 ms or so",
                       fine="no coarse fault of the clocks, and a finer one cannot be told")
 
 
-def _lag_check(name: str, value: float, mark: str, how: str, *, fine: str = "one clock") -> Check:
+def _lag_check(name: str, value: float, mark: str, told_s: float, how: str, *, fine: str = "one clock") -> Check:
     way = "after" if value > 0 else "before"
     sentence = f"The forces come {1e3 * abs(value):.0f} ms {way} the motion, {how}"
     sentence += (f": {fine}." if mark == "good" else
                  ": 10 ms are about 1° of hip angle, or 7 % of body weight. Do both files count from one instant?")
-    return Check(name, mark, value, "s", sentence)
+    return Check(name, mark, value, "s", sentence, cost_bw=FITTED_LAG_BW_PER_S * max(0.0, abs(value) - told_s))
 
 
 def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -> Check | None:

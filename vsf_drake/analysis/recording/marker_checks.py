@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import Check, at_most, grade, worst
+from vsf_drake.analysis.recording.check import FITTED_HIP_BW_PER_DEG, Check, at_most, grade, worst
 from vsf_drake.motion.markers.schema import Gap
 from vsf_drake.motion.runs import longest_run
 
 RESIDUAL_M = (0.010, 0.020)
 """Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
 gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
+SEGMENT_M = 0.4
+"""Length of a thigh or a shank: what a marker is off, over it, is the error of an angle."""
 CLUSTER_M = (0.008, 0.015)
 """Departure of a segment's markers from a rigid body: skin moves by 5 to 15 mm on thighs (a choice)."""
 JOINT_GAP_M = (0.020, 0.035)
@@ -35,9 +38,13 @@ NAMED = 4
 
 def residuals(rms_m: Mapping[str, float]) -> Check | None:
     """Distance of each marker from where its segment's pose puts it."""
-    return _worst("marker residuals", rms_m, RESIDUAL_M, "Markers lie off their segments by up to {value:.1f} mm "
-                  "({names})", "the standing trial and this walk are one person with one set of markers",
-                  "has a marker moved, been swapped or renamed since the standing trial?")
+    check = _worst("marker residuals", rms_m, RESIDUAL_M, "Markers lie off their segments by up to {value:.1f} mm "
+                   "({names})", "the standing trial and this walk are one person with one set of markers",
+                   "has a marker moved, been swapped or renamed since the standing trial?")
+    if check is None or check.value is None:
+        return None
+    angle_deg = float(np.degrees(1e-3 * check.value / SEGMENT_M))
+    return dataclasses.replace(check, cost_bw=FITTED_HIP_BW_PER_DEG * angle_deg)
 
 
 def cluster_motion(rms_m: Mapping[str, float]) -> Check | None:

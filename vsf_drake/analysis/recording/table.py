@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import worst
+from vsf_drake.analysis.recording.check import expected_error, worst
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
@@ -22,6 +22,7 @@ def trial_table(item: Examined) -> dict[str, Any]:
     trial = item.trial
     table: dict[str, Any] = {
         "name": trial.name, "synthetic": trial.synthetic, "mark": item.mark,
+        "expected_error_bw": expected_error(item.checks),
         "checks": [dataclasses.asdict(check) for check in item.checks], "notes": list(item.notes),
         "window_s": [trial.start_s, trial.end_s], "fulcrum_mm": 1e3 * trial.fulcrum_m,
         "prosthetic_side": trial.subject.prosthetic_side, "feet_from": "markers" if item.markers else "model",
