@@ -1,6 +1,10 @@
 """Files appear whole or not at all."""
 
 import hashlib
+import os
+import stat
+import subprocess
+import sys
 
 import pytest
 
@@ -58,3 +62,42 @@ def test_sha256_is_that_of_the_bytes(tmp_path):
     assert sha256(path) == hashlib.sha256(b"abc").hexdigest()
     with pytest.raises(InputError, match="absent: cannot be read"):
         sha256(tmp_path / "absent")
+
+
+WRITING = """
+import os, signal, sys
+from vsf_drake.files import replaced
+with replaced(sys.argv[1]) as stream:
+    stream.write("half")
+    stream.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_process_has_begun_goes_with_the_next_write_and_what_a_living_one_has_stays(tmp_path):
+    target = tmp_path / "a[1].json"
+    subprocess.run([sys.executable, "-c", WRITING, target], check=False)
+    [dead] = tmp_path.iterdir()
+    foreign = tmp_path / f".{target.name}.00000000-00000000.part"
+    foreign.touch()
+    with replaced(target) as living:
+        assert not dead.exists()
+        with replaced(target) as stream:
+            stream.write("second")
+        living.write("first")
+    assert target.read_text(encoding="utf-8") == "first"
+    assert foreign.exists()
+    os.utime(foreign, (1e9, 1e9))
+    with replaced(target):
+        pass
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_what_must_last_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_path):
+    done = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: done.append(stat.S_ISDIR(os.fstat(descriptor).st_mode)))
+    replace = os.replace
+    monkeypatch.setattr(os, "replace", lambda *paths: (done.append("named"), replace(*paths)))
+    with replaced(tmp_path / "a", lasting=True) as stream:
+        stream.write("text")
+    assert done == [False, "named", True]

@@ -11,7 +11,7 @@ def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, tr
     out = tmp_path / "checked"
     code, shown, _ = run("check", trial_files.write(), "--out", out)
     assert code == 0
-    assert {path.name for path in out.iterdir()} == {"check.json", "check.html"}
+    assert {path.name for path in out.glob("[!.]*")} == {"check.json", "check.html"}
     table = read_json(out / "check.json")
     assert table["trials"][0]["feet_from"] == "model"
     assert "trial" in shown

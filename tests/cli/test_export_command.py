@@ -21,7 +21,7 @@ def test_nominal_foot_leaves_three_models_and_their_sidecar(run, tmp_path):
     folder = tmp_path / "models"
     names = ["vsf_foot.sdf", "vsf_foot_at_108mm.sdf", "vsf_foot_at_108mm.xml"]
     assert code == 0
-    assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "export.yaml"])
+    assert sorted(path.name for path in folder.glob("[!.]*")) == sorted([*names, "export.yaml"])
     assert all(name in said for name in names)
     assert (folder / "vsf_foot.sdf").read_bytes() == resource("models/vsf_foot.sdf").read_bytes()
     sidecar = yaml.safe_load((folder / "export.yaml").read_text(encoding="utf-8"))
@@ -48,7 +48,7 @@ def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
 
 def test_one_format_and_no_collision_spheres(run, tmp_path):
     assert run("export", "--format", "sdf", "--no-collision", "--out", tmp_path)[0] == 0
-    assert {path.suffix for path in tmp_path.iterdir()} == {".sdf", ".yaml"}
+    assert {path.suffix for path in tmp_path.glob("[!.]*")} == {".sdf", ".yaml"}
     assert "<collision" not in (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8")
 
 

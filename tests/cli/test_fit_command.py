@@ -50,14 +50,14 @@ def left_by_a_failed_fit(out: Path) -> dict:
     assert not (out / "contact.yaml").exists() and not (out / "checkpoint.json").exists()
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.split("<h1")[1].split(">")[1].startswith("FAILED")
-    assert sorted(path.name for path in out.iterdir()) == table["files"]
+    assert sorted(path.name for path in out.glob("[!.]*")) == table["files"]
     return table
 
 
 def test_a_fit_leaves_the_files_that_its_table_names(quick):
     out, _ = quick
     table = read_json(out / "fit.json")
-    assert table["files"] == sorted(path.name for path in out.iterdir())
+    assert table["files"] == sorted(path.name for path in out.glob("[!.]*"))
     assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg",
             "trial_1_medium_1.png"} < set(table["files"])
     assert load_contact(out / "contact.yaml").verdict == tuple(table["verdict"])
@@ -173,7 +173,7 @@ def test_an_interrupted_fit_goes_on_to_the_same_end(run, tmp_path, monkeypatch, 
         code, _, error = run(*words, "--out", out)
     assert code == 130
     assert "the same command with --resume goes on from it" in error
-    assert sorted(path.name for path in out.iterdir()) == ["checkpoint.json", "fit.json"]
+    assert sorted(path.name for path in out.glob("[!.]*")) == ["checkpoint.json", "fit.json"]
     assert "has not ended" in read_json(out / "fit.json")["message"]
     code, _, error = run(*words, "--no-cop", "--resume", "--out", out)
     assert code == 2 and "checkpoint.json" in error and "other trials, parameters or options" in error
@@ -192,7 +192,7 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick, tmp_
     monkeypatch.setattr(fit_run.Checkpoint, "save", pressed)
     code, _, error = run("fit", TRIAL, "--out", out, "--quick")
     assert code == 130 and "begins again" in error
-    assert [path.name for path in out.iterdir()] == ["fit.json"]
+    assert [path.name for path in out.glob("[!.]*")] == ["fit.json"]
     assert not read_json(out / "fit.json")["success"]
 
 

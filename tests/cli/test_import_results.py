@@ -29,7 +29,7 @@ def imported(tmp_path_factory):
 
 
 def test_import_leaves_a_person_trials_and_a_report_that_load_on_their_own(imported):
-    assert {path.name for path in imported.iterdir()} == MADE
+    assert {path.name for path in imported.glob("[!.]*")} == MADE
     assert not leftovers(imported.parent)
     trial = load_trial(imported / "walk.yaml")
     assert trial.subject.name == "Zoë <3>"
@@ -125,7 +125,7 @@ def test_import_again_replaces_its_own_files_and_keeps_out_of_other_folders(run,
     assert (out / "zweiter.yaml").is_file()
     (out / "mine.txt").write_text("kept", encoding="utf-8")
     assert run("import", standing, walk, "--out", out, *STATED)[0] == 0
-    assert {path.name for path in out.iterdir()} == MADE | {"mine.txt"}
+    assert {path.name for path in out.glob("[!.]*")} == MADE | {"mine.txt"}
     full = tmp_path / "full"
     full.mkdir()
     (full / "thesis.tex").write_text("mine", encoding="utf-8")

@@ -24,7 +24,7 @@ def subject(tmp_path):
 def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
     code, out, _ = run("stand", subject, "--out", tmp_path / "stand")
     assert code == 0
-    assert sorted(p.name for p in (tmp_path / "stand").iterdir()) == [
+    assert sorted(p.name for p in (tmp_path / "stand").glob("[!.]*")) == [
         "standing.json", "standing.png", "standing.svg"]
     table = read_json(tmp_path / "stand" / "standing.json")
     assert table["duration_s"] == pytest.approx(10.0)

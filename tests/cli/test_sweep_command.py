@@ -49,13 +49,13 @@ def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
 def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
     out = tmp_path / "sweep"
     assert run("sweep", LOW, MEDIUM, "--out", out, "--fulcrum-mm", "66:108:2", "--workers", 1)[0] == 0
-    assert {"sweep.png", "sweep.svg", "sweep.csv", "sweep.json", "cache"} == {p.name for p in out.iterdir()}
+    assert {"sweep.png", "sweep.svg", "sweep.csv", "sweep.json", "cache"} == {p.name for p in out.glob("[!.]*")}
     svg = (out / "sweep.svg").read_text(encoding="utf-8")
     assert "SYNTHETIC" in svg and load_trial(LOW).name in svg and "(mm)" in svg
     assert len(rows(out)) == 4
     words = ("--vary", f"{STIFFNESS}=1e4,2e4", "--vary", "offset.height=-0.002,0.002")
     assert run("sweep", LOW, MEDIUM, "--out", out, "--workers", 1, *words)[0] == 0
-    assert {"sweep.csv", "sweep.json", "cache"} == {p.name for p in out.iterdir()}
+    assert {"sweep.csv", "sweep.json", "cache"} == {p.name for p in out.glob("[!.]*")}
     found = [(float(row[STIFFNESS]), float(row["offset.height"])) for row in rows(out)]
     assert found == 2 * [(1e4, -2e-3), (1e4, 2e-3), (2e4, -2e-3), (2e4, 2e-3)]
 
@@ -144,15 +144,16 @@ def test_missing_and_doubled_trials_and_a_missing_folder_are_refused(run, tmp_pa
 
 
 @pytest.mark.slow
-def test_ctrl_c_says_how_to_go_on_and_the_same_command_does(run, tmp_path):
+@pytest.mark.parametrize(("number", "ended"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(run, tmp_path, number, ended):
     words = ["sweep", LOW, "--out", tmp_path / "sweep", "--fulcrum-mm", "66:151:120", "--workers", "2"]
     first = subprocess.Popen([sys.executable, "-c", HEEDING_CTRL_C, *map(str, words)],
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while len(list((tmp_path / "sweep").rglob("*.npz"))) < 5 and first.poll() is None:
         time.sleep(0.02)
-    os.kill(first.pid, signal.SIGINT)
+    os.kill(first.pid, number)
     _, error = first.communicate(timeout=60)
-    assert first.returncode == 130
+    assert first.returncode == ended
     assert "the same command goes on" in " ".join(error.split()) and "Traceback" not in error
     kept = len(list((tmp_path / "sweep").rglob("*.npz")))
     assert 5 <= kept < 120

@@ -112,7 +112,7 @@ def test_what_is_written_is_read_back_and_gives_the_same_page(written, page):
     assert fit_page(table, fit_figures(table, curves)) == page
     for name, values in made_curves().items():
         np.testing.assert_array_equal(curves[name], values)
-    assert table["files"] == sorted(path.name for path in written.iterdir())
+    assert table["files"] == sorted(path.name for path in written.glob("[!.]*"))
 
 
 SMALL = made_fit(trials=[made_trial(sweep=None)], bench=None, parameters=[], searches=[])
@@ -124,10 +124,10 @@ def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(tmp_path
     assert {"errors.png", "trial_1_soft.svg", "fit.npz", "contact.yaml"} < {path.name for path in tmp_path.iterdir()}
     (tmp_path / "notes.txt").write_text("mine")
     write_fit(failed_fit(), {}, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", "fit.json", "report.html", "searches.png",
+    assert {path.name for path in tmp_path.glob("[!.]*")} == {"notes.txt", "fit.json", "report.html", "searches.png",
                                                           "searches.svg"}
     clear_fit(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert [path.name for path in tmp_path.glob("[!.]*")] == ["notes.txt"]
 
 
 def test_a_table_cannot_make_the_next_fit_remove_files_of_others(tmp_path):

@@ -82,5 +82,5 @@ def test_steps_that_did_not_converge_are_shouted():
 def test_output_is_numbers_and_figure(tmp_path):
     table = write_standing(made(), tmp_path / "new" / "folder")
     assert table["notes"] == ["A note."]
-    assert sorted(p.name for p in (tmp_path / "new" / "folder").iterdir()) == [
+    assert sorted(p.name for p in (tmp_path / "new" / "folder").glob("[!.]*")) == [
         "standing.json", "standing.png", "standing.svg"]

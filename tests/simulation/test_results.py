@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,8 @@ import yaml
 from made_results import make_bench, make_walk
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import sha256
+from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.results import (
     coordinate_unit,
     load_bench,
@@ -187,3 +192,59 @@ def test_sidecar_without_a_key_is_refused_by_name(tmp_path):
     path.write_text(path.read_text().replace("subject_mass_kg:", "subject_mass:"))
     with pytest.raises(InputError, match="subject_mass_kg: is missing"):
         load_walk(tmp_path)
+
+
+def write(out, kind="walk", **texts):
+    with result_folder(out, kind) as folder:
+        for name, text in texts.items():
+            (folder / name).mkdir()
+            (folder / name / "figure.txt").write_text(text)
+
+
+def files(out):
+    return {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()}
+
+
+def test_a_later_run_leaves_nothing_of_an_earlier_one_of_its_kind_and_all_of_others(tmp_path):
+    write(tmp_path / "out", a="1", b="1", c="1")
+    write(tmp_path / "out", "bench", bench="1")
+    (tmp_path / "out" / "b" / "mine.txt").write_text("mine")
+    (tmp_path / "out" / "c" / "figure.txt").write_text("edited")
+    write(tmp_path / "out", a="2")
+    assert files(tmp_path / "out") == {"a/figure.txt", "b/mine.txt", "c/figure.txt", "bench/figure.txt"}
+    assert (tmp_path / "out" / "c" / "figure.txt").read_text() == "edited"
+
+
+def test_a_run_that_is_killed_while_its_files_come_leaves_none_of_the_earlier_ones(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    write(out, a="1", b="1", c="1")
+    replace = os.replace
+    with monkeypatch.context() as stopping:
+        def stop(source, target):
+            if Path(target).parent.name == "b":
+                raise KeyboardInterrupt
+            replace(source, target)
+
+        stopping.setattr(os, "replace", stop)
+        with pytest.raises(KeyboardInterrupt):
+            write(out, a="2", b="2")
+    assert files(out) == {"a/figure.txt"} and (out / "a" / "figure.txt").read_text() == "2"
+    check_target(out, "walk")
+    write(out, d="3")
+    assert files(out) == {"d/figure.txt"}
+
+
+def test_a_record_that_leads_out_of_its_folder_removes_nothing(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    write(tmp_path / "out", a="1")
+    record = tmp_path / "out" / ".vsf_drake.json"
+    record.write_text(json.dumps({"walk": {"../thesis.txt": sha256(tmp_path / "thesis.txt")}}))
+    write(tmp_path / "out", b="1")
+    assert (tmp_path / "thesis.txt").exists()
+
+
+def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
+    (tmp_path / "thesis.tex").write_text("mine")
+    with pytest.raises(InputError, match="other things than an earlier walk"):
+        check_target(tmp_path, "walk")
+    check_target(tmp_path / "new", "walk")

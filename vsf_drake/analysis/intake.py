@@ -157,7 +157,7 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
     if person.mass_kg is None:
         found.append(Check("body mass", "doubtful", subject.mass_kg, "kg", f"The body mass is not stated; "
                            f"{subject.mass_kg:.1f} kg comes from the force plates. Every force in body weights rests "
-                            "on it (--mass-kg).", cost_bw=WEIGHED))
+                           "on it (--mass-kg).", cost_bw=WEIGHED))
     if person.stature_m is None:
         found.append(Check("stature", "doubtful", subject.stature_m, "m", f"The stature is not stated; "
                            f"{subject.stature_m:.2f} m is estimated. It scales only what the markers do not measure, "

@@ -148,8 +148,9 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
         remove_result(target, kind, new)
     for name in new:
         (target / name).unlink(missing_ok=True)
+    for folder in sorted(path for path in source.rglob("*") if path.is_dir()):
+        (target / folder.relative_to(source)).mkdir(exist_ok=True)
     for name in new:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(source / name, target / name)
     _write_record(target, record | {kind: old | new if add else new})
 

@@ -61,7 +61,7 @@ def one_chapter(monkeypatch):
 def test_page_figures_tables_and_numbers_are_written(tmp_path):
     out = tmp_path / "out"
     write_validation(content(), ARRAYS, out)
-    assert {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()} == {
+    assert {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()} == {
         "validation.json", "validation.npz", "report.html", "figures/force.png", "figures/force.svg",
         "tables/errors.csv", "tables/summary.csv", "tables/trials.csv", "tables/times.csv", "tables/files.csv"}
     page = (out / "report.html").read_text(encoding="utf-8")
