@@ -5,14 +5,16 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import re
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 
+_FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60
 """Characters of a path that cannot be one, in messages."""
 
@@ -112,6 +114,15 @@ def replaced(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(name)
         raise
+
+
+def csv_cells(values: Iterable[Any]) -> list[Any]:
+    """`values` for a row of CSV: nothing for None, an apostrophe before what a spreadsheet would take for a formula.
+
+    After OWASP, "CSV injection": text, other than a number, that begins with = + - @, a tab or a carriage return.
+    """
+    return ["" if value is None else f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+            for value in values]
 
 
 def sha256(path: str | Path) -> str:
