@@ -7,17 +7,19 @@ import fcntl
 import glob
 import hashlib
 import os
+import re
 import secrets
 import shutil
 import socket
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 
+_FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60
 """Characters of a path that cannot be one, in messages."""
 
@@ -157,6 +159,15 @@ def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Pa
             _remove(part)
         if held >= 0:
             os.close(held)
+
+
+def csv_cells(values: Iterable[Any]) -> list[Any]:
+    """`values` for a row of CSV: nothing for None, an apostrophe before what a spreadsheet would take for a formula.
+
+    After OWASP, "CSV injection": text, other than a number, that begins with = + - @, a tab or a carriage return.
+    """
+    return ["" if value is None else f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+            for value in values]
 
 
 def sha256(path: str | Path) -> str:

@@ -38,7 +38,7 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
             array is none of numbers or text, has not the size that it states, or all are larger than MOST_BYTES or than
             a file of this size can honestly hold.
     """
-    path, member = Path(path), None
+    path, where = Path(path), None
     try:
         with open(path, "rb") as stream:
             size = _check_end(stream)
@@ -52,6 +52,7 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
                     raise ValueError("two arrays have the same name")
                 found = {}
                 for member in members:
+                    where = member.filename
                     found[member.filename.removesuffix(".npy")] = _read(archive, member)
                 return found
     except FileNotFoundError:
@@ -59,7 +60,7 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
     except (OSError, ValueError, EOFError, IndexError, OverflowError, RuntimeError, struct.error, zipfile.BadZipFile,
             zlib.error) as error:  # RuntimeError, with NotImplementedError: what zipfile does not know
         why = error.strerror if isinstance(error, OSError) and error.strerror else error
-        raise InputError(f"cannot be read ({why})", file=path, where=member and member.filename, right=right) from None
+        raise InputError(f"cannot be read ({why})", file=path, where=where, right=right) from None
 
 
 def _check_end(stream: Any) -> int:

@@ -277,7 +277,7 @@ class _Reader:
             return self._mapping(node, Any, key)
         if isinstance(node, yaml.SequenceNode):
             return [self._plain(item, f"{key}[{i}]") for i, item in enumerate(node.value)]
-        return self._construct(node, key)
+        return self._construct(node, key)  # type: ignore[arg-type]
 
     def _scalar(self, node: yaml.Node, hint: type, key: str) -> Any:
         if not isinstance(node, yaml.ScalarNode):
@@ -288,11 +288,11 @@ class _Reader:
         if hint in (int, float) and isinstance(value, str):  # a number in quotes
             value = number(value)
         if type(value) is hint or (hint is float and type(value) is int):
-            return hint(value)
+            return hint(value)  # type: ignore[arg-type]
         kind, right = _KINDS[hint], _RIGHT.get(hint)
         raise self.fail(node, key, f"{node.value[:_SHOWN]!r} is not a {kind}", right)
 
-    def _construct(self, node: yaml.Node, key: str) -> Any:
+    def _construct(self, node: yaml.ScalarNode, key: str) -> Any:
         try:
             return scalar(node)
         except ValueError:

@@ -100,7 +100,7 @@ def dump(values: Any, **layout: Any) -> str:
 class _Loader(yaml.SafeLoader):
     """Composes nodes only, and gives up where a limit is passed."""
 
-    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # type: ignore[misc]
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -134,7 +134,7 @@ class _Loader(yaml.SafeLoader):
     @staticmethod
     def _refuse(event: yaml.Event, wrong: object, what: str) -> None:
         if wrong:
-            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)
+            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)  # type: ignore[arg-type]
 
 
 for _class in (_Loader, Dumper):

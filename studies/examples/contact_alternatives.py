@@ -21,12 +21,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.files import replaced
+from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import CONTACTS
-from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.report.style import label, log_scale, new_figure, save_figure, style
 from vsf_drake.resources import resource
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.contact_comparison import REFERENCE, WAYS, Comparison, Row, compare_contacts
@@ -124,7 +124,7 @@ def _figure(made: Comparison) -> Figure:
             cost.plot(row.real_time_factor, ways.index(row.way) + 0.08 * (CONTACTS.index(row.contact) - 2), marker,
                       color=COLOURS[row.contact], fillstyle="full" if _comes_to_rest(row) else "none")
     cost.axvline(1.0, color="0.4", linestyle=":", linewidth=0.8)
-    cost.set_xscale("log")
+    log_scale(cost.xaxis)
     cost.set_yticks(range(len(ways)), ways)
     cost.invert_yaxis()
     cost.xaxis.set_minor_formatter(NullFormatter())

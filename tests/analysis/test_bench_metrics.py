@@ -16,8 +16,8 @@ from vsf_drake.analysis.bench_metrics import (
     mid_range_displacement,
     stiffness,
 )
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.errors import InputError
+from vsf_drake.json_file import write_json
 
 
 def test_straight_curve_has_its_slope_and_half_load_at_half_way():

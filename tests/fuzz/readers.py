@@ -33,7 +33,6 @@ from mutations import mutated
 
 from vsf_drake.analysis.collocation import load_start, save_start, solve
 from vsf_drake.analysis.collocation.sqp import CollocationOptions
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.policy import load_schedule
 from vsf_drake.analysis.validation.keeping import SectionStore
@@ -46,6 +45,7 @@ from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.ground import load_ground
+from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels

@@ -19,8 +19,9 @@ from vsf_drake.files import user_path
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
-console = Console()
-errors = Console(stderr=True)
+console = Console(markup=False, highlight=False, emoji=False)
+errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
+"""What they print may hold a user's names: nothing in it is markup."""
 
 INTERRUPTED = 130
 """What Typer ends with after Ctrl-C."""
@@ -110,7 +111,7 @@ def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
     """A bar that disappears when done; called with what is being done and the finished fraction of it."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task("preparing", total=1.0)
         yield lambda what, fraction: bar.update(task, description=what, completed=fraction)

@@ -15,13 +15,13 @@ from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
-from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.cli.fit_names import with_frozen
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import sha256
+from vsf_drake.json_file import read_json, write_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.fit_output import TABLE, clear_fit, write_fit
 from vsf_drake.schema import to_plain

@@ -87,7 +87,7 @@ def _folder() -> str:
                         "~/.cache"]
     for home in filter(None, homes):
         try:
-            folder = Path(home).expanduser().absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
+            folder = Path(os.path.expanduser(home)).absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)  # says when it was last used

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.files import csv_cells, replaced
 from vsf_drake.report.chapter_page import chapter_page, piece_html
 from vsf_drake.report.pieces import Chapter, Grid, Missing, Picture, Piece
 from vsf_drake.report.style import save_figure
@@ -111,6 +111,5 @@ def _write_csv(grid: Grid, path: Path) -> Path:
     with replaced(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([column.key for column in grid.columns])
-        writer.writerows([["" if (value := row.get(column.key)) is None else value for column in grid.columns]
-                          for row in grid.rows])
+        writer.writerows(csv_cells(row.get(column.key) for column in grid.columns) for row in grid.rows)
     return path

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from vsf_drake.analysis.cost import Cost
-from vsf_drake.report.style import NEUTRAL, condition_colour, label, new_figure, style
+from vsf_drake.report.style import NEUTRAL, condition_colour, label, log_scale, new_figure, style
 
 _PANELS = {
     "step": ("step size (ms)", "Step size"),
@@ -57,8 +57,8 @@ def _panel(axes: Axes, members: Sequence[Cost], unit: float) -> None:
     for place, height, cost in zip(x, y, members, strict=True):
         axes.annotate(_error(cost), (place, height), xytext=(3 if falling else -3, 7), textcoords="offset points",
                       ha="left" if falling else "right", fontsize=8)
-    axes.set_xscale("log", base=2)
-    axes.set_yscale("log")
+    log_scale(axes.xaxis, base=2)
+    log_scale(axes.yaxis)
     axes.margins(x=0.2)
     axes.xaxis.set_major_locator(FixedLocator(x.tolist()))
     axes.xaxis.set_minor_locator(NullLocator())

@@ -35,7 +35,7 @@ def fit_error_figure(table: Mapping[str, Any]) -> Figure:
             axes.xaxis.set_major_locator(MaxNLocator(5))
             label(axes, x=x, y="", title=title)
         panels[0].set_yticks(range(len(trials)), [
-            f"{t['label']}, {t['role']}, {t['fulcrum_mm']:g} mm" for t in trials], parse_math=False)
+            f"{t['label']}, {t['role']}, {t['fulcrum_mm']:g} mm" for t in trials])
         panels[0].set_ylim(len(trials) - 0.4, -0.6)
         panels[0].set_ylabel("trial (one row each)")
         figure.legend(handles=_handles(trials), loc="outside lower center", ncols=3)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from vsf_drake.report.fit_text import is_smooth
-from vsf_drake.report.style import NEUTRAL, label, new_figure, style
+from vsf_drake.report.style import NEUTRAL, label, log_scale, new_figure, style
 
 MOST_NAMES = 40
 TOLD = 0.3
@@ -29,8 +29,8 @@ def fit_correlation_figure(table: Mapping[str, Any]) -> Figure:
         figure = new_figure(size + 0.8, size)
         axes = figure.subplots()
         image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-        axes.set_xticks(range(len(rows)), shown, rotation=90, fontsize=7.5, parse_math=False)
-        axes.set_yticks(range(len(rows)), shown, fontsize=7.5, parse_math=False)
+        axes.set_xticks(range(len(rows)), shown, rotation=90, fontsize=7.5)
+        axes.set_yticks(range(len(rows)), shown, fontsize=7.5)
         axes.grid(False)
         for i, j in zip(*np.nonzero(np.abs(matrix) >= TOLD), strict=True):
             if i != j:
@@ -58,7 +58,7 @@ def fit_singular_figure(table: Mapping[str, Any]) -> Figure:
                   label=f"told by the data more than by the prior ({known.sum()})")
         axes.plot(numbers[~known], shown[~known], linestyle="", marker="o", color=NEUTRAL, markerfacecolor="white",
                   label=f"told less ({(~known).sum()})")
-        axes.set_yscale("log")
+        log_scale(axes.yaxis)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_ylim(bottom=0.7e-3 if shown.min() <= 1e-3 else None)

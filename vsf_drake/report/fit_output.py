@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import read_json, write_json
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.json_file import read_json, write_json
 from vsf_drake.npz_file import read_npz
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_page import fit_page

@@ -68,5 +68,5 @@ def _rows(axes: Any, rows: Sequence[Mapping[str, Any]], share: float) -> None:
         value = rows[y]["value_in_prior_sd"]
         axes.annotate(f"{value:+.1f}", (reach if value > 0 else -reach, y), color=_BOUND, fontsize=7.5, va="center",
                       ha="right" if value > 0 else "left")
-    axes.set_yticks(range(len(rows)), [row["name"] for row in rows], fontsize=7.5, parse_math=False)
+    axes.set_yticks(range(len(rows)), [row["name"] for row in rows], fontsize=7.5)
     axes.set_ylim(len(rows) - 0.4, -0.6)

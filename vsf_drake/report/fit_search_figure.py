@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from vsf_drake.report.style import NEUTRAL, label, new_figure, style
+from vsf_drake.report.style import NEUTRAL, label, log_scale, new_figure, style
 
 _END, _FAILED = "#1f6f8b", "#b3261e"
 
@@ -43,7 +43,7 @@ def _searches(axes: Any, table: Mapping[str, Any]) -> None:
         axes.annotate(f"{s['cost']:.1f}", (i, s["cost"]), xytext=(9, 0), textcoords="offset points", va="center",
                       fontsize=8)
     if any(s["cost"] is not None for s in searches):
-        axes.set_yscale("log")
+        log_scale(axes.yaxis)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(0.5, len(searches) + 0.7)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, log_scale, new_figure, style
 
 _ACROSS = 3
 
@@ -30,12 +30,10 @@ def fit_sweep_figure(table: Mapping[str, Any]) -> Figure:
             own = [trial for trial in swept if trial["fulcrum_mm"] == setting]
             for i, trial in enumerate(own):
                 _curve(axes, trial, colour, MARKERS[i % len(MARKERS)])
-            legend = axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
-            for text in legend.get_texts():
-                text.set_parse_math(False)
+            axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
             label(axes, x="fulcrum from the keel's end (mm)", y="resultant, RMS error (% BW)",
                   title=f"Trials at {setting:g} mm")
-        panels[0].set_yscale("log")
+        log_scale(panels[0].yaxis)
         panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         panels[0].yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
         panels[0].yaxis.set_minor_formatter(NullFormatter())

@@ -127,7 +127,7 @@ def residual_figure(item: Examined) -> Figure | None:
         colours = [MARK_COLOURS["good" if s < 1e3 * RESIDUAL_M[0] else "doubtful" if s < 1e3 * RESIDUAL_M[1] else
                                 "unusable"] for s in sizes]
         axes.barh(range(len(sizes)), sizes, color=colours, height=0.7)
-        axes.set_yticks(range(len(sizes)), [name.replace("$", r"\$") for name, _ in residual], fontsize=7)
+        axes.set_yticks(range(len(sizes)), [name for name, _ in residual], fontsize=7)
         axes.set_ylim(-0.6, len(sizes) - 0.4)
         label(axes, x="distance from its segment, root mean square (mm)", y="", title=_kind(item) + "Marker residuals")
     return figure

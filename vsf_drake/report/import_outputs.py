@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.recording.evidence import Examined
 from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
 from vsf_drake.files import replaced
+from vsf_drake.json_file import write_json
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.plates import SIDES
 from vsf_drake.motion.trial import Trial, load_trial

@@ -10,9 +10,9 @@ import numpy as np
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.doubts import doubts
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
+from vsf_drake.json_file import write_json
 from vsf_drake.motion.trial import Trial
 from vsf_drake.report.bench_figure import bench_figure
 from vsf_drake.report.replay import write_replay

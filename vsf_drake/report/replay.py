@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +12,6 @@ from pydrake.geometry import (
     Meshcat,
     MeshcatAnimation,
     MeshcatCone,
-    MeshcatParams,
     Rgba,
     Role,
     SceneGraph,
@@ -34,6 +32,7 @@ from vsf_drake.plants.illustration import add_visuals
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.report.replay_frames import FULL_COLOUR_BW, ForceFrames, Frames, make_frames
 from vsf_drake.report.replay_page import RGB, finish_page
+from vsf_drake.report.show.serve import open_meshcat
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
 
@@ -70,7 +69,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = 
             is not above 0 and at most 1000; the file cannot be written.
     """
     frames = make_frames(result, plate=plate, rate_hz=frame_rate_hz)
-    meshcat = _new_meshcat()
+    meshcat = open_meshcat()
     animation = _record_walk(meshcat, result, frames)
     weight = GRAVITY * result.subject_mass_kg
     legend = [(PREDICTED, "predicted force of the ground on the prosthetic foot")]
@@ -84,17 +83,6 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = 
     page = finish_page(meshcat.StaticHtml(), result, legend)
     with replaced(path) as stream:
         stream.write(page)
-
-
-def _new_meshcat() -> Meshcat:
-    """A Meshcat on any free port of this machine only, without the message that invites to look at it."""
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.WARNING)
-    try:
-        return Meshcat(MeshcatParams(host="localhost", port=0))
-    finally:
-        log.setLevel(level)
 
 
 def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> MeshcatAnimation:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import read_json
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
+from vsf_drake.json_file import read_json
 from vsf_drake.npz_file import read_npz
 from vsf_drake.simulation.archive import check_target
 

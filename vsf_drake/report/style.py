@@ -12,8 +12,10 @@ from typing import Any
 
 from matplotlib import colormaps, rc_context, rcParamsDefault
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from vsf_drake.files import replaced
 
@@ -30,6 +32,7 @@ _SETTINGS: dict[str, Any] = {
     "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
     "grid.linewidth": 0.6, "axes.axisbelow": True, "svg.hashsalt": "vsf_drake", "svg.fonttype": "none",
+    "text.parse_math": False,  # a name may hold dollar signs
 }
 
 
@@ -66,6 +69,21 @@ def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(title, loc="left")
+
+
+def log_scale(axis: Axis, base: float = 10.0) -> None:
+    """Makes an axis logarithmic, labelled in digits."""
+    set_scale = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale  # type: ignore[attr-defined]
+    set_scale("log", base=base)
+    axis.set_major_formatter(_Digits(base))
+    axis.set_minor_formatter(_Digits(base, labelOnlyBase=False))
+
+
+class _Digits(LogFormatter):
+    """Labels what Matplotlib's own formatter labels, without mathtext."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
 
 
 def save_figure(figure: Figure, stem: str | Path, *, letters: str = "none") -> tuple[Path, Path]:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, log_scale, new_figure, style
 
 _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
            ("cop_rmse_fl", 100.0, "RMS error (% foot length)", "Centre of pressure, fore-aft"),
@@ -33,12 +33,10 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], va
             _own_values(axes, name, table, variables)
             values = [row[name] for row in rows]
             if min(values) > 0.0 and max(values) / min(values) > _WIDE:
-                axes.set_xscale("log")
+                log_scale(axes.xaxis)
             label(axes, x="", y=y, title=title)
-        figure.axes[1].set_xlabel(axis, parse_math=False)
-        legend = figure.legend(lines, [_shown(trial["name"]) for trial in table["trials"]], loc="outside lower left")
-        for text in legend.get_texts():  # a name may hold a dollar sign, which is no formula
-            text.set_parse_math(False)
+        figure.axes[1].set_xlabel(axis)
+        figure.legend(lines, [_shown(trial["name"]) for trial in table["trials"]], loc="outside lower left")
         synthetic = " (SYNTHETIC)" if any(trial["synthetic"] for trial in table["trials"]) else ""
         failed = f", {table['failed']} FAILED" if table["failed"] else ""
         figure.suptitle(f"{table['walks']} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.json_file import plain, read_json, write_json
 from vsf_drake.analysis.sweep_table import SCORES, has_stance, measured_peak_bw, sweep_row
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.files import csv_cells, replaced
+from vsf_drake.json_file import plain, read_json, write_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.sweep_figure import sweep_figure
@@ -147,6 +147,6 @@ def _trial(name: str, trial: Trial, rows: Sequence[Mapping[str, Any]], varied: S
 
 def _write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     with replaced(path) as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(rows[0])
+        writer.writerows(csv_cells(row.values()) for row in rows)

@@ -72,7 +72,7 @@ def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) ->
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
         _legend(figure, comparison, colour, result.synthetic)
-        figure.suptitle(_title(result, fulcrum).replace("$", r"\$"), x=0.01, ha="left", fontsize=11)
+        figure.suptitle(_title(result, fulcrum), x=0.01, ha="left", fontsize=11)
         figure.draw_without_rendering()
     return figure
 

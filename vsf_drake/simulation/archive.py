@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import os
 from collections.abc import Callable, Container, Iterator, Mapping
 from pathlib import Path
@@ -13,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, read_text, replaced, sha256
+from vsf_drake.files import part_of, replaced, sha256
+from vsf_drake.json_file import read_json, write_json
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import load_plain
 from vsf_drake.yaml_file import dump
@@ -156,15 +156,14 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
 
 
 def _write_record(folder: Path, record: Mapping[str, Mapping[str, str]]) -> None:
-    with replaced(folder / RECORD_FILE) as stream:
-        json.dump(record, stream, indent=1)
+    write_json(folder / RECORD_FILE, record)
 
 
 def _recorded(folder: Path) -> dict[str, dict[str, str]]:
     """SHA-256 by path within `folder`, by kind; nothing that leads out of it."""
     try:
-        found = json.loads(read_text(folder / RECORD_FILE, most=2**24))
+        found = read_json(folder / RECORD_FILE)
         return {kind: {name: digest for name, digest in files.items()
                        if (folder / name).resolve().is_relative_to(folder.resolve())} for kind, files in found.items()}
-    except (InputError, OSError, ValueError, TypeError, AttributeError, RecursionError):
+    except (InputError, OSError, TypeError, AttributeError):
         return {}

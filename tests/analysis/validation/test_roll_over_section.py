@@ -10,11 +10,11 @@ import pytest
 from made_roll_over import embedded_roll_over
 from made_study import embedded_study
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.roll_over.iso_22675 import DURATION_S, force_share, tilt_rad
 from vsf_drake.analysis.validation.roll_over.iso_roll_over import _row, iso_roll_over
 from vsf_drake.analysis.validation.roll_over.section import roll_over_section
 from vsf_drake.errors import InputError
+from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.roll_over import RollOver
 

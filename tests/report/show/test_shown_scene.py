@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import socket
+import struct
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -11,7 +15,7 @@ from pydrake.geometry import Meshcat
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.report.show.scene import platen_travel
-from vsf_drake.report.show.serve import KINDS, make_scene, open_meshcat
+from vsf_drake.report.show.serve import KINDS, gate, make_scene, open_meshcat
 from vsf_drake.report.show.viewer import RESET, RISE, STOP, SUPPORT, Viewer, frame_button
 from vsf_drake.simulation.keel_shape import keel_shape
 
@@ -164,8 +168,63 @@ def test_what_cannot_be_shown_is_refused(meshcat, what, subject, said):
 
 
 def test_a_port_that_cannot_be_had_is_refused(meshcat):
-    with pytest.raises(InputError, match=f"port {meshcat.port()} could not be opened"):
-        open_meshcat(meshcat.port())
+    with gate(meshcat) as address:
+        port = int(address.rpartition(":")[2])
+        with pytest.raises(InputError, match=f"port {port} could not be opened"), gate(meshcat, port):
+            pass
     for port in (80, 70000):
-        with pytest.raises(InputError, match="between 1024 and 65535"):
-            open_meshcat(port)
+        with pytest.raises(InputError, match="between 1024 and 65535"), gate(meshcat, port):
+            pass
+
+
+def asked(address, *headers):
+    """First line of the answer to a request with these headers, and the connection."""
+    connection = socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2])), timeout=10)
+    connection.sendall("\r\n".join(["GET / HTTP/1.1", *headers, "", ""]).encode())
+    return connection.recv(100).partition(b"\r\n")[0], connection
+
+
+SOCKET = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+          "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==")
+
+
+@pytest.mark.parametrize("upgrade", [(), SOCKET], ids=["page", "web socket"])
+def test_another_origin_and_another_host_are_refused(meshcat, upgrade):
+    with gate(meshcat) as address:
+        own = address.removeprefix("http://")
+        port = own.partition(":")[2]
+        foreign = [
+            (f"Host: {own}", "Origin: http://evil.example"), (f"Host: {own}", "Origin: null"),
+            (f"Host: {own}", f"Origin: http://localhost:{int(port) - 1}"), (f"Host: {own}", f"Origin: https://{own}"),
+            (f"Host: evil.example:{port}",), (f"Host: evil.example:{port}", f"Origin: http://evil.example:{port}"),
+            (f"Host: {own}", "Host: evil.example"), ("Host: localhost",), (f"Host: localhost.evil.example:{port}",), ()]
+        for headers in foreign:
+            line, connection = asked(address, *headers, *upgrade)
+            connection.close()
+            assert b" 403 " in line, headers
+        for headers in ((f"Host: {own}",), (f"Host: {own}", f"Origin: http://{own}"), (f"Host: 127.0.0.1:{port}",)):
+            line, connection = asked(address, *headers, *upgrade)
+            connection.close()
+            assert (b" 101 " if upgrade else b" 200 ") in line, headers
+
+
+def test_a_slider_moved_in_the_browser_arrives_through_the_gate(meshcat):
+    """As Drake's page sends it: a masked frame of MessagePack."""
+    Viewer(meshcat, scene_of(meshcat, "foot"), pytest.fail)
+    name = b"fulcrum (mm)"
+    message = (b"\x83\xa4type\xa6slider\xa4name" + bytes([0xA0 + len(name)]) + name + b"\xa5value"
+               + b"\xcb" + struct.pack(">d", 72.0))
+    with gate(meshcat) as address:
+        _, connection = asked(address, f"Host: {address.removeprefix('http://')}", f"Origin: {address}", *SOCKET)
+        connection.sendall(b"\x82" + bytes([0x80 + len(message)]) + bytes(4) + message)
+        deadline = time.monotonic() + 10.0
+        while meshcat.GetSliderValue(name.decode()) != 72.0 and time.monotonic() < deadline:
+            connection.recv(1 << 16)
+        connection.close()
+    assert meshcat.GetSliderValue(name.decode()) == 72.0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere only 127.0.0.1 is this machine")
+def test_drakes_own_server_is_not_at_the_address_that_every_page_knows(meshcat):
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", meshcat.port()), timeout=10)

@@ -17,8 +17,8 @@ from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, TrialS
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution
 from vsf_drake.analysis.contact_fit.uncertainty import CLOSE, SURE_SHARE
 from vsf_drake.analysis.contact_fit.verdict import PAPER_BENCH_N_PER_MM, PAPER_BW, PAPER_MID_RANGE_MM, verdict
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.json_file import plain
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.json_file import read_json
 from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import InputError
+from vsf_drake.json_file import read_json
 
 POLICY_FORMAT = "vsf_drake schedule 1"
 LOOKUP = (

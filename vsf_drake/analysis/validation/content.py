@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.run import Finished
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.analysis.validation.summary import summary_rows
+from vsf_drake.json_file import plain
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance

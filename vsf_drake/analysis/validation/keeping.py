@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain, read_json, write_json
 from vsf_drake.analysis.validation.study import Section, Study
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.json_file import plain, read_json, write_json
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.keys import digest, software

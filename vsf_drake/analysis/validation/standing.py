@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.standing_table import standing_table
 from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.standing import simulate_standing
 

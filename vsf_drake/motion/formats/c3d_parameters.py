@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.text import as_label
 
 BLOCK = 512
 _KEY = 0x50
@@ -177,10 +178,7 @@ def _read_value(section: bytes, at: int, numbers: Numbers) -> np.ndarray | list[
 
 
 def _text(data: bytes) -> str:
-    try:
-        return data.decode("utf-8").strip(" \0")
-    except UnicodeDecodeError:
-        return data.decode("latin-1").strip(" \0")
+    return as_label(data.decode("latin-1")).replace("\n", " ").replace("\t", " ")
 
 
 def _damaged(path: Path, at: int, name: str | None = None) -> InputError:

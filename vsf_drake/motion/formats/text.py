@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import UNPRINTABLE, InputError
 
 LONGEST_LINE = 4_000_000
 """Characters; a TRC line of 1000 markers has 40 000."""
@@ -39,11 +39,12 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def as_label(text: str) -> str:
-    """A label out of `text_lines`: read as UTF-8 where it is, as Latin-1 otherwise."""
+    """A label out of `text_lines`: read as UTF-8 where it is, as Latin-1 otherwise, without unprintable characters."""
     try:
-        return text.encode("latin-1").decode("utf-8").strip()
+        text = text.encode("latin-1").decode("utf-8")
     except UnicodeDecodeError:
-        return text.strip()
+        pass
+    return UNPRINTABLE.sub("", text).strip()
 
 
 def cell_number(cell: str) -> float:

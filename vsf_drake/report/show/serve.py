@@ -1,14 +1,20 @@
-"""Opens a scene: on Meshcat's own small server with sliders, or as a page."""
+"""Opens a scene: on Meshcat's own small server with sliders, behind a gate that keeps other pages out; or as a page."""
 
 from __future__ import annotations
 
 import contextlib
+import http.client
+import http.server
 import logging
 import os
+import secrets
+import socket
 import sys
+import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from pydrake.geometry import Meshcat, MeshcatParams
 
@@ -22,8 +28,79 @@ KINDS = ("foot", "bench", "person")
 LEAST_PORT, LAST_PORT = 1024, 65535
 
 
-def open_meshcat(port: int | None = None) -> Meshcat:
-    """A Meshcat for this machine only, on `port` or on any free one, without Drake's message about it.
+def open_meshcat() -> Meshcat:
+    """A Meshcat for this program only, without Drake's message about it.
+
+    Drake's server answers whoever finds it, web pages included. On Linux, where 127.0.0.0/8 is this machine, it gets
+    one of 16 million addresses by chance, which no page can guess; `gate` is where visitors come in.
+    """
+    host = f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}"
+    with _silent():
+        return Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
+
+
+class _Gate(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, port: int, meshcat: Meshcat) -> None:
+        super().__init__(("127.0.0.1", port), _Visit)
+        self.hosts = [f"{name}:{self.server_port}" for name in ("localhost", "127.0.0.1")]
+        host, _, inner = meshcat.web_url().removeprefix("http://").partition(":")
+        self.behind = (host, int(inner))
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A visitor who left."""
+
+
+class _Visit(http.server.BaseHTTPRequestHandler):
+    server: _Gate
+
+    def do_GET(self) -> None:
+        hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or hosts[0] not in self.server.hosts or origins not in ([], [f"http://{hosts[0]}"]):
+            self.send_error(http.HTTPStatus.FORBIDDEN, "Only pages of this server may ask")
+        elif self.headers.get("Upgrade", "").lower() == "websocket":
+            self._join()
+        else:
+            self._fetch()
+
+    def _fetch(self) -> None:
+        inner = http.client.HTTPConnection(*self.server.behind)
+        inner.request("GET", self.path)
+        answer = inner.getresponse()
+        content = answer.read()
+        self.send_response(answer.status)
+        for name in ("Content-Type", "Cache-Control"):
+            self.send_header(name, answer.getheader(name, ""))
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _join(self) -> None:
+        """Hands on all bytes of a web socket, both ways."""
+        with socket.create_connection(self.server.behind) as inner:
+            inner.sendall(f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1"))
+            threading.Thread(target=_pass_on, args=(self.rfile.read1, inner), daemon=True).start()  # type: ignore[attr-defined]
+            _pass_on(inner.recv, self.connection)
+        self.close_connection = True
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Says nothing."""
+
+
+def _pass_on(read: Callable[[int], bytes], to: socket.socket) -> None:
+    with contextlib.suppress(OSError, ValueError):  # one of the two has left
+        while piece := read(1 << 16):
+            to.sendall(piece)
+    with contextlib.suppress(OSError):
+        to.shutdown(socket.SHUT_RDWR)
+
+
+@contextlib.contextmanager
+def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
+    """Serves `meshcat` on `port` of this machine, or on any free one, to its own pages only; yields the address.
+
+    A request whose Host is another (a name that was bent to this machine) or whose Origin is another page is refused.
 
     Raises:
         InputError: `port` is none that may be used, or is in use.
@@ -31,14 +108,19 @@ def open_meshcat(port: int | None = None) -> Meshcat:
     if port is not None and not LEAST_PORT <= port <= LAST_PORT:
         raise InputError(f"{port} is no port that a page can be served on", where="--port",
                          right=f"It must be between {LEAST_PORT} and {LAST_PORT}")
-    with _silent():
+    try:
+        server = _Gate(port or 0, meshcat)
+    except OSError as error:
+        asked = "a free port" if port is None else f"port {port}"
+        raise InputError(
+            f"{asked} could not be opened on this machine ({error.strerror})", where="--port",
+            right="Another program may use it: give another port, or leave it out for any free one") from None
+    with server:
+        threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
         try:
-            return Meshcat(MeshcatParams(host="localhost", port=port or 0, show_stats_plot=False))
-        except RuntimeError as error:
-            asked = "a free port" if port is None else f"port {port}"
-            raise InputError(
-                f"{asked} could not be opened on this machine ({str(error).rstrip('.')})", where="--port",
-                right="Another program may use it: give another port, or leave it out for any free one") from None
+            yield f"http://{server.hosts[0]}"
+        finally:
+            server.shutdown()
 
 
 def make_scene(meshcat: Meshcat, what: str, model: ModelParameters, subject: Subject | None = None, *,
@@ -75,14 +157,14 @@ def show_model(what: str, model: ModelParameters, subject: Subject | None = None
         say: is told the address, and what goes wrong.
 
     Raises:
-        InputError: see `open_meshcat` and `make_scene`.
+        InputError: see `gate` and `make_scene`.
     """
-    meshcat = open_meshcat(port)
-    viewer = Viewer(meshcat, make_scene(meshcat, what, model, subject, keel_joints=keel_joints), say)
-    say(f"{what}: {meshcat.web_url()}   (Open Controls; press Stop there or Ctrl-C here to end)")
-    if browser and _has_desktop():
-        webbrowser.open(meshcat.web_url())
-    with contextlib.suppress(KeyboardInterrupt):  # the way it is meant to end
+    meshcat = open_meshcat()
+    with gate(meshcat, port) as address, contextlib.suppress(KeyboardInterrupt):  # the way it is meant to end
+        viewer = Viewer(meshcat, make_scene(meshcat, what, model, subject, keel_joints=keel_joints), say)
+        say(f"{what}: {address}   (Open Controls; press Stop there or Ctrl-C here to end)")
+        if browser and _has_desktop():
+            webbrowser.open(address)
         viewer.run()
 
 
@@ -91,7 +173,7 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     """Writes the scene as one HTML file; see `write_page`.
 
     Raises:
-        InputError: see `open_meshcat`, `make_scene` and `write_page`. SimulationError: see `write_page`.
+        InputError: see `make_scene` and `write_page`. SimulationError: see `write_page`.
     """
     meshcat = open_meshcat()
     write_page(meshcat, make_scene(meshcat, what, model, subject, keel_joints=keel_joints), path)

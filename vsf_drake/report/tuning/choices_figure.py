@@ -55,8 +55,6 @@ def tasks_figure(table: Mapping[str, Any]) -> Figure:
                 right.barh(place, lost, height=0.55, color="0.55")
                 right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
         left.set_yticks(places, [row["label"] for row in rows])
-        for text in left.get_yticklabels():
-            text.set_parse_math(False)
         left.set_ylim(len(rows) - 0.4, -0.6)
         right.margins(x=0.15)
         right.set_xlim(left=0.0)
@@ -105,8 +103,6 @@ def _spread(axes: Axes, table: Mapping[str, Any], rows: Sequence[Mapping[str, An
         axes.plot(row["fulcrum_mm"], place, marker="o", markersize=7, linestyle="", zorder=2,
                   color=condition_colour(1e-3 * row["fulcrum_mm"]))
     axes.set_yticks(places, [row["what"] for row in rows])
-    for text in axes.get_yticklabels():
-        text.set_parse_math(False)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     ends = [row["fulcrum_mm"] for row in table["sweep"]]
     if ends:

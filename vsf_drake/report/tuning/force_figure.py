@@ -58,7 +58,6 @@ def stance_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
                         axes.plot(arrays[f"{prefix}time"], np.asarray(arrays[f"{prefix}{name}"])[:, column],
                                   **_look(name, at.get(name), optimal=table["optimal"]))
                 label(axes, x="time (s)", y="force (N)", title=f"{trial + ': ' if trial else ''}{direction}")
-                axes.title.set_parse_math(False)
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
         mark_origin(figure, table)
         figure.draw_without_rendering()

@@ -58,4 +58,3 @@ def _panel(axes: Axes, table: Mapping[str, Any], row: Mapping[str, Any]) -> None
     hardly = ": hardly changes" if row["matters"] is False else ""
     label(axes, x="", y=row["unit"] if row["unit"] not in ("", "1") else "no unit",
           title=textwrap.fill(f"{row['label']}{hardly}", _WIDE))
-    axes.title.set_parse_math(False)

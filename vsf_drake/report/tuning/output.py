@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain, write_json
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
+from vsf_drake.json_file import plain, write_json
 from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
 from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
 from vsf_drake.report.tuning.chapters import tuning_chapters

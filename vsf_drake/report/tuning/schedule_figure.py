@@ -39,9 +39,7 @@ def schedule_curves_figure(table: Mapping[str, Any]) -> Figure:
         if table["common_fulcrum_mm"] is not None:
             axes.axvline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.3,
                          label=f"one for all, {table['common_fulcrum_mm']:.1f} mm")
-        legend = axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
-        for text in legend.get_texts():
-            text.set_parse_math(False)
+        axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
         label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
               title=f"Each task over the whole range: {table['cost_label']}")
         mark_origin(figure, table)
@@ -71,7 +69,7 @@ def policy_figure(table: Mapping[str, Any], name: str) -> Figure:
             axes.plot(row[name], row["fulcrum_mm"], marker="o", markersize=8, linestyle="",
                       color=condition_colour(1e-3 * row["fulcrum_mm"]), label="stored" if i == 0 else None)
             axes.annotate(row["label"], (row[name], row["fulcrum_mm"]), xytext=(8, 6), textcoords="offset points",
-                          fontsize=8, parse_math=False)
+                          fontsize=8)
         if table["common_fulcrum_mm"] is not None:
             axes.axhline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
         low, high = table["reach_mm"]

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.json_file import plain, write_json
 from vsf_drake.analysis.tuning.policy import POLICY_FORMAT, schedule_of
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
-from vsf_drake.files import replaced
+from vsf_drake.files import csv_cells, replaced
+from vsf_drake.json_file import plain, write_json
 from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
 from vsf_drake.report.report_folder import check_names, check_report_folder, read_table
 from vsf_drake.report.tuning.schedule_chapters import (
@@ -102,7 +102,7 @@ def _is_schedule(table: Mapping[str, Any]) -> bool:
 def _csv_row(row: Mapping[str, Any]) -> list[Any]:
     low, high = row["interval_mm"] or (None, None)
     values = {**row, "interval_low_mm": low, "interval_high_mm": high}
-    return ["" if values[name] is None else values[name] for name in _COLUMNS]
+    return csv_cells(values[name] for name in _COLUMNS)
 
 
 def _write_page(table: Mapping[str, Any], folder: Path, *, lenient: bool) -> tuple[set[Path], list[str]]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain, write_json
 from vsf_drake.analysis.validation.keeping import is_kept
 from vsf_drake.analysis.validation.run import NAMES
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.files import replaced, sha256
+from vsf_drake.json_file import plain, write_json
 from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
 from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
 from vsf_drake.report.validation.chapters import make_chapters

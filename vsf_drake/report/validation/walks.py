@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vsf_drake.analysis.json_file import write_json
 from vsf_drake.analysis.validation.study import HELD_OUT, Study, StudyWalk
+from vsf_drake.json_file import write_json
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.walk_figure import walk_figure

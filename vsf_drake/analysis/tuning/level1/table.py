@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.tuning.level1.outcomes import KINDS, OutcomeKind
 from vsf_drake.analysis.tuning.level1.same_load import KINDS as SAME_LOAD
 from vsf_drake.analysis.tuning.level1.search import Search
 from vsf_drake.analysis.tuning.level1.settings import OPTIMUM, RECORDED, SOFTEST, STIFFEST
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution
 from vsf_drake.analysis.tuning.level1.uncertainty import Difference, FulcrumUncertainty, difference
+from vsf_drake.json_file import plain
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
 

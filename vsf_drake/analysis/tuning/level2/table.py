@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.outcomes import KINDS, outcomes
 from vsf_drake.analysis.tuning.level2.robustness import spread
 from vsf_drake.analysis.tuning.level2.solution import StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.json_file import plain
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.sagittal.model import DESIGN

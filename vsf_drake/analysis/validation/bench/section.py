@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.bench.calibration import Calibration, calibrated
 from vsf_drake.analysis.validation.bench.lines import (
     Setting,
@@ -25,6 +24,7 @@ from vsf_drake.analysis.validation.bench.rates import SPEEDS_MM_PER_MIN, load_po
 from vsf_drake.analysis.validation.bench.statistics import regression
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.json_file import plain
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.refined_foot import with_elements

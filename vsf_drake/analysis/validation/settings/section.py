@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.settings.answer import answer
 from vsf_drake.analysis.validation.settings.detectable import CONFIDENCE, FEWEST
 from vsf_drake.analysis.validation.settings.inverse import inverse_table
@@ -37,6 +36,7 @@ from vsf_drake.analysis.validation.settings.tables import (
 from vsf_drake.analysis.validation.settings.walks import RECORDINGS, Base, Walked, base_of, walk_all
 from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
 from vsf_drake.errors import InputError
+from vsf_drake.json_file import plain
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness

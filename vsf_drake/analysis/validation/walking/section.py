@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.json_file import plain
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Progress, Section, Study
 from vsf_drake.analysis.validation.walking.conditions import (
     LEAST_FOR_R,
@@ -21,6 +20,7 @@ from vsf_drake.analysis.validation.walking.ensembles import QUANTITIES, Ensemble
 from vsf_drake.analysis.validation.walking.fulcrum_positions import sweep_study
 from vsf_drake.analysis.validation.walking.regions import LEAST_WALKS, SPM, differing_regions, spm_version
 from vsf_drake.analysis.validation.walking.rows import angle_rows, pooled, walk_rotations, walk_row
+from vsf_drake.json_file import plain
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 POOLED = "all"

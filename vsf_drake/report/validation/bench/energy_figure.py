@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from vsf_drake.report.style import MARKERS, NEUTRAL, SIMULATED, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, SIMULATED, condition_colour, label, log_scale, new_figure, style
 from vsf_drake.report.validation.bench.words import metres, numbers, position, source
 
 _BACK: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
@@ -51,8 +51,8 @@ def _losses(axes: Axes, table: Mapping[str, Any]) -> None:
         axes.plot(numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
                   color=condition_colour(metres(fulcrum)), marker="*" if fulcrum is None else MARKERS[i % len(MARKERS)],
                   markersize=5, label=position(fulcrum), **SIMULATED)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    log_scale(axes.xaxis)
+    log_scale(axes.yaxis)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
         axis.set_minor_formatter(NullFormatter())

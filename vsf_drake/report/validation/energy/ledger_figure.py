@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, log_scale, new_figure, style
 
 WORDS = {
     "limb_work": "work of the limb through the socket", "kinetic": "kinetic", "gravity": "gravity",
@@ -30,7 +30,6 @@ def energy_ledger_figure(table: Mapping[str, Any]) -> Figure:
         _waterfall(left, row)
         label(left, x="energy, touch-down to toe-off (J)", y="",
               title=f"Where the limb's work is at toe-off: {row['label']}")
-        left.title.set_parse_math(False)
         _remainders(right, table)
         figure.draw_without_rendering()
     return figure
@@ -73,11 +72,11 @@ def _remainders(axes: Axes, table: Mapping[str, Any]) -> None:
     axes.plot([], [], marker="o", color=NEUTRAL, linestyle="", label=f"steps of {1e3 * table['step_s']:g} ms")
     axes.plot([], [], marker="o", color=NEUTRAL, markerfacecolor="white", linestyle="",
               label=f"steps of {1e3 * table['coarse_step_s']:g} ms")
-    axes.set_yscale("log")
+    log_scale(axes.yaxis)
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(top=max(axes.get_ylim()[1], 200.0 * table["asked_share"]))
-    axes.set_xticks(range(len(rows)), [row["label"] for row in rows], rotation=45, ha="right", parse_math=False)
+    axes.set_xticks(range(len(rows)), [row["label"] for row in rows], rotation=45, ha="right")
     axes.legend(loc="upper right")
     label(axes, x="trial", y="largest remainder over stored energy (%)", title="How well the ledger closes")

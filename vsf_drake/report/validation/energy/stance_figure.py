@@ -35,7 +35,6 @@ def energy_stance_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) ->
             _panel(axes, percent, dict(zip(table["terms"], terms[i], strict=True)), 1e-3 * fulcrum)
             label(axes, x="stance (%)", y="energy (J)" if axes is panels[0] else "",
                   title=f"{condition_label(1e-3 * fulcrum)}: {table['trials'][i]['label']}")
-            axes.title.set_parse_math(False)
         panels[0].legend(loc="upper left")
         figure.draw_without_rendering()
     return figure

@@ -52,7 +52,7 @@ def _panel(axes: Axes, table: Mapping[str, Any], kind: str, name: str) -> None:
         axes.barh(place + _HEIGHT / 2, row["st"], height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
         for key, at in (("s1", place - _HEIGHT / 2), ("st", place + _HEIGHT / 2)):
             axes.plot(_interval(row, key), [at, at], color="black", linewidth=1.0, clip_on=False)
-    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0, parse_math=False)
+    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
     axes.grid(False, axis="y")

@@ -47,7 +47,7 @@ def _panel(axes: Axes, table: Mapping[str, Any], name: str) -> None:
         axes.plot([max(size - spread, 0.0), size + spread], [place, place], color="black", linewidth=1.0)
         axes.plot(output.scale * abs(row["mu"]), place, marker="D", markersize=4.0, color="black",
                   markerfacecolor="white", linestyle="")
-    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0, parse_math=False)
+    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
     axes.grid(False, axis="y")

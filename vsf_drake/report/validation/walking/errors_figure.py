@@ -48,8 +48,6 @@ def walk_errors_figure(table: Mapping[str, Any]) -> Figure:
         for axes in panels[1]:
             axes.set_xticks(range(len(rows)), [row["label"] if named else "" for row in rows],
                             rotation=35 if len(rows) > 3 else 0, ha="right" if len(rows) > 3 else "center")
-            for text in axes.get_xticklabels():
-                text.set_parse_math(False)
         for axes in panels.ravel()[:3]:
             axes.set_ylim(bottom=-0.03 * axes.get_ylim()[1])
         figure.legend(handles=_handles(table), loc="outside lower center", ncols=4)
