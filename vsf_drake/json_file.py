@@ -15,6 +15,8 @@ from vsf_drake.files import read_text, replaced
 
 MOST_BYTES = 2**25
 """Of a table that is read; that of a sweep of 100 000 walks has that many."""
+_TAKEN, MOST_TAKEN = {"{": 232, "[": 64, ",": 64}, 2**28
+"""Bytes that each of these letters stands for in memory, about, and how many all may take."""
 _MOST_DIGITS = 99
 
 
@@ -41,6 +43,8 @@ def read_json(path: str | Path, *, right: str | None = None, damaged: str | None
     """
     text = read_text(path, most=MOST_BYTES, right=right)
     try:
+        if sum(size * text.count(letter) for letter, size in _TAKEN.items()) > MOST_TAKEN:
+            raise ValueError("it holds too many values")
         found = json.loads(text, parse_int=_integer, parse_constant=_integer)
         if not isinstance(found, dict) or not _sound(found):
             raise ValueError("it is no table of numbers and text")
