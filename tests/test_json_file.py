@@ -10,7 +10,8 @@ from vsf_drake.report.report_folder import read_table
 
 @pytest.mark.parametrize("text", [
     "", "[1]", "3", "{", "[" * 100_000, '{"a":' * 100_000, '{"a": ' + "9" * 400 + "}", '{"a": ' + "9" * 5000 + "}",
-    '{"a": NaN}', '{"a": 1e999}', '{"a": "\\u001b[31m"}', '{"\\ud800": 1}', "{\0}", '{"a": [' + "{}," * 1_000_000 + "0]}", b'{"a": "\xff"}'])
+    '{"a": NaN}', '{"a": 1e999}', '{"a": "\\u001b[31m"}', '{"\\ud800": 1}', "{\0}",
+    '{"a": [' + "{}," * 1_000_000 + "0]}", b'{"a": "\xff"}'])
 @pytest.mark.parametrize("read", [
     read_json, load_schedule, lambda path: read_table(path, lambda table: True, kind="tuning", command="tune")])
 def test_what_is_no_table_is_refused(tmp_path, text, read):
