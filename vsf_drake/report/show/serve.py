@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import http.client
-import http.server
 import logging
 import os
 import secrets
-import socket
+import subprocess
 import sys
-import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from pydrake.geometry import Meshcat, MeshcatParams
 
@@ -39,63 +35,6 @@ def open_meshcat() -> Meshcat:
         return Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
 
 
-class _Gate(http.server.ThreadingHTTPServer):
-    daemon_threads = True
-
-    def __init__(self, port: int, meshcat: Meshcat) -> None:
-        super().__init__(("127.0.0.1", port), _Visit)
-        self.hosts = [f"{name}:{self.server_port}" for name in ("localhost", "127.0.0.1")]
-        host, _, inner = meshcat.web_url().removeprefix("http://").partition(":")
-        self.behind = (host, int(inner))
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """A visitor who left."""
-
-
-class _Visit(http.server.BaseHTTPRequestHandler):
-    server: _Gate
-
-    def do_GET(self) -> None:
-        hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
-        if len(hosts) != 1 or hosts[0] not in self.server.hosts or origins not in ([], [f"http://{hosts[0]}"]):
-            self.send_error(http.HTTPStatus.FORBIDDEN, "Only pages of this server may ask")
-        elif self.headers.get("Upgrade", "").lower() == "websocket":
-            self._join()
-        else:
-            self._fetch()
-
-    def _fetch(self) -> None:
-        inner = http.client.HTTPConnection(*self.server.behind)
-        inner.request("GET", self.path)
-        answer = inner.getresponse()
-        content = answer.read()
-        self.send_response(answer.status)
-        for name in ("Content-Type", "Cache-Control"):
-            self.send_header(name, answer.getheader(name, ""))
-        self.send_header("Content-Length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
-
-    def _join(self) -> None:
-        """Hands on all bytes of a web socket, both ways."""
-        with socket.create_connection(self.server.behind) as inner:
-            inner.sendall(f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1"))
-            threading.Thread(target=_pass_on, args=(self.rfile.read1, inner), daemon=True).start()  # type: ignore[attr-defined]
-            _pass_on(inner.recv, self.connection)
-        self.close_connection = True
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Says nothing."""
-
-
-def _pass_on(read: Callable[[int], bytes], to: socket.socket) -> None:
-    with contextlib.suppress(OSError, ValueError):  # one of the two has left
-        while piece := read(1 << 16):
-            to.sendall(piece)
-    with contextlib.suppress(OSError):
-        to.shutdown(socket.SHUT_RDWR)
-
-
 @contextlib.contextmanager
 def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
     """Serves `meshcat` on `port` of this machine, or on any free one, to its own pages only; yields the address.
@@ -108,19 +47,20 @@ def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
     if port is not None and not LEAST_PORT <= port <= LAST_PORT:
         raise InputError(f"{port} is no port that a page can be served on", where="--port",
                          right=f"It must be between {LEAST_PORT} and {LAST_PORT}")
-    try:
-        server = _Gate(port or 0, meshcat)
-    except OSError as error:
-        asked = "a free port" if port is None else f"port {port}"
-        raise InputError(
-            f"{asked} could not be opened on this machine ({error.strerror})", where="--port",
-            right="Another program may use it: give another port, or leave it out for any free one") from None
-    with server:
-        threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
-        try:
-            yield f"http://{server.hosts[0]}"
-        finally:
-            server.shutdown()
+    host, _, inner = meshcat.web_url().removeprefix("http://").partition(":")
+    script = Path(__file__).with_name("gate_process.py")
+    with subprocess.Popen([sys.executable, "-I", str(script), str(port or 0), host, inner], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        with server.stdin:  # whose end ends it, also when this process is killed
+            answer = server.stdout.readline().strip()
+            if not answer.isdigit():
+                asked = "a free port" if port is None else f"port {port}"
+                raise InputError(
+                    f"{asked} could not be opened on this machine ({answer})", where="--port",
+                    right="Another program may use it: give another port, or leave it out for any free one")
+            yield f"http://localhost:{answer}"
 
 
 def make_scene(meshcat: Meshcat, what: str, model: ModelParameters, subject: Subject | None = None, *,

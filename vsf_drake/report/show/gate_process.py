@@ -1,0 +1,79 @@
+"""The process that stands before Meshcat's server and lets its own pages in only: a script of Python's library alone.
+
+`python -I gate_process.py PORT HOST INNER` listens on PORT of this machine (0: any free one), prints which or why not,
+and hands visitors on to HOST:INNER until its standard input ends. It is a process of its own because a thread of Python
+beside Drake may collect what only the main thread may: a Meshcat that nobody holds any more would end the program.
+"""
+
+import contextlib
+import http.client
+import http.server
+import signal
+import socket
+import sys
+import threading
+
+
+class _Gate(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, port, behind):
+        super().__init__(("127.0.0.1", port), _Visit)
+        self.hosts = [f"{name}:{self.server_port}" for name in ("localhost", "127.0.0.1")]
+        self.behind = behind
+
+    def handle_error(self, request, client_address):
+        """A visitor who left."""
+
+
+class _Visit(http.server.BaseHTTPRequestHandler):
+    def do_GET(self):
+        hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or hosts[0] not in self.server.hosts or origins not in ([], [f"http://{hosts[0]}"]):
+            self.send_error(http.HTTPStatus.FORBIDDEN, "Only pages of this server may ask")
+        elif self.headers.get("Upgrade", "").lower() == "websocket":
+            self._join()
+        else:
+            self._fetch()
+
+    def _fetch(self):
+        inner = http.client.HTTPConnection(*self.server.behind)
+        inner.request("GET", self.path)
+        answer = inner.getresponse()
+        content = answer.read()
+        self.send_response(answer.status)
+        for name in ("Content-Type", "Cache-Control"):
+            self.send_header(name, answer.getheader(name, ""))
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _join(self):
+        """Hands on all bytes of a web socket, both ways."""
+        with socket.create_connection(self.server.behind) as inner:
+            inner.sendall(f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1"))
+            threading.Thread(target=_pass_on, args=(self.rfile.read1, inner), daemon=True).start()
+            _pass_on(inner.recv, self.connection)
+        self.close_connection = True
+
+    def log_message(self, format, *args):
+        """Says nothing."""
+
+
+def _pass_on(read, to):
+    with contextlib.suppress(OSError, ValueError):  # one of the two has left
+        while piece := read(1 << 16):
+            to.sendall(piece)
+    with contextlib.suppress(OSError):
+        to.shutdown(socket.SHUT_RDWR)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
+    try:
+        server = _Gate(int(sys.argv[1]), (sys.argv[2], int(sys.argv[3])))
+    except OSError as error:
+        sys.exit(print(error.strerror, flush=True))
+    threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
+    print(server.server_port, flush=True)
+    sys.stdin.read()
