@@ -87,7 +87,7 @@ def changed_files(name: str, stored: dict[str, Any]) -> list[str]:
     """Files that were read and are others now."""
     now = contact_fit.input_hashes()
     return [file for file, sha in stored["provenance"]["inputs_sha256"].items()
-            if sha != (now[file] if file in now else sha256(DATA / file))]
+            if sha != now.get(file) and (file in now or not (DATA / file).is_file() or sha != sha256(DATA / file))]
 
 
 def same_sources(name: str, stored: dict[str, Any]) -> bool:

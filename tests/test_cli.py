@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import shutil
+import signal
+import sys
 
 import pytest
 import yaml
@@ -127,8 +131,8 @@ def test_divergence_during_the_fit_is_a_failed_simulation(run, tmp_path, trial_f
 
 def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path, trial_files):
     out = tmp_path / "results"
-    out.mkdir()
-    (out / "replay.html").write_text("old", encoding="utf-8")
+    assert run("simulate", trial_files.write(), "--out", out)[0] == 0
+    assert (out / "replay.html").exists()
     (out / "mine.txt").write_text("kept", encoding="utf-8")
     assert run("simulate", trial_files.write(), "--out", out, "--no-replay")[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
@@ -159,3 +163,27 @@ def test_results_do_not_replace_a_file(run, tmp_path):
     assert code == 2
     assert "is a file" in err
     assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
+
+
+CLOSED = """
+import importlib, time, typer
+app = importlib.import_module("vsf_drake.cli.app")
+app.app = typer.Typer()
+@app.app.command()
+def wait():
+    print("ready", flush=True)
+    time.sleep(60.0)
+app.main()
+"""
+
+
+def test_a_closed_terminal_ends_a_command_with_129():
+    """What it says then goes nowhere: writing to a terminal that is gone is an error."""
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execv(sys.executable, [sys.executable, "-c", CLOSED])
+    said = b""
+    while b"ready" not in said:
+        said += os.read(terminal, 1000)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + signal.SIGHUP

@@ -145,7 +145,7 @@ def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Pa
                 part = home / f".{path.name}.{_HOST}-{secrets.token_hex(4)}.part"
                 make(part)
                 with contextlib.suppress(FileNotFoundError):  # another process has taken it for dead
-                    held = os.open(part, os.O_RDONLY)
+                    held = os.open(part, _for_lock(part))
                     with contextlib.suppress(OSError):  # a file system without locks
                         fcntl.flock(held, fcntl.LOCK_EX)
                     if not part.exists():
@@ -186,13 +186,18 @@ def sha256(path: str | Path) -> str:
 def _remove_dead(part: Path) -> None:
     """Removes what nobody writes any more: unlocked, and of this machine or old."""
     with contextlib.suppress(OSError):
-        held = os.open(part, os.O_RDONLY)
+        held = os.open(part, _for_lock(part))
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if f".{_HOST}-" in part.name or time.time() - part.stat().st_mtime > OTHER_HOSTS_S:
                 _remove(part)
         finally:
             os.close(held)
+
+
+def _for_lock(part: Path) -> int:
+    """How to open it: NFS locks files that are open for writing only."""
+    return os.O_RDONLY if part.is_dir() else os.O_RDWR
 
 
 def _remove(part: Path) -> None:

@@ -16,7 +16,7 @@ from vsf_drake.errors import UNPRINTABLE, InputError
 
 MOST_BYTES = 2**31
 """Of all arrays of a file together; a walk of ten minutes has 1.3e9."""
-ALWAYS_BYTES, LARGEST_RATIO = 2**26, 20
+ALWAYS_BYTES, LARGEST_RATIO = 2**27, 8
 """What any file may hold, and how many times its own size beyond that; walks are compressed to 0.6 of theirs."""
 _DIRECTORY_BYTES = 2**20
 """Of the list of arrays."""

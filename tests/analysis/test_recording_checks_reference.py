@@ -83,7 +83,8 @@ def test_expected_error_ranks_spoiled_walks_as_the_plate_does():
     assert spearmanr(told, true)[0] > 0.75
 
 
-@pytest.mark.parametrize("spoil", ["slid 0.15 m/s", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
+@pytest.mark.parametrize("spoil", [
+    "slid 0.15 m/s", "20 ms late", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_spoiled_walk_is_not_good(setting, spoil):
     trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
@@ -111,3 +112,16 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
     assert overall(costing(0.02, 0.025)) == "doubtful"
     assert overall(costing(0.08, 0.07)) == "unusable"
     assert overall(costing(None, mark="unusable")) == "unusable"
+    assert overall([dataclasses.replace(*costing(None, mark="doubtful"), needed=True)]) == "doubtful"
+
+
+def test_a_mass_that_nothing_tells_and_a_force_beside_its_foot_are_not_good():
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    side = trial.subject.prosthetic_side
+    other = "left" if side == "right" else "right"
+    span = (float(trial.trajectory.time_s[0]), float(trial.trajectory.time_s[-1]))
+    alone = dataclasses.replace(trial, plates={side: trial.plates[side]}, unmeasured={other: (span,)})
+    assert examine(alone).mark == "doubtful"
+    beside = {name: dataclasses.replace(plate, cop_W=plate.cop_W + np.array([0.06, 0.06, 0.0]))
+              for name, plate in trial.plates.items()}
+    assert examine(dataclasses.replace(trial, plates=beside)).mark != "good"

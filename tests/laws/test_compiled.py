@@ -116,3 +116,14 @@ def test_machine_code_that_cannot_be_kept_on_disk_is_made_anew(monkeypatch):
 
     monkeypatch.setattr(numba, "njit", without_a_folder)
     assert compiled(twice)(3.0) == 6.0
+
+
+def test_without_a_home_nothing_is_kept_in_the_current_folder(monkeypatch, tmp_path):
+    """Machine code from there would be run, and the folder may be a downloaded one; `~` stays `~` without a home."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    monkeypatch.setattr(module.os.path, "expanduser", lambda path: path)
+    monkeypatch.setattr(module, "_PACKAGE", Path("/dev/null"))
+    monkeypatch.chdir(tmp_path)
+    assert module._folder() == ""
+    assert list(tmp_path.iterdir()) == []

@@ -23,6 +23,13 @@ def test_instants_are_the_crossings_of_the_threshold():
     assert stance.duration_s == pytest.approx(0.7 - 2 * late, abs=2e-5)
 
 
+def test_light_loads_that_a_laboratory_has_blanked_below_50_n_are_no_jump():
+    """As of a child, or in a harness: the first force that is left is 50 N, which is much of the peak."""
+    force = pulse(0.5, 1.2, 130.0)
+    (stance,) = find_stances(TIME, np.where(force < 50.0, 0.0, force))
+    assert stance.complete
+
+
 def test_scuff_in_swing_is_not_a_stance():
     force = pulse(0.5, 1.2) + pulse(1.5, 1.58, 60.0)
     assert len(find_stances(TIME, force)) == 1

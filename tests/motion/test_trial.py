@@ -146,7 +146,7 @@ def on_two_plates(trial_files):
 
 
 @pytest.mark.parametrize(("mass_kg", "words"), [
-    (MASS / 0.45359237, f"Is it in pounds? 176.37 lb are {MASS:.1f} kg"), (1.4 * MASS, "prosthesis included"),
+    (MASS / 0.45359237, f"Is it in pounds? 176.37 lb are {MASS:.1f} kg"), (2.0 * MASS, "prosthesis included"),
     (0.7 * MASS, "prosthesis included")])
 def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words):
     """The stance of one foot between two of the other carries the weight throughout, and momentum returns."""
@@ -157,8 +157,8 @@ def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words)
     assert words in text
 
 
-@pytest.mark.parametrize("mass_kg", [0.85 * MASS, MASS, 1.2 * MASS])
-def test_mass_within_what_plates_and_clothes_explain_is_taken(trial_files, mass_kg):
+@pytest.mark.parametrize("mass_kg", [0.85 * MASS, MASS, 1.2 * MASS, MASS / 0.6])
+def test_mass_within_what_plates_clothes_and_a_harness_explain_is_taken(trial_files, mass_kg):
     on_two_plates(trial_files)
     trial_files.subject["mass_kg"] = mass_kg
     assert load_trial(trial_files.write()).subject.mass_kg == mass_kg

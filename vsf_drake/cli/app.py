@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import os
 import signal
+import stat
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +29,8 @@ errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 
 INTERRUPTED = 130
 """What Typer ends with after Ctrl-C."""
+CLEARING_S = 10.0
+"""How long after a SIGTERM another one changes nothing."""
 Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
 Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
@@ -35,14 +41,16 @@ def main() -> None:
 
     SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
     """
-    ended_by = signal.SIGINT
+    ended_by, last_s = signal.SIGINT, -math.inf
 
     def interrupt(number: int, frame: Any) -> None:
-        nonlocal ended_by
-        ended_by = signal.Signals(number)
-        for each in before:
-            signal.signal(each, signal.SIG_IGN)  # nothing disturbs the clearing up
-        raise KeyboardInterrupt
+        nonlocal ended_by, last_s
+        if number == signal.SIGHUP:
+            _leave_terminal()
+        since_s, last_s = time.monotonic() - last_s, time.monotonic()
+        if since_s > CLEARING_S:  # nothing disturbs the clearing up; but something may have swallowed the first one
+            ended_by = signal.Signals(number)
+            raise KeyboardInterrupt
 
     before = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGHUP)
               if signal.getsignal(each) is signal.SIG_DFL}  # not what nohup ignores, or a caller handles
@@ -67,6 +75,14 @@ def main() -> None:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+def _leave_terminal() -> None:
+    """What is said from now on goes nowhere instead of to a terminal that is closed, where it would be an error."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in (1, 2):
+        if stat.S_ISCHR(os.fstat(stream).st_mode):
+            os.dup2(nowhere, stream)
 
 
 def target(out: Path, kind: str) -> Path:

@@ -28,8 +28,8 @@ from typing import Any
 import numba
 import numpy as np
 
-COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_compiled.py",
-            "analysis/validation/energy/segment_power.py", "motion/events.py")
+COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "simulation/energy.py",
+            "systems/_foot_compiled.py", "analysis/validation/energy/segment_power.py", "motion/events.py")
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""
@@ -83,15 +83,15 @@ def _folder() -> str:
     state = f"{_SOURCES} {numba.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
     # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
-    homes: list[Any] = [os.environ.get("NUMBA_CACHE_DIR"), _PACKAGE / "__pycache__", os.environ.get("XDG_CACHE_HOME"),
-                        "~/.cache"]
-    for home in filter(None, homes):
+    homes = [os.path.abspath(os.environ["NUMBA_CACHE_DIR"])] if os.environ.get("NUMBA_CACHE_DIR") else []
+    homes += [str(_PACKAGE / "__pycache__"), os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")]
+    for home in filter(os.path.isabs, homes):  # ~ stays as it is where there is no home, and would be in this folder
         try:
-            folder = Path(os.path.expanduser(home)).absolute() / name / hashlib.sha256(state.encode()).hexdigest()[:16]
+            folder = Path(home) / name / hashlib.sha256(state.encode()).hexdigest()[:16]
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)  # says when it was last used
-        except (OSError, RuntimeError):  # RuntimeError: there is no home
+        except OSError:
             continue
         with contextlib.suppress(OSError):  # of another process that does the same
             for old in sorted(folder.parent.iterdir(), key=os.path.getmtime, reverse=True)[KEPT:]:

@@ -10,10 +10,11 @@ THRESHOLD_N = 20.0
 MINIMUM_S = 0.15
 BRIDGE_S = 0.03
 MINIMUM_PEAK_N = 100.0
-FASTEST_PER_S, WITHIN_S = 70.0, 0.005
+FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
 """Steepest change of a walking foot's force, as a share of the record's peak per second, and the time (or the one
 sample, if that is longer) over which it is looked at. Users of a prosthesis who walk fast load at 9 to 16 body weights
-a second, recorded and embedded walks show up to 27 at touch-down and 13 at lift-off; twice and more is a choice."""
+a second, recorded and embedded walks show up to 27 at touch-down and 13 at lift-off; twice and more is a choice. A
+change of less than LEAST_JUMP_N says nothing: laboratories blank forces of up to some 50 N (a choice)."""
 
 
 @dataclass(frozen=True)
@@ -99,18 +100,18 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float,
             bouts[-1][1] = end
         else:
             bouts.append([start, end])
-    found, share = [], force / max(threshold, force.max(initial=0.0))
+    found, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
         before, after = int(np.searchsorted(time_s, start, "right")) - 1, int(np.searchsorted(time_s, end, "left"))
-        seen = (not ((on[0] and start == time_s[0]) or _jumps(time_s, share, before, 1)),
-                not ((on[-1] and end == time_s[-1]) or _jumps(time_s, share, after, -1)))
+        seen = (not ((on[0] and start == time_s[0]) or _jumps(time_s, force, before, 1, most)),
+                not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)))
         at_end = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)
         found.append((Stance(float(start), float(end), *seen), peak, at_end))
     return found
 
 
-def _jumps(time_s: np.ndarray, share: np.ndarray, unloaded: int, way: int) -> bool:
-    """Whether the force, as a share of its peak, changes faster beside the unloaded sample than a foot's does."""
+def _jumps(time_s: np.ndarray, force: np.ndarray, unloaded: int, way: int, most: float) -> bool:
+    """Whether the force changes faster beside the unloaded sample than a foot's does, `most` newtons a second."""
     apart = max(WITHIN_S, abs(time_s[unloaded + way] - time_s[unloaded]))
-    return bool(np.interp(time_s[unloaded] + way * apart, time_s, share) > FASTEST_PER_S * apart)
+    return bool(np.interp(time_s[unloaded] + way * apart, time_s, force) > max(LEAST_JUMP_N, most * apart))

@@ -165,7 +165,8 @@ def _other_kind(path: Path) -> InputError | None:
     """What to say of a file that is something else's; None where it is nothing that is known."""
     kinds: dict[str, Callable[[Path], object]] = {
         "subject": load_stated_subject, "model": load_model, "fitted contact": load_contact, "bench": load_bench_file}
-    for kind, load in kinds.items():
+    small = path.is_file() and path.stat().st_size < 2**16  # as all such files are: the others would be read five times
+    for kind, load in kinds.items() if small else ():
         with contextlib.suppress(InputError):
             load(path)
             return InputError(f"is a {kind} file and no trial manifest", file=path,

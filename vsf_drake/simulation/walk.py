@@ -230,7 +230,8 @@ def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
             f"{moments[-1] - moments[0]:.0f} s in steps of {1e3 * step_s:g} ms would take "
             f"{1e-9 * (MOST_BYTES - left + taken):.1f} GB of memory, more than {1e-9 * MOST_BYTES:g} GB",
             where="window",
-            right=f"Choose at most {max(0.0, left / step_bytes * step_s):.0f} s of this recording, a part at a time")
+            right=f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a time" if left > 0.0
+            else f"Its files have {rows} rows, which take all of it: cut them into shorter ones")
 
 
 def used_numbers(mechanism: Mechanism) -> dict[str, list | float]:

@@ -42,6 +42,7 @@ def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, Bounds]:
 BOUNDS: dict[str, Bounds] = {
     **_of(ContactZone, radius="radius_m", stiffness="stiffness", exponent="exponent", damping="damping_n_s_per_m",
           full_damping_depth="full_damping_depth_m"),
+    "radius": ("m", 0.0, 0.2),
     **_of(FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
           threshold_velocity="threshold_velocity_m_per_s"),
     **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),
@@ -49,7 +50,7 @@ BOUNDS: dict[str, Bounds] = {
     **_of(FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
           carriage_mass="carriage_mass_kg"),
     **_of(BushingAxis, "socket_"), **_of(SocketParameters, socket_stop_ratio="stop_ratio"), **_of(ActuatorParameters),
-    "p_BS": ("m", -1.0, 1.0), **_positive("s/m", "dissipation"),
+    "p_BS": ("m", -math.inf, math.inf), **_positive("s/m", "dissipation"),
     **_positive("m", "depth_width", "reached", low=1e-9), **_positive("m/s", "rate_width", low=1e-9),
     **_positive("N m/rad", "joint_stiffness"), **_positive("N m s/rad", "joint_damping"),
     **_positive("N/m", "fulcrum_stiffness", "carriage_gain"),

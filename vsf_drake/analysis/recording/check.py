@@ -31,7 +31,7 @@ three walks of the exact reference subject, spoiled in one thing at a time; they
 EXPECTED = ("The mark is that of the expected error: by so much, root mean square over stance, what the checks can see "
             "would change the predicted force once the offsets are fitted (--fit-offsets). Good is below "
             f"{100 * GOOD_BW:.0f} % of body weight, doubtful below {100 * DOUBTFUL_BW:.0f} %; a check that is unusable "
-            "makes the trial unusable.")
+            "makes the trial unusable, and a mass that cannot be told or a force beside its foot makes it doubtful.")
 """What the mark of a trial means, for reports."""
 
 
@@ -48,6 +48,7 @@ class Check:
         stance: number of the stance of that foot, from 1.
         cost_bw: error of the predicted force (body weights, root mean square over stance) that this leaves after a fit
             of the offsets; None where that is not known.
+        needed: whether a doubt here alone makes the recording doubtful, because a good one cannot do without it.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Check:
     side: str | None = None
     stance: int | None = None
     cost_bw: float | None = None
+    needed: bool = False
 
     def __post_init__(self) -> None:
         if self.mark not in MARKS:
@@ -94,10 +96,10 @@ def expected_error(checks: Iterable[Check]) -> float:
 
 
 def overall(checks: Iterable[Check]) -> str:
-    """The mark of a recording: that of its expected error, and unusable if any check says so."""
+    """The mark of a recording: that of its expected error, but no better than an unusable or a needed check."""
     checks = list(checks)
-    faults = ["unusable"] if any(check.mark == "unusable" for check in checks) else []
-    return worst([grade(expected_error(checks), GOOD_BW, DOUBTFUL_BW), *faults])
+    return worst([grade(expected_error(checks), GOOD_BW, DOUBTFUL_BW),
+                  *(check.mark for check in checks if check.needed or check.mark == "unusable")])
 
 
 def cost(share_bw: float) -> str:

@@ -88,7 +88,8 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     name, rows = "mass from the forces", longest_run(known)
     if len(rows) < 3 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S:
         return Check(name, "doubtful", None, "kg", "The mass cannot be told from the forces: there is no time in which "
-                     f"every foot on the ground is on a plate. The subject's {mass_kg:.1f} kg are taken on trust.")
+                     f"every foot on the ground is on a plate. The subject's {mass_kg:.1f} kg are taken on trust.",
+                     needed=True)
     start, end = rows[0], rows[-1]
     impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
     duration = float(time_s[end] - time_s[start])
@@ -151,7 +152,7 @@ def _lag_check(name: str, value: float, mark: str, told_s: float, how: str, *, f
     sentence = f"The forces come {1e3 * abs(value):.0f} ms {way} the motion, {how}"
     sentence += (f": {fine}." if mark == "good" else
                  ": 10 ms are about 1° of hip angle, or 7 % of body weight. Do both files count from one instant?")
-    return Check(name, mark, value, "s", sentence, cost_bw=FITTED_LAG_BW_PER_S * max(0.0, abs(value) - told_s))
+    return Check(name, mark, value, "s", sentence, cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > told_s))
 
 
 def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -> Check | None:
@@ -172,7 +173,7 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
     sentence = f"The centre of pressure stays within {1e3 * value:.0f} mm of the {foot.side} foot's middle line"
     sentence += (": plate and foot belong together." if mark == "good" else
                  ": is this the right plate, do plates and markers share one origin?")
-    return Check("centre of pressure under the foot", mark, value, "m", sentence, foot.side)
+    return Check("centre of pressure under the foot", mark, value, "m", sentence, foot.side, needed=True)
 
 
 def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:

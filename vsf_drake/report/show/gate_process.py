@@ -8,6 +8,7 @@ beside Drake may collect what only the main thread may: a Meshcat that nobody ho
 import contextlib
 import http.client
 import http.server
+import re
 import signal
 import socket
 import sys
@@ -19,7 +20,6 @@ class _Gate(http.server.ThreadingHTTPServer):
 
     def __init__(self, port, behind):
         super().__init__(("127.0.0.1", port), _Visit)
-        self.hosts = [f"{name}:{self.server_port}" for name in ("localhost", "127.0.0.1")]
         self.behind = behind
 
     def handle_error(self, request, client_address):
@@ -29,7 +29,9 @@ class _Gate(http.server.ThreadingHTTPServer):
 class _Visit(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
         hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
-        if len(hosts) != 1 or hosts[0] not in self.server.hosts or origins not in ([], [f"http://{hosts[0]}"]):
+        # Of any port, for one that is handed on from another machine; no name that somebody bent to this one.
+        if (len(hosts) != 1 or not re.fullmatch(r"(localhost|127\.0\.0\.1):[0-9]+", hosts[0])
+                or origins not in ([], [f"http://{hosts[0]}"])):
             self.send_error(http.HTTPStatus.FORBIDDEN, "Only pages of this server may ask")
         elif self.headers.get("Upgrade", "").lower() == "websocket":
             self._join()

@@ -8,6 +8,7 @@ caller's script (`multiprocessing` would), so that it needs no `if __name__ == "
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import pickle
@@ -181,7 +182,10 @@ class _Process:
 def _path() -> list[str]:
     """Where a worker looks for modules: where this process does, but in the current folder last of all, so that no file
     which lies there by chance stands for a module of Python, of a package or of this one."""
-    others = [entry for entry in sys.path if entry and not (os.path.isdir(entry) and os.path.samefile(entry, "."))]
+    here = ""
+    with contextlib.suppress(OSError):  # a folder that is gone, or that this user may not enter
+        here = os.path.realpath(os.getcwd())
+    others = [entry for entry in sys.path if entry and os.path.realpath(entry) != here]
     own = os.path.dirname(os.path.dirname(vsf_drake.__file__))
     last = [""] if len(others) < len(sys.path) else []
     return [*([] if own in others else [own]), *map(os.path.abspath, others), *last]
