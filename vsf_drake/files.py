@@ -66,7 +66,7 @@ def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> byte
             raise InputError(f"has {about.st_size} bytes, which is more than the {most} that are read", file=path)
         with open(path, "rb") as stream:
             return stream.read(most)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no such file", file=path, right=right) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None

@@ -14,6 +14,7 @@ from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.resources import resource
 from vsf_drake.schema import from_plain
+from vsf_drake.simulation.archive import RECORD_FILE
 
 
 def test_nominal_foot_leaves_three_models_and_their_sidecar(run, tmp_path):
@@ -71,3 +72,17 @@ def test_out_that_is_a_file_is_refused(run, tmp_path):
     assert code == 2
     assert "is a file, but results are a folder" in error
     assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run, tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
+    (tmp_path / "vsf_foot.sdf").write_text("mine", encoding="utf-8")
+    code, _, error = run("export", "--out", tmp_path)
+    assert code == 2 and "holds other things than an earlier export" in error
+    assert (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8") == "mine"
+    out = tmp_path / "out"
+    assert run("export", "--out", out)[0] == 0
+    assert run("export", "--out", out, "--fulcrum-mm", 80)[0] == 0
+    assert not list(out.glob("*108mm*"))
+    (out / RECORD_FILE).unlink()
+    assert run("export", "--out", out)[0] == 0

@@ -10,6 +10,7 @@ from command_line import read_json
 
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.schema import dump_yaml
+from vsf_drake.simulation.archive import RECORD_FILE
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right", "name": "A [bold] subject"}
 
@@ -37,11 +38,14 @@ def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
     assert "Holding the pelvis's tilt" in " ".join(out.split())
 
 
-def test_a_trials_manifest_lends_its_subject(run, subject, tmp_path):
+def test_a_trials_manifest_lends_its_subject_and_a_folder_without_record_is_taken_again(run, subject, tmp_path):
     manifest = tmp_path / "trial.yaml"
     manifest.write_text("subject: subject.yaml\nkinematics: not_read.mot\nforces: not_read.mot\n"
                         "prosthesis: {fulcrum_mm: 66}\n", encoding="utf-8")
-    code, out, _ = run("stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright")
+    again = ("stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright")
+    assert run(*again)[0] == 0
+    (tmp_path / "stand" / RECORD_FILE).unlink()  # as an earlier version left it
+    code, out, _ = run(*again)
     assert code == 0
     assert "A [bold] subject" in out
 

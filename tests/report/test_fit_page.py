@@ -16,6 +16,7 @@ from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_output import clear_fit, read_fit, write_fit
 from vsf_drake.report.fit_page import fit_page
 from vsf_drake.report.fit_text import UNKNOWN, shown, smooth_errors, trial_cells, trial_headings
+from vsf_drake.simulation.archive import RECORD_FILE
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +129,17 @@ def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(tmp_path
                                                           "searches.svg"}
     clear_fit(tmp_path)
     assert [path.name for path in tmp_path.glob("[!.]*")] == ["notes.txt"]
+
+
+def test_a_failed_fit_leaves_nothing_of_one_of_an_earlier_version(tmp_path):
+    write_fit(SMALL, made_curves(1), tmp_path, contact=made_contact())
+    (tmp_path / RECORD_FILE).unlink()
+    write_fit(failed_fit(), {}, tmp_path)
+    assert {path.name for path in tmp_path.glob("[!.]*")} == {"fit.json", "report.html", "searches.png", "searches.svg"}
+    write_fit(SMALL, made_curves(1), tmp_path, contact=made_contact())
+    (tmp_path / RECORD_FILE).unlink()
+    clear_fit(tmp_path)
+    assert not list(tmp_path.glob("[!.]*"))
 
 
 def test_a_table_cannot_make_the_next_fit_remove_files_of_others(tmp_path):

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from made_results import MASS_KG, MadePlate, make_walk
 from meshcat_page import commands, tracks
-from pydrake.geometry import Meshcat
 from pydrake.multibody.tree import PrismaticJoint
 
 from vsf_drake.errors import InputError
@@ -24,6 +23,7 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.report import replay
 from vsf_drake.report.replay import LOADED, write_replay
 from vsf_drake.report.replay_frames import make_frames
+from vsf_drake.report.show.serve import open_meshcat
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import load_walk, save_walk
 
@@ -247,18 +247,21 @@ def test_missing_folder_is_named(tmp_path):
 
 
 def test_no_server_and_no_message_remain(tmp_path, monkeypatch, caplog):
-    ports = []
+    servers = []
 
-    class Noted(Meshcat):
-        def __init__(self, parameters):
-            super().__init__(parameters)
-            ports.append(self.port())
+    def noted():
+        meshcat = open_meshcat()
+        host, _, port = meshcat.web_url().removeprefix("http://").partition(":")
+        servers.append((host, int(port)))
+        with socket.socket() as client:
+            assert client.connect_ex(servers[0]) == 0
+        return meshcat
 
-    monkeypatch.setattr(replay, "Meshcat", Noted)
+    monkeypatch.setattr(replay, "open_meshcat", noted)
     level = logging.getLogger("drake").level
     write_replay(short_walk(), tmp_path / "replay.html")
     with socket.socket() as client:
-        assert client.connect_ex(("127.0.0.1", ports[0])) != 0
+        assert client.connect_ex(servers[0]) != 0
     assert "listening" not in caplog.text
     assert logging.getLogger("drake").level == level
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import json
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from made_results import make_bench, make_walk
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.simulation.archive import check_target
+from vsf_drake.simulation.archive import RECORD_FILE, check_target
 from vsf_drake.simulation.results import (
     coordinate_unit,
     load_bench,
@@ -248,3 +250,105 @@ def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
     with pytest.raises(InputError, match="other things than an earlier walk"):
         check_target(tmp_path, "walk")
     check_target(tmp_path / "new", "walk")
+
+
+def test_a_folder_on_another_disk_than_its_parent_is_filled(tmp_path, monkeypatch):
+    disk, out = tmp_path / "disk", tmp_path / "here" / "out"
+    disk.mkdir()
+    out.parent.mkdir()
+    out.symlink_to(disk)
+    replace = os.replace
+
+    def within(source, target):
+        if disk not in Path(source).parents:
+            raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+        replace(source, target)
+
+    write(out, a="1")
+    monkeypatch.setattr(os, "replace", within)
+    write(out, b="2")
+    assert files(disk) == {"b/figure.txt"} and [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("way", ["file", "folder", "linked folder", "linked file", "other disk"])
+def test_what_is_in_the_way_or_leads_out_is_refused_before_anything_goes(tmp_path, monkeypatch, way):
+    out, victim = tmp_path / "out", tmp_path / "victim"
+    write(out, a="1", b="1")
+    write(victim, "bench", b="mine")
+    (out / "a" / "figure.txt").unlink()
+    (out / "a").rmdir()
+    if way == "file":
+        (out / "a").write_text("mine")
+    elif way == "folder":
+        (out / "a" / "figure.txt").mkdir(parents=True)
+    elif way == "linked folder":
+        (out / "a").symlink_to(victim / "b")
+    elif way == "linked file":
+        (out / "a").mkdir()
+        (out / "a" / "figure.txt").symlink_to(victim / "b" / "figure.txt")
+    else:
+        (out / "a").mkdir()
+        stat = Path.stat
+        monkeypatch.setattr(Path, "stat", lambda path, **options: os.stat_result(
+            (*(found := stat(path, **options))[:2], found.st_dev + (path.name == "a"), *found[3:])))
+    before = {path: path.read_text() for path in out.rglob("*") if path.is_file()}
+    said = {"file": "it is a file", "folder": "it is a folder", "other disk": "on another file system"}
+    with pytest.raises(InputError, match=said.get(way, "leads out of")):
+        check_target(out, "walk")
+    with pytest.raises(InputError, match=said.get(way, "leads out of")):
+        write(out, a="2", b="2")
+    assert {path: path.read_text() for path in out.rglob("*") if path.is_file()} == before
+    assert (victim / "b" / "figure.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("content", ["a: [", "notes: mine", "kind: null", "- 3"])
+def test_a_foreign_or_damaged_sidecar_makes_no_folder_ours(tmp_path, content):
+    (tmp_path / "thesis.txt").write_text("mine")
+    (tmp_path / "result.yaml").write_text(content)
+    with pytest.raises(InputError, match="other things than an earlier walk"):
+        check_target(tmp_path, "walk")
+
+
+def test_a_result_whose_sidecar_or_record_is_lost_is_still_ours(tmp_path):
+    save_walk(make_walk(), tmp_path / "out")
+    (tmp_path / "out" / "result.yaml").write_text("a: [")
+    check_target(tmp_path / "out", "walk")
+    save_walk(make_walk(), tmp_path / "out")
+    (tmp_path / "out" / RECORD_FILE).unlink()
+    check_target(tmp_path / "out", "walk")
+
+
+def test_what_an_earlier_version_left_goes_by_name_and_what_is_recorded_only_unchanged(tmp_path):
+    for folder in ("old", "new"):
+        write(tmp_path / folder, a="1")
+        (tmp_path / folder / "a" / "mine.txt").write_text("mine")
+    (tmp_path / "old" / RECORD_FILE).unlink()
+    for folder in ("old", "new"):
+        with result_folder(tmp_path / folder, "walk", stale=("a/fig*",)) as temporary:
+            (temporary / "b.txt").write_text("2")
+        assert files(tmp_path / folder) == {"a/mine.txt", "b.txt"}
+        (tmp_path / folder / "b.txt").write_text("edited")
+        with result_folder(tmp_path / folder, "walk", stale=("b*",)) as temporary:
+            (temporary / "c.txt").write_text("3")
+        assert files(tmp_path / folder) == {"a/mine.txt", "b.txt", "c.txt"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_until_the_new_files_have_taken_the_place_of_the_old(tmp_path, monkeypatch, number):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    def disturbed(source, target):
+        signal.raise_signal(number)
+        replace(source, target)
+
+    replace, before = os.replace, signal.signal(number, interrupt)
+    try:
+        write(tmp_path, a="1", b="1")
+        monkeypatch.setattr(os, "replace", disturbed)
+        with pytest.raises(KeyboardInterrupt):
+            write(tmp_path, b="2", c="2")
+        assert files(tmp_path) == {"b/figure.txt", "c/figure.txt"}
+        assert signal.getsignal(number) is interrupt
+    finally:
+        signal.signal(number, before)

@@ -85,12 +85,12 @@ def _leave_terminal() -> None:
             os.dup2(nowhere, stream)
 
 
-def target(out: Path, kind: str) -> Path:
-    """`out` with ~ expanded, after making sure that results can go there."""
+def target(out: Path, kind: str, **options: Any) -> Path:
+    """`out` with ~ expanded, after making sure that results can go there; `options` of `check_target`."""
     from vsf_drake.simulation.archive import check_target
 
     out = user_path(out)
-    check_target(out, kind)
+    check_target(out, kind, **options)
     return out
 
 

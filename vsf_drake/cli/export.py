@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of
-from vsf_drake.files import user_path
+from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of, target
 
 
 @app.command()
@@ -30,12 +29,13 @@ def export(
     this package, at one position of it. What a format cannot carry stands in the comment at the top of each file.
     """
     from vsf_drake.files import sha256
-    from vsf_drake.report.export_output import write_export
+    from vsf_drake.report.export_output import SIDECAR, write_export
 
+    out = target(out, "export", sidecar=SIDECAR)
     model, contact = file_of(model), file_of(contact)
     foot = model_of(model, contact).foot
     inputs = contact_hash(contact) | ({} if model is None else {f"model: {model.name}": sha256(model)})
-    written = write_export(foot, user_path(out), fulcrum_m=1e-3 * fulcrum_mm, form=form,
+    written = write_export(foot, out, fulcrum_m=1e-3 * fulcrum_mm, form=form,
                            springs=springs, collision=collision, inputs=inputs)
     for name in written["files_sha256"]:
-        console.print(f"written {user_path(out) / name}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"written {out / name}", highlight=False, markup=False, soft_wrap=True)

@@ -34,7 +34,8 @@ def stand(
     from vsf_drake.report.standing_output import write_standing
     from vsf_drake.simulation.standing import simulate_standing
 
-    out, contact = target(out, "standing"), file_of(contact)
+    contact = file_of(contact)
+    out = target(out, "standing", known=lambda out: (out / "standing.json").is_file())
     person = load_subject(user_path(subject))
     if contact:
         check_person(person, load_contact(contact), file=contact)

@@ -16,6 +16,8 @@ from vsf_drake.report.style import save_figure
 
 FIGURES, TABLES = "figures", "tables"
 _KINDS = (".csv", ".png", ".svg")
+CHAPTERS = tuple(f"{folder}/*{kind}" for folder in (FIGURES, TABLES) for kind in _KINDS)
+"""Patterns of the names of all figures and tables."""
 
 
 def write_chapters(

@@ -29,10 +29,8 @@ def check_fit_folder(out: Path) -> None:
     Raises:
         InputError: it cannot be written, or holds anything else.
     """
-    check_target(out, FIT, lambda out: (out / TABLE).exists() or (out / CHECKPOINT).exists())
-    for name in (CONTACT, TABLE, CURVES, PAGE, CHECKPOINT):
-        if (out / name).is_dir():
-            raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
+    check_target(out, FIT, lambda out: (out / TABLE).exists() or (out / CHECKPOINT).exists(),
+                 names=(CONTACT, TABLE, CURVES, PAGE, CHECKPOINT))
     if (out / TABLE).exists() and _table(out / TABLE).get("kind") != FIT:
         raise InputError("is not the table of a fit", file=out / TABLE, right="Choose another folder")
 
@@ -71,7 +69,7 @@ def write_fit(
     files = [TABLE, PAGE, *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
              *([CURVES] if curves else []), *([CONTACT] if contact is not None else [])]
     written = {**table, "files": sorted(files)}
-    with _writing(out), result_folder(out, FIT) as folder:
+    with _writing(out), result_folder(out, FIT, stale=(CONTACT,)) as folder:
         if curves:
             with replaced(folder / CURVES, "wb") as stream:
                 np.savez_compressed(stream, allow_pickle=False, **dict(curves))

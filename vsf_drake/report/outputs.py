@@ -59,7 +59,7 @@ def write_walk(
     metrics["offset_fit"] = None if fit is None else to_plain(fit)
     metrics["doubts"] = doubts(result, comparison, metrics, fit)
     metrics["notes"] = list(result.notes)
-    with result_folder(out, "walk") as folder:
+    with result_folder(out, "walk", stale=(REPLAY,)) as folder:
         save_walk(result, folder)
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:

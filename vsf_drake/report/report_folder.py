@@ -33,20 +33,10 @@ def check_report_folder(
     Raises:
         InputError: it cannot be written, or holds anything else.
     """
-    check_target(out, kind, lambda out: holds(out / table, known) or unfinished(out))
-    check_names(out, files=(table, *files), folders=folders)
+    check_target(out, kind, lambda out: holds(out / table, known) or unfinished(out),
+                 names=(table, *files, *(f"{folder}/*" for folder in folders)))
     if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
         raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out, right="Choose another folder")
-
-
-def check_names(out: Path, *, files: Iterable[str], folders: Iterable[str]) -> None:
-    """Raises InputError if a folder stands where a file is to go, or a file where a folder is."""
-    for name in files:
-        if (out / name).is_dir():
-            raise InputError("cannot be written (it is a folder)", file=out / name, right="Choose another folder")
-    for name in folders:
-        if (out / name).exists() and not (out / name).is_dir():
-            raise InputError("cannot be written (it is a file)", file=out / name, right="Choose another folder")
 
 
 def holds(path: Path, known: Known) -> bool:

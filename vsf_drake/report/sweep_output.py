@@ -23,9 +23,7 @@ from vsf_drake.simulation.results import result_folder
 from vsf_drake.simulation.variables import Variable
 
 SWEEP = "sweep"
-
-
-_FIGURES = (".png", ".svg")
+_FIGURES = (f"{SWEEP}.png", f"{SWEEP}.svg")
 
 
 def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
@@ -33,11 +31,8 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
 
     Trials are the same if they come from the same files, wherever these are named from, or hold the same.
     """
-    check_target(out, SWEEP, lambda out: (out / f"{SWEEP}.json").exists() or (out / "cache").is_dir())
-    for suffix in (".csv", ".json", *_FIGURES):
-        if (out / f"{SWEEP}{suffix}").is_dir():
-            raise InputError("cannot be written (it is a folder)", file=out / f"{SWEEP}{suffix}",
-                             right="Choose another folder")
+    check_target(out, SWEEP, lambda out: (out / f"{SWEEP}.json").exists() or (out / "cache").is_dir(),
+                 names=(f"{SWEEP}.csv", f"{SWEEP}.json", *_FIGURES))
     path = out / f"{SWEEP}.json"
     try:
         found = read_json(path)["trials"] if path.exists() else None
@@ -82,7 +77,7 @@ def write_sweep(
         "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
         "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": _columns(variables),
         "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]})
-    with _writing(out), result_folder(out, SWEEP) as folder:
+    with _writing(out), result_folder(out, SWEEP, stale=_FIGURES) as folder:
         _write_csv(folder / f"{SWEEP}.csv", rows)
         write_json(folder / f"{SWEEP}.json", table)
     return table, rows

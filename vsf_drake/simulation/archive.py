@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
-from collections.abc import Callable, Container, Iterator, Mapping
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +21,26 @@ from vsf_drake.yaml_file import dump
 
 ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
-
-
 RECORD_FILE = ".vsf_drake.json"
 """What was written to a result folder: SHA-256 by path, by kind of result."""
+_KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")
+"""Of files that tables name."""
 
 
-def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False) -> None:
+def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False, *,
+                 names: Iterable[str] = (), sidecar: str = SIDECAR_FILE) -> None:
     """Whether a result of `kind` ("walk", "bench") can go to `out`; asked before a long run rather than after it.
 
     Args:
         out: a new or empty folder, or one that holds an earlier result of the kind.
         kind: of result.
         known: tells whether a folder without a record (an interrupted run) is one of the kind.
+        names: of files that will come, as far as they are known.
+        sidecar: name of the YAML file that says the kind.
 
     Raises:
-        InputError: `out` or one of its parents is a file, cannot be created, or holds anything else.
+        InputError: `out` or one of its parents is a file, cannot be created, holds anything else, or something in it is
+            in the way of a file or leads out of it.
     """
     out = Path(out).absolute()
     try:
@@ -43,59 +48,68 @@ def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lam
             raise InputError("is a link to nothing", file=out, right="Choose another folder")
         with result_folder(out, kind, keep=False):
             pass
+        record = _recorded(out).get(kind, {})
+        _check_places(out, [*names, *record])
         others = out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir())
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    try:
-        found = load_plain(out / SIDECAR_FILE) if (out / SIDECAR_FILE).is_file() else None
-    except InputError:  # a damaged one
-        return
-    if isinstance(found, dict) and found.get("kind") not in (None, kind):
-        raise InputError(f"holds the result of a {found['kind']}", file=out,
-                         right=f"Choose another folder for this {kind}")
-    if others and found is None and not _recorded(out).get(kind) and not known(out):
+    found = None
+    if (out / sidecar).is_file():
+        with contextlib.suppress(InputError):  # a damaged one, or another program's
+            found = load_plain(out / sidecar)
+    found = found.get("kind") if isinstance(found, dict) else None
+    if found not in (None, kind):
+        raise InputError(f"holds the result of a {found}", file=out, right=f"Choose another folder for this {kind}")
+    if others and found is None and not record and not known(out):
         raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
 
 
 @contextlib.contextmanager
-def result_folder(out: str | Path, kind: str, *, keep: bool = True, add: bool = False) -> Iterator[Path]:
+def result_folder(
+    out: str | Path, kind: str, *, keep: bool = True, add: bool = False, stale: Iterable[str] = ()
+) -> Iterator[Path]:
     """A temporary folder whose content becomes that of `out` only when the block ends without an exception.
 
     A new `out` appears by one rename. From an existing `out` first goes what an earlier result of the kind left there
-    (unless somebody changed it), then the new files come: killed in between, it holds a part of the new ones, never old
-    beside new. Other files stay. After an exception (an interruption too) nothing of the block remains.
+    (unless somebody changed it), then the new files come; Ctrl-C, SIGTERM and SIGHUP wait until they have. Killed in
+    between, it holds a part of the new ones, never old beside new, and the next run of the kind clears it. Other files
+    stay. After an exception nothing of the block remains.
 
     Args:
         out: the folder to create or to fill; missing parents are created.
         kind: of result. Of another kind nothing goes but what has the same name.
         keep: false to try whether it could be written, and leave nothing.
         add: whether the earlier files of the kind stay, unless they have the same name.
+        stale: patterns of names of what goes from a folder without a record, as earlier versions left it.
 
     Raises:
-        InputError: `out` or one of its parents is a file, or cannot be written.
+        InputError: `out` or one of its parents is a file, or cannot be written, or something in it is in the way of a
+            file or leads out of it; then nothing has changed.
     """
     out = Path(out).absolute()
     if out.exists() and not out.is_dir():
         raise InputError("is a file, but results are a folder", file=out, right="Choose another folder")
-    home = out.parent
-    while not home.exists():
-        home = home.parent
+    if out.is_dir():  # perhaps on another file system than its parent
+        home = out = Path(os.path.realpath(out))
+    else:
+        home = next(folder for folder in out.parents if folder.exists())
     with part_of(out, home, Path.mkdir) as temporary:
         yield temporary
         try:
             if keep:
-                _settle(temporary, out, kind, add=add)
+                with _undisturbed():
+                    _settle(temporary, out, kind, add=add, stale=stale)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror})", file=out) from None
 
 
-def remove_result(out: Path, kind: str, names: Container[str] = ()) -> None:
-    """Removes from `out` what was written there as a result of `kind` and not changed since, or has one of `names`."""
-    for name, digest in _recorded(out).get(kind, {}).items():
+def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
+    """Removes from `out` what was written there as a result of `kind` and not changed since, and files of `names`."""
+    for name, digest in {**_earlier(out, kind), **dict.fromkeys(names)}.items():
         path = out / name
-        if path.is_file() and (name in names or sha256(path) == digest):
+        if path.is_file() and _inside(path, out) and digest in (None, sha256(path)):
             path.unlink()
-            for folder in list(path.parents)[:len(Path(name).parents) - 1]:
+            for folder in _folders(out, name):
                 with contextlib.suppress(OSError):  # it holds something else
                     folder.rmdir()
 
@@ -129,7 +143,7 @@ def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, A
     return read_npz(path), sidecar
 
 
-def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
+def _settle(source: Path, target: Path, kind: str, *, add: bool, stale: Iterable[str]) -> None:
     """Makes `source` the folder `target`, or fills that with its files; see `result_folder`."""
     new = {path.relative_to(source).as_posix(): sha256(path) for path in sorted(source.rglob("*"))
            if path.is_file() and path != source / RECORD_FILE}
@@ -138,16 +152,12 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(source, target)
         return
-    for name in new:
-        if (target / name).is_dir():
-            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    _check_places(target, [RECORD_FILE, *new])
     record = _recorded(target)
-    old = record.get(kind, {})
+    old = _earlier(target, kind, stale)
     _write_record(target, record | {kind: old | new})
     if not add:
         remove_result(target, kind, new)
-    for name in new:
-        (target / name).unlink(missing_ok=True)
     for folder in sorted(path for path in source.rglob("*") if path.is_dir()):
         (target / folder.relative_to(source)).mkdir(exist_ok=True)
     for name in new:
@@ -155,15 +165,68 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool) -> None:
     _write_record(target, record | {kind: old | new if add else new})
 
 
-def _write_record(folder: Path, record: Mapping[str, Mapping[str, str]]) -> None:
+def _check_places(out: Path, names: Iterable[str]) -> None:
+    """Raises InputError unless files of `names` can be renamed to what they are called in `out`."""
+    for name in names:
+        path, right = out / name, "Choose another folder"
+        if not _inside(path, out):
+            raise InputError(f"leads out of {out}", file=path, right=right)
+        if path.is_dir():
+            raise InputError("cannot be written (it is a folder)", file=path, right=right)
+        for folder in _folders(out, name):
+            if folder.exists() and not folder.is_dir():
+                raise InputError("cannot be written (it is a file)", file=folder, right=right)
+            if folder.exists() and folder.stat().st_dev != out.stat().st_dev:
+                raise InputError(f"is on another file system than {out}", file=folder, right=right)
+
+
+def _inside(path: Path, out: Path) -> bool:
+    """Whether `path` lies in `out` after all links."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(out))
+
+
+def _folders(out: Path, name: str) -> list[Path]:
+    """The folders between `out` and a file in it, the innermost first."""
+    return list((out / name).parents)[:len(Path(name).parents) - 1]
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Signals that end a program wait until the block has ended (in the main thread, which handles them)."""
+    came: list[int] = []
+    before = {} if threading.current_thread() is not threading.main_thread() else {
+        each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(each) not in (None, signal.SIG_IGN)}
+    try:
+        for each in before:
+            signal.signal(each, lambda number, frame: came.append(number))
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+        for number in came[:1]:
+            signal.raise_signal(number)
+
+
+def _write_record(folder: Path, record: Mapping[str, Mapping[str, str | None]]) -> None:
     write_json(folder / RECORD_FILE, record)
 
 
-def _recorded(folder: Path) -> dict[str, dict[str, str]]:
-    """SHA-256 by path within `folder`, by kind; nothing that leads out of it."""
+def _recorded(folder: Path) -> dict[str, dict[str, str | None]]:
+    """SHA-256 by path within `folder`, by kind; None for what goes even if it was changed."""
     try:
-        found = read_json(folder / RECORD_FILE)
-        return {kind: {name: digest for name, digest in files.items()
-                       if (folder / name).resolve().is_relative_to(folder.resolve())} for kind, files in found.items()}
-    except (InputError, OSError, TypeError, AttributeError):
+        return {kind: {**files} for kind, files in read_json(folder / RECORD_FILE).items()}
+    except (InputError, TypeError):
         return {}
+
+
+def _earlier(out: Path, kind: str, stale: Iterable[str] = ()) -> dict[str, str | None]:
+    """What is recorded of `kind`; without a record what its table names as its own, and what matches `stale`."""
+    if record := _recorded(out).get(kind):
+        return record
+    names = [path.relative_to(out).as_posix() for pattern in stale for path in out.glob(pattern)]
+    with contextlib.suppress(InputError, KeyError, TypeError):
+        table = read_json(out / f"{kind}.json")
+        names += [name for name in table["files"] if table["kind"] == kind
+                  and Path(name).name == name and Path(name).suffix in _KINDS]
+    return dict.fromkeys(names)

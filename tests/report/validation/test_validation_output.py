@@ -138,7 +138,7 @@ def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, m
 def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
     def undrawable(table, arrays):
         chapter = walking(table, arrays)
-        chapter.pieces[3].figure.axes[0].set_title("$\\frac{$")
+        chapter.pieces[3].figure.axes[0].set_title("$\\frac{$", parse_math=True)
         return chapter
 
     write_validation(content(), ARRAYS, tmp_path / "out")

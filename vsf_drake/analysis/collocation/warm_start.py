@@ -58,7 +58,7 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
         return Start(carried(problem, z, grid, problem.grid, advance=advance), p)
     except InputError as error:
         raise InputError(error.what, file=path, where=error.where, right=error.right) from None
-    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+    except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         raise InputError(f"is damaged ({error})", file=path) from None
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
+from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.report_folder import check_report_folder, read_arrays, read_table
 from vsf_drake.report.tuning.chapters import tuning_chapters
 from vsf_drake.report.tuning.table import FORMAT, check_tuning_table
 from vsf_drake.report.tuning.words import alarm_of, first_line, title_of
@@ -56,7 +56,7 @@ def write_tuning(
     out = Path(folder)
     check_tuning_table(table)
     written: dict[str, Any] = plain(dict(table))
-    with writing(out), result_folder(out, TUNING) as temporary:
+    with writing(out), result_folder(out, TUNING, stale=CHAPTERS) as temporary:
         with replaced(temporary / ARRAYS, "wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(a) for name, a in arrays.items()})
         written["arrays_sha256"] = sha256(temporary / ARRAYS)
@@ -88,7 +88,6 @@ def remake_tuning(folder: str | Path) -> list[str]:
     """
     out = Path(folder)
     table, arrays = read_tuning(out)
-    check_names(out, files=(PAGE,), folders=(FIGURES, TABLES))
     with writing(out), result_folder(out, TUNING, add=True) as temporary:
         files, missing = _write_page(table, arrays, temporary, lenient=True)
     tidy_chapters(out, files)

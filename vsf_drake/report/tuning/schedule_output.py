@@ -11,8 +11,8 @@ from vsf_drake.analysis.tuning.policy import POLICY_FORMAT, schedule_of
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.report_folder import check_names, check_report_folder, read_table
+from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.report_folder import check_report_folder, read_table
 from vsf_drake.report.tuning.schedule_chapters import (
     schedule_alarm,
     schedule_chapters,
@@ -58,7 +58,7 @@ def write_schedule(folder: str | Path, table: Mapping[str, Any]) -> dict[str, An
     if missing:
         raise ValueError(f"the table of a schedule lacks {', '.join(missing)}")
     out, written = Path(folder), plain(dict(table))
-    with writing(out), result_folder(out, SCHEDULE) as temporary:
+    with writing(out), result_folder(out, SCHEDULE, stale=CHAPTERS) as temporary:
         _write_page(written, temporary, lenient=False)
         with replaced(temporary / CSV) as stream:
             writer = csv.writer(stream, lineterminator="\n")
@@ -88,7 +88,6 @@ def remake_schedule(folder: str | Path) -> list[str]:
     """
     out = Path(folder)
     table = read_schedule(out)
-    check_names(out, files=(PAGE,), folders=(FIGURES, TABLES))
     with writing(out), result_folder(out, SCHEDULE, add=True) as temporary:
         files, missing = _write_page(table, temporary, lenient=True)
     tidy_chapters(out, files)

@@ -13,8 +13,8 @@ from vsf_drake.analysis.validation.run import NAMES
 from vsf_drake.analysis.validation.study import Study
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.report_folder import check_names, check_report_folder, read_arrays, read_table
+from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.report_folder import check_report_folder, read_arrays, read_table
 from vsf_drake.report.validation.chapters import make_chapters
 from vsf_drake.report.validation.walks import REPLAY, WALKS, write_replay_of, write_walks
 from vsf_drake.simulation.archive import result_folder
@@ -51,7 +51,7 @@ def write_validation(
         InputError: `out` cannot be written.
     """
     written: dict[str, Any] = plain({**content, "kind": VALIDATION, "format": FORMAT})
-    with writing(out), result_folder(out, VALIDATION) as folder:
+    with writing(out), result_folder(out, VALIDATION, stale=(*CHAPTERS, f"{WALKS}/*/result.*")) as folder:
         with replaced(folder / ARRAYS, "wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{k.replace("/", "__", 1): v for k, v in arrays.items()})
         written["arrays_sha256"] = sha256(folder / ARRAYS)
@@ -86,7 +86,6 @@ def remake_report(folder: str | Path) -> list[str]:
     """
     folder = Path(folder)
     content, arrays = read_validation(folder)
-    check_names(folder, files=_FILES, folders=_FOLDERS)
     notes = content["notes"] if isinstance(content.get("notes"), list) else []
     if content.get("format") != FORMAT:
         notes = [*notes, f"These results have format {content.get('format', 'unknown')}; this version writes format "
