@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 from made_scenario import one_of_everything, written
 
 from vsf_drake.errors import InputError
@@ -71,3 +72,13 @@ def test_a_scenario_made_in_python_is_checked_too():
         check_scenario(Scenario(kind="bench", fulcrum_mm=-1.0))
     with pytest.raises(InputError, match="heel: is not for"):
         check_scenario(Scenario(kind="leg", robot="x", feet=(ScenarioFoot(),), heel=True, ground=Ground()))
+
+
+@pytest.mark.parametrize(("key", "value", "said"), [
+    ("directives", [{"add_weld": {"X_PC": {"translation": [0.0, 0.0, float("nan")]}}}], "not a number"),
+    ("robot", "x" * 5000, "cannot be used as a path")])
+def test_nothing_that_is_no_number_and_no_path_comes_in_with_the_file_s_name(tmp_path, key, value, said):
+    path = tmp_path / "s.yaml"
+    path.write_text(yaml.safe_dump({"kind": "leg", key: value}), encoding="utf-8")
+    with pytest.raises(InputError, match=rf"s\.yaml: .*{said}"):
+        load_scenario(path)

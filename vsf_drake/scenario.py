@@ -128,8 +128,8 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     path = Path(path)
     scenario = load_yaml(path, Scenario)
-    found = {name: _absolute(getattr(scenario, name), path.parent) for name in _PATHS}
-    feet = tuple(replace(foot, model=_absolute(foot.model, path.parent)) for foot in scenario.feet)
+    found = {name: _absolute(getattr(scenario, name), path, name) for name in _PATHS}
+    feet = tuple(replace(foot, model=_absolute(foot.model, path, "feet")) for foot in scenario.feet)
     return check_scenario(replace(scenario, feet=feet, **found), file=path)
 
 
@@ -198,10 +198,10 @@ def file_of(value: str) -> Path:
     return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else user_path(value)
 
 
-def _absolute(value: Any, folder: Path) -> Any:
+def _absolute(value: Any, path: Path, key: str) -> Any:
     if not isinstance(value, str) or "://" in value:
         return value
-    return str(user_path(folder / user_path(value)).resolve())
+    return str(user_path(path.parent / user_path(value, file=path, where=key), file=path, where=key).resolve())
 
 
 def _existing(value: str, key: str, file: str | Path | None) -> None:

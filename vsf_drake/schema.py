@@ -277,7 +277,10 @@ class _Reader:
             return self._mapping(node, Any, key)
         if isinstance(node, yaml.SequenceNode):
             return [self._plain(item, f"{key}[{i}]") for i, item in enumerate(node.value)]
-        return self._construct(node, key)  # type: ignore[arg-type]
+        value = self._construct(node, key)  # type: ignore[arg-type]
+        if value != value:  # noqa: PLR0124 (only what is not a number is not itself)
+            raise self.fail(node, key, f"{node.value!r} is not a number")
+        return value
 
     def _scalar(self, node: yaml.Node, hint: type, key: str) -> Any:
         if not isinstance(node, yaml.ScalarNode):

@@ -9,6 +9,7 @@ from typing import Any
 
 from vsf_drake.analysis.tuning.policy import POLICY_FORMAT, schedule_of
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.json_file import plain, write_json
 from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
@@ -89,7 +90,11 @@ def remake_schedule(folder: str | Path) -> list[str]:
     out = Path(folder)
     table = read_schedule(out)
     with writing(out), result_folder(out, SCHEDULE, add=True) as temporary:
-        files, missing = _write_page(table, temporary, lenient=True)
+        try:
+            files, missing = _write_page(table, temporary, lenient=True)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"is damaged ({type(error).__name__}: {error})", file=out / TABLE,
+                             right=f"Run `vsf-drake {SCHEDULE}` again") from None
     tidy_chapters(out, files)
     return missing
 
