@@ -166,7 +166,8 @@ def test_results_do_not_replace_a_file(run, tmp_path):
 
 
 CLOSED = """
-import importlib, time, typer
+import importlib, signal, time, typer
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run where it is ignored
 app = importlib.import_module("vsf_drake.cli.app")
 app.app = typer.Typer()
 @app.app.command()

@@ -53,7 +53,7 @@ def test_import_json_holds_everything_in_numbers(imported):
     [trial] = table["trials"]
     assert trial["manifest"] == "walk.yaml"
     assert {check["mark"] for check in trial["checks"]} <= {"good", "doubtful", "unusable"}
-    assert all(set(check) == {"name", "mark", "value", "unit", "sentence", "side", "stance", "cost_bw"}
+    assert all(set(check) == {"name", "mark", "value", "unit", "sentence", "side", "stance", "cost_bw", "needed"}
                for check in trial["checks"])
     assert trial["expected_error_bw"] >= max(check["cost_bw"] or 0.0 for check in trial["checks"])
     names = {check["name"] for check in trial["checks"]}

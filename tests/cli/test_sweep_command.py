@@ -24,6 +24,7 @@ STIFFNESS = "contact.forefoot.stiffness"
 HEEDING_CTRL_C = """
 import signal  # tests that run in the background ignore SIGINT, and so would what they start
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from vsf_drake.cli import main
 main()
 """

@@ -15,7 +15,7 @@ from vsf_drake.errors import InputError
                                     {"rotate": np.pi, "shift": (-0.5, 0.0)}])
 def test_plates_that_lie_elsewhere_are_refused(change):
     with pytest.raises(InputError, match=r"plate \w+: the centre of pressure is [\d.]+ m from the nearest foot.*"
-                                         r"corners, the unit.*up and the forward axis"):
+                                         r"corners, the unit.*--up.*--forward"):
         assign(*(moved(p, **change) for p in everywhere()))
 
 

@@ -137,6 +137,7 @@ class Walker:
                       height=offsets.height_m + geometry[0], fore_aft=offsets.fore_aft_m + geometry[1],
                       alignment=offsets.alignment_rad + geometry[2])
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
+        trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(moments, bytes_a_step(mechanism, by=len(edits), loads=with_loads), len(trajectory.time_s))
         stepper = Stepper(supported_over(mechanism, support_width_m))
         tree = stepper.mechanism.tree

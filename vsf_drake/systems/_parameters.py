@@ -42,7 +42,7 @@ def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, Bounds]:
 BOUNDS: dict[str, Bounds] = {
     **_of(ContactZone, radius="radius_m", stiffness="stiffness", exponent="exponent", damping="damping_n_s_per_m",
           full_damping_depth="full_damping_depth_m"),
-    "radius": ("m", 0.0, 0.2),
+    "radius": ("m", 0.0, 0.2), **_positive("N s/m", "damping"), **_positive("N/m^exponent", "stiffness"),
     **_of(FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
           threshold_velocity="threshold_velocity_m_per_s"),
     **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),

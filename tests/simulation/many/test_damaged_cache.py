@@ -87,8 +87,8 @@ def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(monkeypat
     real = cache_module.replaced
 
     @contextmanager
-    def filling(path, mode):
-        with real(path, mode) as stream:
+    def filling(path, mode, **options):
+        with real(path, mode, **options) as stream:
             if len(entries(tmp_path)) == 2:
                 stream.write(b"half of it")
                 raise OSError(errno.ENOSPC, "No space left on device")
