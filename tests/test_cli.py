@@ -6,7 +6,9 @@ import os
 import pty
 import shutil
 import signal
+import subprocess
 import sys
+import time
 
 import pytest
 import yaml
@@ -166,15 +168,15 @@ def test_results_do_not_replace_a_file(run, tmp_path):
 
 
 CLOSED = """
-import importlib, signal, time, typer
+import signal, time
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run where it is ignored
-app = importlib.import_module("vsf_drake.cli.app")
-app.app = typer.Typer()
-@app.app.command()
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+@app.command()
 def wait():
     print("ready", flush=True)
     time.sleep(60.0)
-app.main()
+main()
 """
 
 
@@ -182,9 +184,31 @@ def test_a_closed_terminal_ends_a_command_with_129():
     """What it says then goes nowhere: writing to a terminal that is gone is an error."""
     child, terminal = pty.fork()
     if child == 0:
-        os.execv(sys.executable, [sys.executable, "-c", CLOSED])
+        os.execv(sys.executable, [sys.executable, "-c", CLOSED, "wait"])
     said = b""
     while b"ready" not in said:
         said += os.read(terminal, 1000)
     os.close(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + signal.SIGHUP
+
+
+LOADING = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where it is ignored
+from vsf_drake.cli import main
+print("begins", flush=True)
+main()
+"""
+
+
+@pytest.mark.parametrize("given", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("after_s", [0.05, 0.15])
+def test_signal_while_the_commands_load_ends_with_a_sentence(given, after_s):
+    process = subprocess.Popen([sys.executable, "-c", LOADING, "--help"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    time.sleep(after_s)
+    process.send_signal(given)
+    said = process.communicate(timeout=30.0)[1]
+    assert said == "interrupted; nothing of the unfinished part was written\n"
+    assert process.returncode == 128 + given

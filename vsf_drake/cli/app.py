@@ -1,13 +1,7 @@
-"""What the commands share: the application, its consoles, its progress bar, common options, and `main`."""
+"""What the commands share: the application, its consoles, its progress bar and common options."""
 
 from __future__ import annotations
 
-import math
-import os
-import signal
-import stat
-import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from vsf_drake import __version__
-from vsf_drake.errors import InputError, VsfError
+from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -29,60 +23,9 @@ errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 
 INTERRUPTED = 130
 """What Typer ends with after Ctrl-C."""
-CLEARING_S = 10.0
-"""How long after a SIGTERM another one changes nothing."""
 Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
 Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
-
-
-def main() -> None:
-    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3.
-
-    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
-    """
-    ended_by, last_s = signal.SIGINT, -math.inf
-
-    def interrupt(number: int, frame: Any) -> None:
-        nonlocal ended_by, last_s
-        if number == signal.SIGHUP:
-            _leave_terminal()
-        since_s, last_s = time.monotonic() - last_s, time.monotonic()
-        if since_s > CLEARING_S:  # nothing disturbs the clearing up; but something may have swallowed the first one
-            ended_by = signal.Signals(number)
-            raise KeyboardInterrupt
-
-    before = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGHUP)
-              if signal.getsignal(each) is signal.SIG_DFL}  # not what nohup ignores, or a caller handles
-    try:
-        for each in before:
-            signal.signal(each, interrupt)
-        app()
-    except VsfError as error:
-        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
-        sys.exit(error.exit_code)
-    except OSError as error:  # of a file that nobody asked for: a full disk under a cache of compiled code
-        wrong = InputError(error.strerror or str(error), file=error.filename)
-        errors.print(f"error: {wrong}", style="red", highlight=False, soft_wrap=True, markup=False)
-        sys.exit(wrong.exit_code)
-    except SystemExit as ended:
-        said = isinstance(ended.__context__, KeyboardInterrupt)  # by the command itself
-        if ended.code == INTERRUPTED and not said:
-            errors.print("interrupted; nothing of the unfinished part was written")
-        if ended.code == INTERRUPTED:
-            ended.code = 128 + ended_by
-        raise
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
-
-
-def _leave_terminal() -> None:
-    """What is said from now on goes nowhere instead of to a terminal that is closed, where it would be an error."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for stream in (1, 2):
-        if stat.S_ISCHR(os.fstat(stream).st_mode):
-            os.dup2(nowhere, stream)
 
 
 def target(out: Path, kind: str, **options: Any) -> Path:
