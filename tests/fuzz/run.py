@@ -143,7 +143,7 @@ def _drawn(setting: int, count: int, seed: int, step_ms: float) -> list[Any]:
 
 def kills(given: argparse.Namespace) -> int:
     """Commands ended by signals."""
-    from kills import CODES, commands, interrupted, moments, started  # noqa: PLC0415
+    from kills import CODES, commands, content, differences, interrupted, moments, started  # noqa: PLC0415
 
     faults = 0
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(given.workers) as pool:
@@ -152,13 +152,17 @@ def kills(given: argparse.Namespace) -> int:
         chosen = [command for command in commands(inputs) if given.command in (None, command.name)]
         usual = {}
         for command in chosen:
-            process, began = started(command, Path(name, command.name, "out")), time.monotonic()
-            said = process.communicate()[1]
-            usual[command.name] = time.monotonic() - began
+            for out in (Path(name, command.name, "out"), Path(name, command.name, "again")):  # the first compiles
+                process, began = started(command, out), time.monotonic()
+                said = process.communicate()[1]
+                usual[command.name] = time.monotonic() - began
+                if process.returncode:
+                    print(f"exit code {process.returncode}: {said}")
+                    return 1
             print(f"{command.name}: {usual[command.name]:.1f} s uninterrupted", flush=True)
-            if process.returncode:
-                print(f"exit code {process.returncode}: {said}")
-                return 1
+            for fault in differences(content(Path(name, command.name, "out")), content(out)):
+                faults += 1
+                print(f"{command.name}, uninterrupted twice: {fault}", flush=True)
         todo = {}
         for command in chosen:
             for signal in [given.signal] if given.signal else CODES:
