@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from vsf_drake.analysis.collocation.warm_start import load_start
+from vsf_drake.analysis.collocation.solution import load_start
 from vsf_drake.analysis.validation.keeping import SectionStore
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256

@@ -15,9 +15,9 @@ from vsf_drake.analysis.collocation import (
     confirm,
     solve,
 )
-from vsf_drake.analysis.collocation.curvature import stiffened, with_curvature
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
 from vsf_drake.analysis.collocation.scaled import Scaled
+from vsf_drake.analysis.collocation.sqp import stiffened, with_curvature
 from vsf_drake.analysis.collocation.step import find_step, slacks
 
 

@@ -16,9 +16,8 @@ from vsf_drake.analysis.collocation import (
     Total,
     TrajectoryProblem,
 )
-from vsf_drake.analysis.collocation.cost import of_instants
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
-from vsf_drake.analysis.collocation.scaled import Scaled
+from vsf_drake.analysis.collocation.scaled import Scaled, of_instants
 from vsf_drake.analysis.collocation.step import normals, room_changes, slacks
 
 

@@ -132,7 +132,7 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
             return SimpleNamespace(get_x_val=found.get_x_val, is_success=lambda: False,
                                    get_solver_details=lambda: SimpleNamespace(info=83))
 
-    monkeypatch.setattr(importlib.import_module("vsf_drake.analysis.collocation.confirm"), "SnoptSolver", Starved)
+    monkeypatch.setattr(importlib.import_module("vsf_drake.analysis.collocation.program"), "SnoptSolver", Starved)
     found = confirm(problem, start, "snopt", ConfirmOptions(warm=False))
     assert found.status == "optimal", found.message
     assert "1 restarts" in found.message

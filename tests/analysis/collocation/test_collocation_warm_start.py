@@ -14,7 +14,7 @@ from vsf_drake.analysis.collocation import (
     save_start,
     solve,
 )
-from vsf_drake.analysis.collocation.warm_start import FORMAT
+from vsf_drake.analysis.collocation.solution import FORMAT
 from vsf_drake.errors import InputError
 
 

@@ -12,16 +12,15 @@ y = function(z, p) sees one instant at a time: all that binds instants together 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from vsf_drake.analysis.collocation.grid import Grid, LinearEquations
-from vsf_drake.analysis.collocation.layout import Layout
-from vsf_drake.analysis.collocation.terms import Convex, Design, Limits, Residuals, Total
+from vsf_drake.analysis.collocation.grid import Grid, Layout, LinearEquations
 from vsf_drake.errors import InputError
 
 
@@ -168,3 +167,139 @@ def _filled(value: object, shape: tuple[int, ...], where: str, *, positive: bool
         raise InputError(f"has {full[bad].flat[0]:g}", where=where,
                          right="It must be finite and above 0" if positive else "It must be a number")
     return full
+
+
+# How a trajectory problem is to be solved.
+
+
+CURVATURES = ("auto", "gauss_newton", "exact")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollocationOptions:
+    """Options of the Gauss-Newton SQP; tolerances are in the problem's scales.
+
+    Attributes:
+        iterations: most iterations. time_limit_s: most wall time, s; checked once an iteration.
+        violation: largest violation of any equation or limit of a solution.
+        optimality: largest first-order residual, relative to 1 + the largest multiplier.
+        step: largest change of a scaled variable that the next step would still make, unless
+        gain: that step would lower the cost by less than this part of 1 + the cost, scaled.
+        damping: first Levenberg damping of the scaled step. least_damping, most_damping: its range.
+        curvature: "gauss_newton", "exact" (Hessian of the Lagrangian by differences, Z + P more linearisations an
+            iteration) or "auto": exact once Gauss-Newton has become slow near a solution.
+        inequality_weight: of the l1 penalty at which limits may be broken within a step.
+
+    Raises:
+        InputError: an option is none of what it may be.
+    """
+
+    iterations: int = 200
+    time_limit_s: float = 600.0
+    violation: float = 1e-8
+    optimality: float = 1e-6
+    step: float = 1e-5
+    gain: float = 1e-11
+    damping: float = 1e-3
+    least_damping: float = 1e-9
+    most_damping: float = 1e6
+    curvature: str = "auto"
+    inequality_weight: float = 1e6
+
+    def __post_init__(self) -> None:
+        if isinstance(self.iterations, bool) or not isinstance(self.iterations, int) or self.iterations < 1:
+            raise InputError(f"{self.iterations!r} is not usable", where="iterations",
+                             right="It must be a whole number from 1 on")
+        if self.curvature not in CURVATURES:
+            raise InputError(f"{self.curvature!r} is none", where="curvature",
+                             right=f"There are: {', '.join(CURVATURES)}")
+        for name in ("time_limit_s", "violation", "optimality", "step", "gain", "damping", "least_damping",
+                     "most_damping", "inequality_weight"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
+                raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0")
+
+
+# What the outputs of an instant are for: limits, residuals, convex penalties, totals; and the design parameters.
+
+
+Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""phi, phi' >= or <= 0, phi'' >= 0 of an array, each of its shape."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Limits:
+    """low <= y[:, outputs] <= high at every instant.
+
+    Attributes:
+        outputs: (c,) indices of outputs.
+        low: number, (c,) or (N, c); -inf for none. high: likewise, +inf for none.
+    """
+
+    outputs: Sequence[int]
+    low: np.ndarray | float = -np.inf
+    high: np.ndarray | float = np.inf
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Residuals:
+    """Adds 1/2 sum_k weights_k sum_r weight_kr (y_kr - target_kr)^2 to the cost; weights_k are the grid's, s.
+
+    Attributes:
+        outputs: (r,) indices of outputs.
+        target: number, (r,) or (N, r), in the outputs' units. weight: likewise, >= 0.
+        name: by which the term is reported.
+    """
+
+    outputs: Sequence[int]
+    target: np.ndarray | float = 0.0
+    weight: np.ndarray | float = 1.0
+    name: str = "residuals"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Convex:
+    """Adds sum_k weights_k weight_k phi(y_k) to the cost, phi convex and twice differentiable.
+
+    Attributes:
+        output: index of the output. function: phi with its two derivatives. weight: number or (N,), >= 0.
+        name: by which the term is reported.
+    """
+
+    output: int
+    function: Curve
+    weight: np.ndarray | float = 1.0
+    name: str = "convex"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Total:
+    """A whole trajectory's J = sum_k weights_k y_k: adds weight (J - target)^2 / 2, or weight J without a target.
+
+    Attributes:
+        output: index of the output. weight: of any sign without a target, else >= 0.
+        target: of J, or None. name: by which the term is reported.
+    """
+
+    output: int
+    weight: float = 1.0
+    target: float | None = None
+    name: str = "total"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """Parameters p (P,) that all instants share.
+
+    Attributes:
+        names: (P,). low, high: (P,) bounds; equal ones freeze a parameter.
+        scale: (P,) what counts as a change of one; high - low by default, 1 where that is 0 or infinite.
+        preferred: (P,) p0 of the cost 1/2 sum weight (p - p0)^2, 0 by default. weight: (P,), 0 by default.
+    """
+
+    names: Sequence[str] = ()
+    low: np.ndarray | float = -np.inf
+    high: np.ndarray | float = np.inf
+    scale: np.ndarray | float | None = None
+    preferred: np.ndarray | float = 0.0
+    weight: np.ndarray | float = 0.0

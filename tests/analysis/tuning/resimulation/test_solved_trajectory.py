@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
-from vsf_drake.analysis.collocation.grid import Grid
-from vsf_drake.analysis.collocation.layout import Layout
+from vsf_drake.analysis.collocation.grid import Grid, Layout
 from vsf_drake.analysis.tuning.resimulation import design_values
 from vsf_drake.analysis.tuning.resimulation.solved import solved_trajectory
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.confirm import ConfirmOptions, confirm
-from vsf_drake.analysis.collocation.solution import TrajectorySolution
-from vsf_drake.analysis.collocation.warm_start import resampled
+from vsf_drake.analysis.collocation.program import ConfirmOptions, confirm
+from vsf_drake.analysis.collocation.solution import TrajectorySolution, resampled
 from vsf_drake.analysis.tuning.level2.search import Progress, StrideSearch
 from vsf_drake.analysis.tuning.level2.solution import StrideCheck, StrideSolution
 from vsf_drake.analysis.tuning.level2.stride import MM

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.terms import Convex, Curve, Residuals
+from vsf_drake.analysis.collocation.problem import Convex, Curve, Residuals
 from vsf_drake.analysis.tuning.level2.function import StrideFunction
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.level2.reference import StrideReference

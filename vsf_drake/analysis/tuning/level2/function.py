@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.layout import Layout
+from vsf_drake.analysis.collocation.grid import Layout
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsf_drake.analysis.collocation.grid import Grid
-from vsf_drake.analysis.collocation.options import CollocationOptions
+from vsf_drake.analysis.collocation.problem import CollocationOptions
 from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
 from vsf_drake.analysis.collocation.sqp import solve
 from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.grid import Grid
-from vsf_drake.analysis.collocation.layout import Layout
-from vsf_drake.analysis.collocation.problem import TrajectoryProblem
+from vsf_drake.analysis.collocation.grid import Grid, Layout
+from vsf_drake.analysis.collocation.problem import Design, Limits, TrajectoryProblem
 from vsf_drake.analysis.collocation.solution import Start
-from vsf_drake.analysis.collocation.terms import Design, Limits
 from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms
 from vsf_drake.analysis.tuning.level2.function import StrideFunction
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
