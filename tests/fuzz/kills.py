@@ -91,8 +91,12 @@ def started(command: Command, out: Path) -> subprocess.Popen[str]:
     return process
 
 
-def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: Path) -> list[str]:
-    """What is wrong after a signal at `moment_s`, and after the next run, whose results are to be those of `whole`."""
+def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: Path, *,
+                always: bool = True) -> list[str]:
+    """What is wrong after a signal at `moment_s`, and after the next run, whose results are to be those of `whole`.
+
+    Where nothing at all is left, the next run is a first one: without `always` it is then left out.
+    """
     wrong = []
     process = started(command, out)
     try:
@@ -117,6 +121,8 @@ def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: 
     if name != "KILL":
         wrong += [f"left {part}" for part in leftovers(out.parent)]
         wrong += _unreadable(command, out)
+    if not always and not any(out.parent.iterdir()):
+        return wrong
     again = started(command, out)
     said = again.communicate(timeout=900.0)[1]
     if again.returncode != 0:

@@ -29,6 +29,8 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "helpers")]
 CHUNK = 25
 HANGS_S = 120.0
 """A call that no signal ends is ended with its process after this time."""
+ALWAYS = 5
+"""Each so many-th interruption is followed by the next run, even where the interrupted one left nothing."""
 _workbench = None
 
 
@@ -170,8 +172,8 @@ def kills(given: argparse.Namespace) -> int:
                 for i, at in enumerate(moments(usual[command.name], given.moments, seed)):
                     out = Path(name, f"{command.name}_{signal}_{i}", "out")
                     out.parent.mkdir()
-                    todo[pool.submit(interrupted, command, signal, at, out, Path(name, command.name, "out"))] = (
-                        f"{command.name} {signal} at {at:.2f} s")
+                    todo[pool.submit(interrupted, command, signal, at, out, Path(name, command.name, "out"),
+                                     always=i % ALWAYS == 0)] = f"{command.name} {signal} at {at:.2f} s"
         for i, future in enumerate(as_completed(todo), start=1):
             for fault in future.result()[:5]:
                 faults += 1
