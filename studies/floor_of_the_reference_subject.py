@@ -28,7 +28,7 @@ from virtual_laboratory.floor import (
     virtual_walk,
 )
 
-from vsf_drake.analysis.validation.inputs import REPEATS, SETTINGS
+from vsf_drake.analysis.validation.study import REPEATS, SETTINGS
 from vsf_drake.files import sha256
 from vsf_drake.json_file import write_json
 from vsf_drake.motion.trial import Trial, load_trial

@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from vsf_drake.analysis.standing_table import standing_table
+from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import ModelParameters, Subject

@@ -19,12 +19,11 @@ from vsf_drake.analysis.contact_fit import (
     solve,
     verdict,
 )
-from vsf_drake.analysis.contact_fit.assessment import bench_score
-from vsf_drake.analysis.contact_fit.fulcrum_sweep import SWEEP_STEP_S
-from vsf_drake.analysis.contact_fit.noise import RESULTANT
-from vsf_drake.analysis.contact_fit.paper_search import PaperOptions
+from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution, solve_like_the_paper
+from vsf_drake.analysis.contact_fit.recordings import RESULTANT
 from vsf_drake.analysis.contact_fit.scores import BenchScore, TrialScore
+from vsf_drake.analysis.contact_fit.table import SWEEP_STEP_S, bench_score
 from vsf_drake.errors import FitError, SimulationError
 
 SEED = 0

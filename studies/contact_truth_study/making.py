@@ -26,8 +26,8 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import walk_axes
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, FitNoise
-from vsf_drake.analysis.contact_fit.multistart import prior_samples
-from vsf_drake.analysis.contact_fit.noise import FORCES, SERIES
+from vsf_drake.analysis.contact_fit.recordings import FORCES, SERIES
+from vsf_drake.analysis.contact_fit.solve import prior_samples
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N, find_stances

@@ -10,9 +10,7 @@ import pytest
 from made_c3d import write_c3d
 from made_laboratory import MASS, Laboratory
 
-from vsf_drake.analysis.intake import take_in
-from vsf_drake.analysis.intake_files import gather, walk_names
-from vsf_drake.analysis.intake_steps import IntakeOptions
+from vsf_drake.analysis.intake import IntakeOptions, gather, take_in, walk_names
 from vsf_drake.analysis.recording.examine import examine, weighed
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from made_results import make_plate, make_walk, turned
 
-from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.linear_comparison import compare_sensitivity
+from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import load_trial

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.recording import ground_checks
 from vsf_drake.analysis.recording.foot import (
     FLAT_RAD,
     FootMotion,
@@ -16,12 +15,14 @@ from vsf_drake.analysis.recording.foot import (
 )
 from vsf_drake.analysis.recording.foot_checks import (
     clearance,
+    depth,
     drift,
     foot_checks,
     height,
     height_between,
     slip,
     sole_angle,
+    touch_down,
 )
 from vsf_drake.motion.events import Stance
 
@@ -188,7 +189,7 @@ def test_foot_that_floats_or_dives_at_touch_down_is_found():
     for offset, mark in ((0.0, "good"), (0.02, "doubtful"), (-0.08, "unusable")):
         foot = made_foot(swing_m=0.0)
         foot.lowest_m[:] = offset
-        check = ground_checks.touch_down(foot, [STANCE])
+        check = touch_down(foot, [STANCE])
         assert check.value == pytest.approx(1e3 * offset, abs=1e-6)
         assert check.mark == mark
 
@@ -197,9 +198,9 @@ def test_depth_is_held_against_what_the_foot_gives():
     foot = made_foot()
     for deep, mark in ((0.03, "good"), (0.08, "doubtful"), (0.2, "unusable"), (-0.01, "doubtful")):
         foot.lowest_m[:] = -deep
-        assert ground_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
+        assert depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
     foot.lowest_m[:] = -0.08
-    assert ground_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
+    assert depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
 
 
 def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stance():

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.recording.angle_checks import knee_axis, smoothness, walking, zeroed
 from vsf_drake.analysis.recording.check import Check, grade, worst
+from vsf_drake.analysis.recording.examine import knee_axis, smoothness, walking, zeroed
 from vsf_drake.analysis.recording.marker_checks import (
     cluster_motion,
     filtered_before,

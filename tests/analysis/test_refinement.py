@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_trial import TrialFiles
 
-from vsf_drake.analysis.refinement import refined
+from vsf_drake.analysis.inverse_kinematics import refined
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.from_markers import trial_from_recordings

@@ -6,7 +6,7 @@ import pytest
 from command_line import read_json
 from made_tuning import failed_table, made_table, small_table
 
-from vsf_drake.analysis.tuning.policy import load_schedule
+from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.cli import tune_run
 from vsf_drake.resources import resource
 

@@ -34,7 +34,7 @@ from mutations import mutated
 from vsf_drake.analysis.collocation import load_start, save_start, solve
 from vsf_drake.analysis.collocation.sqp import CollocationOptions
 from vsf_drake.analysis.measured_bench import load_measured_bench
-from vsf_drake.analysis.tuning.policy import load_schedule
+from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.keeping import SectionStore
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves

@@ -11,7 +11,7 @@ import numpy as np
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import Section
-from vsf_drake.analysis.validation.energy.section import energy_section
+from vsf_drake.analysis.validation.energy_section import energy_section
 
 
 def made_energy(walks: int = 3) -> Section:

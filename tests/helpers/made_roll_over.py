@@ -6,7 +6,7 @@ from functools import cache
 
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.roll_over.section import roll_over_section
+from vsf_drake.analysis.validation.roll_over_section import roll_over_section
 from vsf_drake.analysis.validation.study import Section
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from vsf_drake.analysis.bench_metrics import displacement, stiffness
+from vsf_drake.analysis.intake import scale_foot
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.model_file import check_model
 from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.plants.scaling import scale_foot
 from vsf_drake.simulation.bench import Bench
 
 

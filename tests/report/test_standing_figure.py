@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.standing_table import standing_table
+from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.report.standing_figure import standing_figure
 from vsf_drake.report.standing_output import write_standing
 from vsf_drake.simulation.standing_result import Standing

@@ -13,7 +13,7 @@ from contact_truth_study.making import IMPULSE, assuming
 from contact_truth_study.recovering import ROUNDS, cover, row, through
 from floor_of_the_reference_subject import RESULTS
 
-from vsf_drake.analysis.contact_fit.multistart import prior_samples
+from vsf_drake.analysis.contact_fit.solve import prior_samples
 
 STORED, SCRIPT = RESULTS / "contact_truth_recovery.json", RESULTS.parent / "contact_truth_recovery.py"
 

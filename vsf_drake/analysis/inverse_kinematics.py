@@ -18,21 +18,30 @@ prosthetic foot count a tenth: it bends, and the skeleton gives it an ankle of i
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
-from vsf_drake.analysis.marker_model import MarkerModel, make_marker_model
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.poses import RigidPoses
-from vsf_drake.motion.markers.schema import Calibration, SegmentMarkers, TrackedMotion
+from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
+from vsf_drake.motion.pelvis_path import reaching_pelvis
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import ModelParameters
+from vsf_drake.plants.anthropometry import Body, scale_body
+from vsf_drake.plants.joints import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
+from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates
+from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT, OTHER_WEIGHT = 2.0, 0.1, 1.0
 LIMITS_DEG = {
@@ -205,3 +214,151 @@ def _poses(body: MarkerModel, segments: Mapping[str, SegmentMarkers], markers: M
         poses[name] = RigidPoses(R_WB=R[:, index], p_WB=p[:, index], found=np.ones(len(values), dtype=bool),
                                  residual_m=np.linalg.norm(fitted - seen, axis=2))
     return poses
+
+
+# Markers on the model's segments: where they are for given coordinates, and how they move with them.
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerModel:
+    """M markers on the skeleton; coordinates q (24,) in the order of `COORDINATES`.
+
+    Attributes:
+        labels: (M,).
+        p_BM: (M, 3) m, in their segments' frames.
+        bodies: (M,) the tree's body of each marker.
+        segment_bodies: the tree's body of each of `SEGMENTS`.
+        tree: the skeleton's.
+        order: (24,) place in `COORDINATES` of each of the tree's coordinates.
+    """
+
+    labels: tuple[str, ...]
+    p_BM: np.ndarray
+    bodies: np.ndarray
+    segment_bodies: dict[str, int]
+    tree: Tree
+    order: np.ndarray
+
+    def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """R (B, 3, 3) and p (B, 3) of all bodies in W, joint axes and origins (24, 3), tree's order."""
+        bodies, n = len(self.tree.body_names), self.tree.num_coordinates
+        R, p, axes, origins = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3)), np.empty((n, 3))
+        forward_kinematics(q[self.order], self.tree.links, self.tree.frames, R, p, axes, origins)
+        return R, p, axes, origins
+
+    def markers(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (M, 3) m of the markers in W and their Jacobian (M, 3, 24) with respect to q."""
+        R, p, axes, origins = self.poses(q)
+        p_WM = p[self.bodies] + np.einsum("mij,mj->mi", R[self.bodies], self.p_BM)
+        sliding = np.zeros(len(axes), dtype=bool)
+        links = self.tree.links
+        sliding[links[links[:, 0] == PRISMATIC, 3]] = True
+        turned = np.cross(axes[None], p_WM[:, None, :] - origins[None])
+        columns = np.where(sliding[None, :, None], axes[None], turned) * self.tree.ancestors[self.bodies][:, :, None]
+        jacobian = np.empty((len(p_WM), 3, len(axes)))
+        jacobian[:, :, self.order] = columns.transpose(0, 2, 1)
+        return p_WM, jacobian
+
+
+def make_marker_model(calibration: Calibration, segments: Mapping[str, SegmentMarkers],
+                      model: ModelParameters) -> MarkerModel:
+    """The skeleton of the calibration's subject with the markers of `segments` on it.
+
+    Raises:
+        InputError: see `anthropometry.scale_body`.
+    """
+    side = calibration.subject.prosthetic_side
+    plant = MultibodyPlant(0.0)
+    bodies = add_skeleton(plant, scale_body(calibration.subject, model.foot, model.socket), prosthetic_side=side,
+                          p_ShankAnkle=calibration.segments[f"foot_{side}"].p_PB)
+    plant.Finalize()
+    tree = tree_of(plant, plant.CreateDefaultContext())
+    index = {name: int(bodies[name].index()) for name in SEGMENTS}
+    return MarkerModel(
+        labels=tuple(label for name in SEGMENTS for label in segments[name].labels),
+        p_BM=np.concatenate([segments[name].p_BM for name in SEGMENTS]),
+        bodies=np.concatenate([np.full(len(segments[name].labels), index[name]) for name in SEGMENTS]),
+        segment_bodies=index, tree=tree, order=np.array([COORDINATES.index(name) for name in tree.coordinate_names]))
+
+
+# A trial from markers with the angles of global inverse kinematics instead of the segments' own.
+
+
+def refined(trial: Trial, *, cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
+            weights: Mapping[str, float] | None = None) -> Trial:
+    """`trial` with the joint angles that fit all its markers best with joints that hold.
+
+    The feet stay where their own markers show them, and the pelvis is moved so that the prosthetic ankle is there, as
+    for any trial from markers. What is said of the markers' quality (residuals, motion of clusters, joints that come
+    apart) stays that of the segments' own poses, since joints that hold hide it.
+
+    Args:
+        trial: made from markers (`from_markers`), with the same cut-off and longest gap.
+        cutoff_hz, longest_gap_s, weights: see `solve_inverse_kinematics`.
+
+    Raises:
+        InputError: the trial has no markers; see `solve_inverse_kinematics`; a frame was not solved.
+    """
+    tracked, calibration, recording = trial.tracked, trial.calibration, trial.recording
+    if tracked is None or calibration is None or recording is None:
+        raise InputError("inverse kinematics needs markers, and this trial has joint angles only", file=trial.path)
+    calibration = dataclasses.replace(calibration, subject=trial.subject)
+    solution = solve_inverse_kinematics(recording, calibration, trial.model, cutoff_hz=cutoff_hz,
+                                        longest_gap_s=longest_gap_s, weights=weights)
+    motion = solution.motion
+    distances = motion.residual_rms_m
+    worst = max(distances, key=lambda label: distances[label])
+    note = (f"Angles are from global inverse kinematics, which leaves the markers "
+            f"{1e3 * np.sqrt(np.mean(np.square(list(distances.values())))):.1f} mm (RMS) from the model, "
+            f"most {worst} with {1e3 * distances[worst]:.1f} mm.")
+    limits = tuple(f"{name} lies at the limit of inverse kinematics." for name in solution.at_limit)
+    fitted = dataclasses.replace(tracked, values=motion.values, notes=(*tracked.notes, note, *limits))
+    names = trial.trajectory.names
+    columns = [tracked.names.index(name) for name in names]
+    before, after = (reaching_pelvis(one, calibration, trial.subject)[0][:, columns] for one in (tracked, fitted))
+    on_belt = trial.trajectory.values - before
+    trajectory = CoordinateTrajectory(trial.trajectory.time_s, after + on_belt, names, source=trial.trajectory.source)
+    return dataclasses.replace(trial, trajectory=trajectory, tracked=fitted, notes=(*trial.notes, note, *limits))
+
+
+# The person's joints without mass: what markers are fitted to. Both legs end in a foot with an ankle of its own.
+#
+# Joints, their order, axes and places are those of `person.add_person`, made by the same functions. Only the prosthetic
+# side differs below the knee: there the model has socket, pylon and foot, whose bending no marker set resolves, and the
+# skeleton has a shank of the measured length with an ankle, so that a foot that deforms need not turn its shank.
+
+
+SIDES = ("right", "left")
+
+
+def add_skeleton(plant: MultibodyPlant, body: Body, *, prosthetic_side: str,
+                 p_ShankAnkle: np.ndarray) -> dict[str, RigidBody]:
+    """Adds the seven segments and their 24 coordinates; returns the bodies by the names of `markers.schema.SEGMENTS`.
+
+    Args:
+        plant: not yet finalized.
+        body: the scaled person.
+        prosthetic_side: "right" or "left".
+        p_ShankAnkle: (3,) m, where the prosthetic side has its ankle in the shank's frame.
+    """
+    instance = plant.AddModelInstance("skeleton")
+
+    def segment(name: str) -> RigidBody:
+        return plant.AddRigidBody(name, instance, SpatialInertia.Zero())
+
+    bodies = {"pelvis": segment("pelvis")}
+    steps = translations(PELVIS_COORDINATES[:3], (FORWARD, UPWARD, RIGHTWARD))
+    steps += rotations(PELVIS_COORDINATES[3:], mirrored=False)
+    add_chain(plant, instance, plant.world_frame(), np.zeros(3), bodies["pelvis"], steps)
+    for side in SIDES:
+        intact, mirrored = side != prosthetic_side, side == "left"
+        names = leg_coordinates(side, intact=True)
+        thigh, shank, foot = (segment(f"{kind}_{side}") for kind in ("thigh", "shank", "foot"))
+        hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
+        knee = np.array([0.0, 0.0, -body.thigh_length_of(intact=intact)])
+        ankle = np.array([0.0, 0.0, -body.shank_length]) if intact else np.asarray(p_ShankAnkle, dtype=float)
+        add_chain(plant, instance, bodies["pelvis"].body_frame(), hip, thigh, rotations(names[:3], mirrored))
+        add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
+        add_chain(plant, instance, shank.body_frame(), ankle, foot, rotations(names[6:], mirrored))
+        bodies |= {f"thigh_{side}": thigh, f"shank_{side}": shank, f"foot_{side}": foot}
+    return bodies

@@ -14,8 +14,8 @@ import dataclasses
 import math
 from pathlib import Path
 
-from vsf_drake.analysis.validation.bench.lines import Setting, settings_of
-from vsf_drake.analysis.validation.bench.statistics import up_to
+from vsf_drake.analysis.validation.bench_lines import Setting, settings_of
+from vsf_drake.analysis.validation.bench_statistics import up_to
 from vsf_drake.bench_curves import load_bench_curves
 from vsf_drake.bench_file import STIFFNESS_ABOVE_N, BenchMeasurement, load_bench_file
 from vsf_drake.errors import InputError

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.linear_comparison import compare_sensitivity
+from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import Trial

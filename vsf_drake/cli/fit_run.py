@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
-from vsf_drake.analysis.contact_fit.bench_terms import bench_of
-from vsf_drake.analysis.contact_fit.multistart import FitProgress
-from vsf_drake.analysis.contact_fit.noise import COP, FORCES, RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.recordings import COP, FORCES, RESULTANT, check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.solve import FitProgress
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
+from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.cli.app import progress

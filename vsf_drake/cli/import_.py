@@ -59,9 +59,7 @@ def import_trials(
     if list_markers is not None:
         _list_markers(user_path(list_markers), up=up, forward=forward, length_unit=length_unit)
         return
-    from vsf_drake.analysis.intake import take_in
-    from vsf_drake.analysis.intake_files import gather
-    from vsf_drake.analysis.intake_steps import IntakeOptions
+    from vsf_drake.analysis.intake import IntakeOptions, gather, take_in
     from vsf_drake.motion.manifest import Window
     from vsf_drake.report.import_outputs import IMPORT, check_folder, write_import
 

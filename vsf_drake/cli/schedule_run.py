@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.tuning.inputs import TuningTrials, check_one_person, load_tuning_trials
-from vsf_drake.analysis.tuning.policy import policy_table
-from vsf_drake.analysis.tuning.schedule import check_steps, make_schedule
-from vsf_drake.analysis.tuning.task_list import Task
+from vsf_drake.analysis.tuning.inputs import Task, TuningTrials, check_one_person, load_tuning_trials
+from vsf_drake.analysis.tuning.schedule import check_steps, make_schedule, policy_table
 from vsf_drake.cli.tune_options import TuneOptions
 from vsf_drake.cli.tune_run import Show, tune_trials, was_interrupted
 from vsf_drake.errors import InputError

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vsf_drake.analysis.recording.evidence import Examined
-from vsf_drake.analysis.recording.foot import FootMotion, flat_phase
+from vsf_drake.analysis.recording.foot import Examined, FootMotion, flat_phase
 from vsf_drake.analysis.recording.marker_checks import RESIDUAL_M
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.plates import SIDES

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.recording.evidence import Examined
-from vsf_drake.analysis.recording.table import mass_budget, overall_mark, person_table, trial_table
+from vsf_drake.analysis.recording.examine import mass_budget, overall_mark, person_table, trial_table
+from vsf_drake.analysis.recording.foot import Examined
 from vsf_drake.files import replaced
 from vsf_drake.json_file import write_json
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, Check, costs, expected_error
-from vsf_drake.analysis.recording.evidence import Examined
+from vsf_drake.analysis.recording.foot import Examined
 from vsf_drake.files import replaced
 from vsf_drake.report.import_figures import (
     MARK_COLOURS,

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.standing_table import LARGEST_DRIFT_M
+from vsf_drake.analysis.sweep_table import LARGEST_DRIFT_M
 from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, label, new_figure, style
 
 PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"

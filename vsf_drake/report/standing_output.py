@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.standing_table import standing_table
+from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.json_file import write_json
 from vsf_drake.report.standing_figure import standing_figure
 from vsf_drake.report.style import save_figure

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from vsf_drake.analysis.contact_fit.options import ContactFitOptions
-from vsf_drake.analysis.contact_fit.problem import ContactFit
+from vsf_drake.analysis.contact_fit.problem import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.standard import standard_parameters
 from vsf_drake.bench_file import load_bench_file
 from vsf_drake.motion.trial import load_trial

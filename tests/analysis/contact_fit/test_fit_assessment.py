@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.contact_fit import assessment as module
-from vsf_drake.analysis.contact_fit.assessment import assess, bench_score, sweep_fulcrum
-from vsf_drake.analysis.contact_fit.fulcrum_sweep import RIGHT_WITHIN_M
+from vsf_drake.analysis.contact_fit import table as module
 from vsf_drake.analysis.contact_fit.scores import Assessment, LeftOut
+from vsf_drake.analysis.contact_fit.table import RIGHT_WITHIN_M, assess, bench_score, sweep_fulcrum
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.trial import load_trial

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, multistart, solve
-from vsf_drake.analysis.contact_fit.options import SOLVERS
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, solve
+from vsf_drake.analysis.contact_fit.problem import SOLVERS
 from vsf_drake.analysis.contact_fit.solve import Search
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.resources import resource
@@ -52,9 +52,9 @@ def test_time_left_is_what_the_searches_that_ended_took_for_each_that_has_not(tr
             progress(i, 1.0)
         return Search(start=start, u=start, start_cost=2.0, cost=1.0, success=True, message="", evaluations=5, failed=0)
 
-    monkeypatch.setattr(multistart, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    monkeypatch.setattr(multistart, "_start", lambda fit, i: fit.parameters.start)
-    monkeypatch.setattr(multistart, "search", ten_seconds_long)
-    multistart.run_searches(fit, progress=told.append)
+    monkeypatch.setattr(solve, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(solve, "_start", lambda fit, i: fit.parameters.start)
+    monkeypatch.setattr(solve, "search", ten_seconds_long)
+    solve.run_searches(fit, progress=told.append)
     assert [p.left_s for p in told[:5]] == [None] * 5
     assert [p.left_s for p in told[5:]] == [30.0 - p.elapsed_s for p in told[5:]]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.names import curve_coefficients
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, curve_coefficients
 from vsf_drake.analysis.contact_fit.standard import (
     ANGLES,
     CURVE_COEFFICIENTS,

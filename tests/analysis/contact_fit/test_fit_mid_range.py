@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement
-from vsf_drake.analysis.contact_fit.assessment import bench_score
-from vsf_drake.analysis.contact_fit.bench_terms import bench_of
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, MidRangeScore
+from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, MidRangeScore, verdict
 from vsf_drake.analysis.contact_fit.solve import search
-from vsf_drake.analysis.contact_fit.table import failed_table
-from vsf_drake.analysis.contact_fit.verdict import verdict
+from vsf_drake.analysis.contact_fit.table import bench_score, failed_table
+from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.fitted_model import model_with
 from vsf_drake.resources import resource

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from vsf_drake.analysis.contact_fit.multistart import prior_samples, problem_key, run_searches
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.solve import prior_samples, problem_key, run_searches
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 

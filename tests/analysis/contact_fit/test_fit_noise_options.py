@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.noise import SERIES, FitNoise
-from vsf_drake.analysis.contact_fit.options import ContactFitOptions
+from vsf_drake.analysis.contact_fit.problem import ContactFitOptions
+from vsf_drake.analysis.contact_fit.recordings import SERIES, FitNoise
 from vsf_drake.errors import InputError
 
 

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut
-from vsf_drake.analysis.contact_fit.verdict import verdict
+from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut, verdict
 
 
 def score(label="soft", role="fitted", error=0.02, null=None, floor=None, sweep=None):

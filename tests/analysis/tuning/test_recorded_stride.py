@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.recorded_points import body_points
+from vsf_drake.analysis.tuning.recorded_curves import body_points
 from vsf_drake.analysis.tuning.recorded_stride import prosthetic_stance_only, recorded_stride
-from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with

@@ -7,20 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.recorded_chain import flat, sagittal_chain, targets
+from vsf_drake.analysis.tuning.recorded_closing import find_period
 from vsf_drake.analysis.tuning.recorded_curves import (
+    FootForce,
     PeriodicCurves,
     PieceOfTime,
+    body_points,
     closing_weights,
     fit_periodic,
     fit_piece,
+    foot_force,
     one_stride,
 )
 from vsf_drake.analysis.tuning.recorded_errors import moment_balance
-from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force
-from vsf_drake.analysis.tuning.recorded_period import find_period
-from vsf_drake.analysis.tuning.recorded_points import body_points
-from vsf_drake.analysis.tuning.recorded_projection import make_misfit, project
+from vsf_drake.analysis.tuning.recorded_projection import flat, make_misfit, project, sagittal_chain, targets
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.events import Stance

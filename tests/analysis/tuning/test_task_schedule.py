@@ -10,9 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsf_drake.analysis.tuning.policy import load_schedule, policy_table, schedule_of
-from vsf_drake.analysis.tuning.schedule import GRID_MM, make_schedule, on_carriage
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.analysis.tuning.inputs import DESCRIPTORS
+from vsf_drake.analysis.tuning.schedule import (
+    GRID_MM,
+    load_schedule,
+    make_schedule,
+    on_carriage,
+    policy_table,
+    schedule_of,
+)
 from vsf_drake.errors import FitError, InputError
 
 REACH = (66.0, 151.0)

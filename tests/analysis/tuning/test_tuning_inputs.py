@@ -6,7 +6,7 @@ import pytest
 
 from vsf_drake.analysis.tuning import inputs
 from vsf_drake.analysis.tuning.inputs import embedded_tuning_trials, load_tuning_trials
-from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import load_trial

@@ -9,8 +9,7 @@ import pytest
 from made_results import make_walk
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.walking.angles import lag, tracked_rotations
-from vsf_drake.analysis.validation.walking.rows import angle_rows, pooled
+from vsf_drake.analysis.validation.walking_section import angle_rows, lag, pooled, tracked_rotations
 
 TIME = np.arange(0.0, 1.5, 1e-3)
 

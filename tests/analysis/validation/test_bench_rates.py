@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.bench.passes import Machine
-from vsf_drake.analysis.validation.bench.rates import load_points, rates, small_load_stiffness
+from vsf_drake.analysis.validation.bench_lines import Machine
+from vsf_drake.analysis.validation.bench_section import load_points, rates, small_load_stiffness
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, overhung_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S

@@ -10,10 +10,9 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import StudyOptions, embedded_bench
-from vsf_drake.analysis.validation.bench import section as bench
-from vsf_drake.analysis.validation.bench.passes import Machine
-from vsf_drake.analysis.validation.bench.rates import small_load_stiffness
-from vsf_drake.analysis.validation.bench.section import bench_section
+from vsf_drake.analysis.validation import bench_section as bench
+from vsf_drake.analysis.validation.bench_lines import Machine
+from vsf_drake.analysis.validation.bench_section import bench_section, small_load_stiffness
 from vsf_drake.bench_curves import BenchCurves, MeasuredCurve, load_bench_curves
 from vsf_drake.model_file import load_model
 from vsf_drake.plants.refined_foot import with_elements

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vsf_drake.analysis.validation.bench.shape import energy, shape, tangent
-from vsf_drake.analysis.validation.bench.statistics import (
+from vsf_drake.analysis.validation.bench_lines import energy, shape, tangent
+from vsf_drake.analysis.validation.bench_statistics import (
     agreement,
     at_loads,
     curve_errors,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from vsf_drake.analysis.validation.settings.detectable import (
+from vsf_drake.analysis.validation.settings_detectable import (
     DESIGNS,
     ModelError,
     NoiseVariance,

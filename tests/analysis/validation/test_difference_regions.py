@@ -9,8 +9,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import ttest_rel
 
-from vsf_drake.analysis.validation.walking.ensembles import Ensemble
-from vsf_drake.analysis.validation.walking.regions import (
+from vsf_drake.analysis.validation.walking_ensembles import Ensemble
+from vsf_drake.analysis.validation.walking_section import (
     BOOTSTRAP,
     SPM,
     bootstrap_band,

@@ -10,8 +10,7 @@ import pytest
 from made_energy import made_energy
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.energy.section import ASKED_SHARE, _judged, energy_section
-from vsf_drake.analysis.validation.energy.walks import EnergyCase, walk_cases
+from vsf_drake.analysis.validation.energy_section import ASKED_SHARE, EnergyCase, _judged, energy_section, walk_cases
 
 POSITIONS_MM = (66.0, 87.0, 108.0, 129.0, 151.0)
 

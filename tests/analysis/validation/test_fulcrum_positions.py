@@ -10,11 +10,11 @@ from made_study import embedded_study
 from made_study_walk import with_walks
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.contact_fit.fulcrum_sweep import swept
+from vsf_drake.analysis.contact_fit.table import swept
 from vsf_drake.analysis.series import rmse
-from vsf_drake.analysis.validation.walking import fulcrum_positions as module
-from vsf_drake.analysis.validation.walking.fulcrum_positions import QUICK_POSITIONS, sweep_entry, sweep_study
-from vsf_drake.analysis.validation.walking.section import walking_section
+from vsf_drake.analysis.validation import walking_ensembles as module
+from vsf_drake.analysis.validation.walking_ensembles import QUICK_POSITIONS, sweep_entry, sweep_study
+from vsf_drake.analysis.validation.walking_section import walking_section
 from vsf_drake.report.validation.walking import text as walking_text
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.walk import Walker

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.roll_over.iso_22675 import DURATION_S, force_share, tilt_rad
+from vsf_drake.analysis.validation.roll_over_section import DURATION_S, force_share, tilt_rad
 
 TIME = np.linspace(0.0, DURATION_S, 6001)
 

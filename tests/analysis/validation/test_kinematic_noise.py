@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.settings.kinematic_noise import SPLINES, KinematicNoise, NoiseSizes, smooth_basis
+from vsf_drake.analysis.validation.settings_walks import SPLINES, KinematicNoise, NoiseSizes, smooth_basis
 from vsf_drake.motion.gait_cycle import gait_phase
 
 

@@ -10,9 +10,14 @@ import pytest
 from made_roll_over import embedded_roll_over
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.roll_over.iso_22675 import DURATION_S, force_share, tilt_rad
-from vsf_drake.analysis.validation.roll_over.iso_roll_over import _row, iso_roll_over
-from vsf_drake.analysis.validation.roll_over.section import roll_over_section
+from vsf_drake.analysis.validation.roll_over_section import (
+    DURATION_S,
+    _row,
+    force_share,
+    iso_roll_over,
+    roll_over_section,
+    tilt_rad,
+)
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY

@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.linear_comparison import compare_sensitivity
+from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.validation.energy.steps import prosthesis_energy
-from vsf_drake.analysis.validation.sensitivity.factors import Factor, sensitivity_factors
-from vsf_drake.analysis.validation.sensitivity.local import local_changes, value_slopes
-from vsf_drake.analysis.validation.sensitivity.screening import morris_design, morris_rows
-from vsf_drake.analysis.validation.sensitivity.walks import OUTPUTS, STEP_S, DesignWalks, workers
+from vsf_drake.analysis.validation.energy_same_load import prosthesis_energy
+from vsf_drake.analysis.validation.sensitivity_section import local_changes, value_slopes
+from vsf_drake.analysis.validation.sensitivity_walks import (
+    OUTPUTS,
+    STEP_S,
+    DesignWalks,
+    Factor,
+    morris_design,
+    morris_rows,
+    sensitivity_factors,
+    workers,
+)
 from vsf_drake.motion.events import find_stances
 from vsf_drake.parameters import GRAVITY
 

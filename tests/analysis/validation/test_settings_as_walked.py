@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from vsf_drake.analysis.validation.settings.outcomes import NAMES
-from vsf_drake.analysis.validation.settings.tables import walked_rows
+from vsf_drake.analysis.validation.settings_detectable import walked_rows
+from vsf_drake.analysis.validation.settings_walks import NAMES
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT
 
 AT = (66.0, 108.0, 151.0)

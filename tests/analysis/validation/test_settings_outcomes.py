@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.settings.outcomes import NAMES, stance_record
+from vsf_drake.analysis.validation.settings_walks import NAMES, stance_record
 from vsf_drake.motion.events import Stance
 
 WEIGHT, FOOT, START, LONG = 800.0, 0.25, 0.5, 0.8

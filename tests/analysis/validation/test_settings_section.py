@@ -10,12 +10,9 @@ import pytest
 from made_study import embedded_study
 from made_study_walk import with_plate, with_walks
 
-from vsf_drake.analysis.validation.settings import section as settings
-from vsf_drake.analysis.validation.settings.inverse import fulcrum_estimates
-from vsf_drake.analysis.validation.settings.kinematic_noise import NoiseSizes
-from vsf_drake.analysis.validation.settings.outcomes import NAMES
-from vsf_drake.analysis.validation.settings.section import settings_section
-from vsf_drake.analysis.validation.settings.walks import KEEP, STEP_S, base_of
+from vsf_drake.analysis.validation import settings_section as settings
+from vsf_drake.analysis.validation.settings_section import fulcrum_estimates, settings_section
+from vsf_drake.analysis.validation.settings_walks import KEEP, NAMES, STEP_S, NoiseSizes, base_of
 from vsf_drake.simulation.many import WalkCase, simulate_many
 
 DESIGNS = ("same_recording", "same_session", "two_sessions")

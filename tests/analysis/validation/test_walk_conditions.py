@@ -7,7 +7,7 @@ import statistics
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.walking.conditions import (
+from vsf_drake.analysis.validation.walking_ensembles import (
     PUBLISHED,
     SCORED,
     condition,

@@ -11,7 +11,7 @@ from command_line import read_json
 from made_tuning import BEST, SPEEDS, made_schedule
 from page_reader import Balanced
 
-from vsf_drake.analysis.tuning.policy import load_schedule
+from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.schedule_chapters import schedule_words
 from vsf_drake.report.tuning.schedule_figure import policy_figure, schedule_curves_figure, telling

@@ -12,7 +12,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import embedded_bench
-from vsf_drake.analysis.validation.bench.section import bench_section
+from vsf_drake.analysis.validation.bench_section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
 from vsf_drake.report.chapter_page import cell, chapter_page
 from vsf_drake.report.pieces import Bullets, Grid, Missing, Picture, Text

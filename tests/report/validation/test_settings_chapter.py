@@ -9,9 +9,8 @@ import pytest
 from made_study import embedded_study
 from made_study_walk import with_walks
 
-from vsf_drake.analysis.validation.settings import section as settings
-from vsf_drake.analysis.validation.settings.answer import answer
-from vsf_drake.analysis.validation.settings.section import settings_section
+from vsf_drake.analysis.validation import settings_section as settings
+from vsf_drake.analysis.validation.settings_section import answer, settings_section
 from vsf_drake.report.pieces import Bullets, Grid, Heading, Missing, Picture, Text
 from vsf_drake.report.validation.settings.chapter import settings_chapter
 from vsf_drake.report.validation.settings.words import energy_words

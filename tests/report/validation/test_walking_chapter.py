@@ -12,8 +12,8 @@ import pytest
 from made_study import embedded_study
 from made_study_walk import with_plate, with_walks
 
-from vsf_drake.analysis.validation.walking.conditions import PUBLISHED
-from vsf_drake.analysis.validation.walking.section import walking_section
+from vsf_drake.analysis.validation.walking_ensembles import PUBLISHED
+from vsf_drake.analysis.validation.walking_section import walking_section
 from vsf_drake.report.chapter_page import cell
 from vsf_drake.report.pieces import Bullets, Grid, Picture, Text
 from vsf_drake.report.style import save_figure

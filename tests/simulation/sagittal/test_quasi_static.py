@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motion
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.simulation.sagittal.model import SagittalModel
-from vsf_drake.simulation.sagittal.quasi_static import BALANCED, quasi_static_motion
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 from vsf_drake.simulation.walk import Walker
 

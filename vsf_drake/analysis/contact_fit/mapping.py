@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.contact_fit.names import (
+from vsf_drake.analysis.contact_fit.parameters import (
     CURVE,
     DAMPING_TIME,
     HEIGHT,
     LAW,
     PATH,
+    FitParameters,
     curve_coefficients,
     meanings,
     zones_of,
 )
-from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.standard import PATH_COEFFICIENTS, REFERENCE_DEPTH_M
 from vsf_drake.errors import InputError
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines

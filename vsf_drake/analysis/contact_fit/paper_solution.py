@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
-from vsf_drake.analysis.contact_fit.bench_terms import bench_of
-from vsf_drake.analysis.contact_fit.noise import RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperFit, PaperOptions, fit_like_the_paper
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.recordings import RESULTANT, check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial
 from vsf_drake.errors import FitError, SimulationError

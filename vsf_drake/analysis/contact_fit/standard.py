@@ -21,8 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from vsf_drake.analysis.contact_fit.names import PATH_COORDINATES, zones_of
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.parameters import PATH_COORDINATES, FitParameter, FitParameters, zones_of
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.subject import SIDES

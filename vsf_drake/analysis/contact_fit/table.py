@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
+from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.paper import PaperFit
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
-from vsf_drake.analysis.contact_fit.parameter_rows import curve_rows, joint_rows, paper_rows
-from vsf_drake.analysis.contact_fit.recordings import labels_of
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, TrialScore
-from vsf_drake.analysis.contact_fit.solution import ContactFitSolution
-from vsf_drake.analysis.contact_fit.uncertainty import CLOSE, SURE_SHARE
-from vsf_drake.analysis.contact_fit.verdict import PAPER_BENCH_N_PER_MM, PAPER_BW, PAPER_MID_RANGE_MM, verdict
+from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.scores import (
+    PAPER_BENCH_N_PER_MM,
+    PAPER_BW,
+    PAPER_MID_RANGE_MM,
+    Assessment,
+    BenchScore,
+    FulcrumSweep,
+    LeftOut,
+    MidRangeScore,
+    TrialScore,
+    verdict,
+)
+from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, curve_rows, joint_rows, paper_rows
+from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
+from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.json_file import plain
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.results import WalkResult
 
 FIT = "fit"
 FITTED, HELD_OUT = "fitted", "held out"
@@ -181,3 +196,218 @@ def _joint(solution: ContactFitSolution) -> dict[str, Any]:
         "noise": {"assumed": asdict(solution.fit.options.noise),
                   "ratios": [{"trial": term.trial, "series": term.name, "ratio": ratio}
                              for term, ratio in solution.noise_ratios()]}}
+
+
+# A trial's error with the fulcrum moved over its carriage: where it is least, and whether the fulcrum stood there.
+
+
+SWEEP_POSITIONS = 18
+"""Evenly spaced over the carriage, 5 mm apart on the nominal foot."""
+RIGHT_WITHIN_M = 0.0105
+"""Half the distance of the device's five settings (66, 87, 108, 129, 151 mm, McGeehan 2021): nearer, and the sweep
+names the right one."""
+SWEEP_STEP_S = 2e-3
+
+
+def sweep_positions(trial: Trial, count: int = SWEEP_POSITIONS) -> np.ndarray:
+    """(count,) m from A, evenly over the carriage of the trial's foot, both ends included."""
+    reach = trial.model.foot.fulcrum
+    return np.linspace(reach.rearmost_m, reach.foremost_m, count)
+
+
+def swept(positions: np.ndarray, errors: Sequence[float] | np.ndarray, *, true_m: float) -> FulcrumSweep:
+    """What the errors (BW; NaN where the walk failed) at these positions (m) say of where the fulcrum stood."""
+    errors = np.asarray(errors, dtype=float)
+    best = lowest(positions, errors)
+    return FulcrumSweep(
+        fulcrum_m=tuple(map(float, positions)), grf_rmse_bw=tuple(map(float, errors)), true_m=true_m, best_m=best,
+        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3),
+        right=bool(abs(best - true_m) <= RIGHT_WITHIN_M))
+
+
+def lowest(positions: np.ndarray, errors: np.ndarray) -> float:
+    """Where the errors are lowest, between the positions too; the errors' squares are nearly a parabola there."""
+    if np.isnan(errors).all():
+        return float("nan")
+    i = int(np.nanargmin(errors))
+    if not 0 < i < len(errors) - 1 or np.isnan(errors[i - 1 : i + 2]).any():
+        return float(positions[i])
+    a, b, c = errors[i - 1 : i + 2] ** 2
+    shift = 0.5 * (a - c) / (a - 2.0 * b + c)
+    return float(positions[i] + shift * (positions[i + 1] - positions[i]))
+
+
+# What a fit is worth: errors on trials that it has and has not seen, beside what they would be without a model.
+#
+# Null model of a trial: the measured resultant of a fitted trial, stretched to this one's stance. Of several fitted
+# trials the one that does best is taken, the hardest opponent. Fulcrum sweep: the trial is walked with the fulcrum at
+# positions over the whole carriage; a model that stands for the foot errs least where the fulcrum really stood.
+
+
+class Fitted(Protocol):
+    """A finished fit, by whatever strategy.
+
+    trials, labels: that were fitted. series: that were compared. bench: the measured one, or None. report_step_s: s.
+    """
+
+    @property
+    def trials(self) -> tuple[Trial, ...]: ...
+
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+
+    @property
+    def series(self) -> tuple[str, ...]: ...
+
+    @property
+    def bench(self) -> BenchMeasurement | None: ...
+
+    @property
+    def report_step_s(self) -> float: ...
+
+    def check(self) -> None:
+        """Raises FitError if the fit failed."""
+
+    def predict(
+        self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
+    ) -> tuple[Comparison, WalkResult]:
+        """A trial's walk beside its plate; `label` None if the trial was not fitted. Raises SimulationError."""
+
+    def bench_stiffness(self) -> np.ndarray:
+        """(m,) N/m of the fitted foot on the bench, the heel last if it was measured."""
+
+    def bench_displacement(self) -> np.ndarray:
+        """(m,) m, its mid-range displacement there; asked for only where the bench has measured ones."""
+
+    def refitted_without(self, labels: Sequence[str]) -> Fitted | None:
+        """The fit without these trials, or None if the strategy does not do that. Raises FitError."""
+
+
+def assess(
+    solution: Fitted, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
+    floors: Mapping[str, float] | None = None, progress: Callable[[str, float], None] | None = None
+) -> Assessment:
+    """Judges a fit that succeeded.
+
+    A held-out trial is walked with what all trials share, and nothing of its own. Of its plate the model knows the
+    instants of strike and lift-off, by which the shared curves are laid over the gait cycle.
+
+    Args:
+        held_out: trials of the same subject that were not fitted.
+        sweep: whether to move the fulcrum over its range in every trial.
+        leave_out: whether to fit again without each trial, and without each stiffness.
+        floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
+        progress: called with what is being done and the finished fraction.
+
+    Raises:
+        InputError: a held-out trial was fitted, or is of another subject.
+        FitError: the fit failed.
+        SimulationError: a walk with the fitted parameters diverges.
+    """
+    solution.check()
+    check_recordings(solution.trials, held_out, series=solution.series)
+    every: list[tuple[Trial, str | None, str]] = [
+        (trial, label, label) for trial, label in zip(solution.trials, solution.labels, strict=True)]
+    names = labels_of([*solution.trials, *held_out])[len(solution.trials) :]
+    every += [(trial, None, name) for trial, name in zip(held_out, names, strict=True)]
+    unknown = set(floors or {}) - {*solution.labels, *names}
+    if unknown:
+        raise InputError(f"there is no trial {min(unknown)}", where="floors",
+                         right=f"There are: {', '.join([*solution.labels, *names])}")
+    curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in solution.trials]
+    scores = []
+    for i, (trial, label, name) in enumerate(every):
+        if progress:
+            progress(f"scoring {name}", i / len(every))
+        others = [c for t, c in zip(solution.trials, curves, strict=True) if c is not None and t is not trial]
+        scores.append(_score_of_assessment(solution, trial, label, name, others, sweep, (floors or {}).get(name)))
+    left = _left_out(solution, progress) if leave_out and len(solution.trials) > 1 else ()
+    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution))
+
+
+def bench_score(solution: Fitted) -> BenchScore | None:
+    """The fitted foot on the bench; None where the fit has none."""
+    bench = solution.bench
+    if bench is None:
+        return None
+    model = 1e-3 * solution.bench_stiffness()
+    heel, count = bench.heel_stiffness_n_per_m, len(bench.fulcrum_m)
+    return BenchScore(
+        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
+        measured_n_per_mm=tuple(1e-3 * k for k in bench.stiffness_n_per_m),
+        model_n_per_mm=tuple(map(float, model[:count])), heel_measured_n_per_mm=None if heel is None else 1e-3 * heel,
+        heel_model_n_per_mm=None if heel is None else float(model[count]), mid_range=_mid_range_score(solution, bench))
+
+
+def _mid_range_score(solution: Fitted, bench: BenchMeasurement) -> MidRangeScore | None:
+    if bench.mid_range_m is None:
+        return None
+    model, heel, count = 1e3 * solution.bench_displacement(), bench.heel_mid_range_m, len(bench.fulcrum_m)
+    return MidRangeScore(
+        measured_mm=tuple(1e3 * x for x in bench.mid_range_m), model_mm=tuple(map(float, model[:count])),
+        heel_measured_mm=None if heel is None else 1e3 * heel,
+        heel_model_mm=None if heel is None else float(model[count]))
+
+
+def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumSweep:
+    """Error of one trial over the carriage's range."""
+    def error(position: float) -> float:
+        try:
+            comparison, result = solution.predict(trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
+        except SimulationError:
+            return np.nan
+        value: float = walk_metrics(result, trial.prosthetic_plate, comparison=comparison)["grf_rmse_bw"]
+        return value
+
+    positions = sweep_positions(trial)
+    with ThreadPoolExecutor(2) as pool:
+        return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
+
+
+def _score_of_assessment(
+    solution: Fitted, trial: Trial, label: str | None, name: str, others: list[np.ndarray], sweep: bool,
+    floor: float | None
+) -> TrialScore:
+    comparison, result = solution.predict(trial, label, step_s=solution.report_step_s)
+    nulls = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
+             for curve in others]
+    metrics = min(nulls, key=lambda m: m["null_model_grf_rmse_bw"]) if nulls else walk_metrics(
+        result, trial.prosthetic_plate, comparison=comparison)
+    weight, length = metrics["body_weight_n"], result.foot_length_m
+    stance = comparison.stances[0]
+    return TrialScore(
+        label=name, role="fitted" if label else "held out", fulcrum_m=trial.fulcrum_m, metrics=metrics,
+        floor_grf_rmse_bw=floor, sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
+        curves={"time_s": comparison.time_s, "model_bw": comparison.model / weight,
+                "measured_bw": comparison.measured / weight, "cop_measured_fl": stance.measured_cop[:, 0] / length,
+                "cop_model_fl": stance.model_cop[:, 0] / length})
+
+
+def _left_out(solution: Fitted, progress: Callable[[str, float], None] | None) -> tuple[LeftOut, ...]:
+    settings = sorted({trial.fulcrum_m for trial in solution.trials})
+    groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in solution.labels]
+    if len(settings) > 1:
+        groups += [("stiffness", tuple(label for label, trial in zip(solution.labels, solution.trials, strict=True)
+                                       if trial.fulcrum_m == setting)) for setting in settings]
+    known: dict[tuple[str, ...], LeftOut | None] = {}
+    for i, (_, labels) in enumerate(groups):
+        if progress:
+            progress(f"fitting without {', '.join(labels)}", i / len(groups))
+        if labels not in known:
+            known[labels] = _without(solution, labels)
+    rows = [(kind, known[labels]) for kind, labels in groups]
+    return tuple(dataclasses.replace(row, kind=kind) for kind, row in rows if row is not None)
+
+
+def _without(solution: Fitted, labels: tuple[str, ...]) -> LeftOut | None:
+    try:
+        fewer = solution.refitted_without(labels)
+        if fewer is None:
+            return None
+        scored = [_score_of_assessment(fewer, trial, None, label, [], False, None).metrics
+                  for trial, label in zip(solution.trials, solution.labels, strict=True) if label in labels]
+    except (FitError, SimulationError) as error:
+        return LeftOut(kind="trial", left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None, failed=str(error))
+    errors, shifts = ([m[key] for m in scored if m[key] is not None] for key in ("grf_rmse_bw", "cop_rmse_fl"))
+    return LeftOut(kind="trial", left_out=labels, grf_rmse_bw=float(np.mean(errors)),
+                   cop_rmse_fl=float(np.mean(shifts)) if shifts else None)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import Comparison, compare
+from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivity
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.noise import COP, FORCES, RESULTANT, FitNoise
-from vsf_drake.analysis.linear_comparison import compare_sensitivity
+from vsf_drake.analysis.contact_fit.parameters import FitParameters
+from vsf_drake.analysis.contact_fit.recordings import COP, FORCES, RESULTANT, FitNoise
+from vsf_drake.bench_file import BenchMeasurement
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walker
 
 STRIDE = 4
@@ -113,3 +116,67 @@ class TrialTerms:
         spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * self.noise.correlation_s
         return Term(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
                     weight=self.noise.weight(spacing))
+
+
+# The measured bench as residuals of a fit: a fitted foot shall still be the foot on the bench.
+
+
+BENCH = "bench"
+MID_RANGE = "mid-range displacement"
+
+
+def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
+    """The machine that presses this foot as it was measured.
+
+    Raises:
+        InputError: the carriage of this foot does not reach a position.
+    """
+    return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
+                          max_load_n=bench.max_load_n, mid_range=bench.mid_range_m is not None)
+
+
+class BenchTerms:
+    """The foot at the measured positions of the fulcrum, and its heel where that was measured: its stiffness, and its
+    mid-range displacement where that was.
+
+    Raises:
+        InputError: the carriage of this foot does not reach a position.
+    """
+
+    def __init__(
+        self, foot: FootParameters, bench: BenchMeasurement, parameters: FitParameters,
+        variables: Mapping[str, Variable]
+    ) -> None:
+        self.bench = bench
+        self._map = TrialMap(parameters, variables, None, None)
+        self.measured = _joined(bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m)
+        self._machine = bench_of(foot, bench)
+
+    def stiffness(self, u: np.ndarray) -> np.ndarray:
+        """(m,) N/m of the model at u, in the order of `measured`. Raises SimulationError if it gives way."""
+        return self._machine.evaluate(self._map.at(u).values)[0]
+
+    def displacement(self, u: np.ndarray) -> np.ndarray:
+        """(m,) m of mid-range displacement at u, in the same order. Raises ValueError if none was measured,
+        SimulationError if the foot gives way."""
+        return self._machine.displacement(self._map.at(u).values)[0]
+
+    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[Term]:
+        """The residuals at u. Raises SimulationError if the foot gives way under the bench's load."""
+        at, bench = self._map.at(u), self.bench
+        names = at.names if derivatives else ()
+
+        def term(name: str, pressed: tuple[np.ndarray, np.ndarray], measured: np.ndarray, sd: float) -> Term:
+            value, by = pressed
+            return Term(name=name, trial=BENCH, times_s=None, residual=(value - measured) / sd,
+                        by=(by @ at.by if derivatives else np.zeros((len(value), 0))) / sd, weight=1.0)
+
+        found = [term(BENCH, self._machine.evaluate(at.values, names), self.measured, bench.uncertainty_n_per_m)]
+        if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
+            found.append(term(MID_RANGE, self._machine.displacement(at.values, names),
+                              _joined(bench.mid_range_m, bench.heel_mid_range_m), bench.mid_range_uncertainty_m))
+        return found
+
+
+def _joined(forefoot: tuple[float, ...], heel: float | None) -> np.ndarray:
+    return np.array([*forefoot, *([] if heel is None else [heel])])

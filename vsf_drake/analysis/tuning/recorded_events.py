@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.recorded_points import BodyPoints
+from vsf_drake.analysis.tuning.recorded_curves import BodyPoints
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction

@@ -11,28 +11,34 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.recorded_chain import TX, SagittalChain
 from vsf_drake.analysis.tuning.recorded_closing import (
     close,
+    find_period,
     forced_acceleration,
     periodic_acceleration,
     second_derivative,
 )
 from vsf_drake.analysis.tuning.recorded_curves import (
     Curves,
+    FootForce,
     advance_of,
     closing_weights,
     fit_periodic,
     fit_piece,
+    foot_force,
     one_stride,
+    plate_series,
 )
 from vsf_drake.analysis.tuning.recorded_errors import (
+    View,
     center_rate,
     closing_errors,
     force_errors,
     moment_balance,
     place_errors,
     sentences,
+    stride_heading,
+    view,
 )
 from vsf_drake.analysis.tuning.recorded_events import (
     first_strike,
@@ -44,10 +50,7 @@ from vsf_drake.analysis.tuning.recorded_events import (
     within,
     within_stride,
 )
-from vsf_drake.analysis.tuning.recorded_forces import FootForce, foot_force, plate_series
-from vsf_drake.analysis.tuning.recorded_period import find_period
-from vsf_drake.analysis.tuning.recorded_projection import Nearness, project
-from vsf_drake.analysis.tuning.recorded_view import View, stride_heading, view
+from vsf_drake.analysis.tuning.recorded_projection import TX, Nearness, SagittalChain, project
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker

@@ -3,8 +3,16 @@
 `make_study` reads and walks the trials; each section is a function of the study.
 """
 
-from vsf_drake.analysis.validation.inputs import embedded_bench, embedded_contact, embedded_trials, make_study
-from vsf_drake.analysis.validation.study import Section, Study, StudyOptions, StudyWalk
+from vsf_drake.analysis.validation.study import (
+           Section,
+           Study,
+           StudyOptions,
+           StudyWalk,
+           embedded_bench,
+           embedded_contact,
+           embedded_trials,
+           make_study,
+)
 from vsf_drake.analysis.validation.walks import ValidatedWalk, validate_walk
 
 __all__ = ["Section", "Study", "StudyOptions", "StudyWalk", "ValidatedWalk", "embedded_bench", "embedded_contact",

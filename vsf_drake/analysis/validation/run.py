@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsf_drake.analysis.validation.bench.section import bench_section
-from vsf_drake.analysis.validation.energy.section import energy_section
+from vsf_drake.analysis.validation.bench_section import bench_section
+from vsf_drake.analysis.validation.energy_section import energy_section
 from vsf_drake.analysis.validation.keeping import SectionStore, study_key
-from vsf_drake.analysis.validation.roll_over.section import roll_over_section
-from vsf_drake.analysis.validation.sensitivity.section import sensitivity_section
-from vsf_drake.analysis.validation.settings.section import settings_section
+from vsf_drake.analysis.validation.roll_over_section import roll_over_section
+from vsf_drake.analysis.validation.sensitivity_section import sensitivity_section
+from vsf_drake.analysis.validation.settings_section import settings_section
 from vsf_drake.analysis.validation.standing import standing_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.analysis.validation.walking.section import walking_section
+from vsf_drake.analysis.validation.walking_section import walking_section
 from vsf_drake.errors import FitError, InputError, SimulationError
 
 EXACT = "walking_exact"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.standing_table import standing_table
+from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.json_file import plain

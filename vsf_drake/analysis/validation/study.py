@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import Comparison
-from vsf_drake.bench_curves import BenchCurves
-from vsf_drake.contact_file import FittedContact
+from vsf_drake.analysis.comparison import Comparison, compare
+from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.doubts import doubts
+from vsf_drake.analysis.metrics import stance_curve, walk_metrics
+from vsf_drake.analysis.validation.walks import ValidatedWalk, walk_trial
+from vsf_drake.bench_curves import BenchCurves, load_bench_curves
+from vsf_drake.contact_file import FittedContact, load_contact
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.files import sha256
+from vsf_drake.motion.fitted_trial import fingerprint, trial_with
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters
+from vsf_drake.resources import resource
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S
 
@@ -121,3 +132,133 @@ class Section:
     table: dict[str, Any]
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
+
+
+# Assembles a study: reads and walks the trials, one after the other, and keeps apart what cannot be used.
+
+
+EMBEDDED, TIERS = "data/reference_subject", ("laboratory", "exact")
+SETTINGS, REPEATS = ("low", "medium", "high"), 3
+
+
+def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path, ...]:
+    """Manifests of the trials that ship with the package, three a setting; one a setting if `quick`.
+
+    All are synthetic, and say so. The tier `exact` is without errors of measurement, `laboratory` has them.
+    """
+    if tier not in TIERS:
+        raise ValueError(f"there is no tier {tier!r}; there are {', '.join(TIERS)}")
+    numbers = range(2, 3) if quick else range(1, REPEATS + 1)
+    return tuple(resource(f"{EMBEDDED}/{tier}/{setting}_{number}.yaml") for setting in SETTINGS for number in numbers)
+
+
+def embedded_contact(tier: str = TIERS[0]) -> Path:
+    """The contact that was fitted to low_1 and high_1 of a tier of the embedded trials, and to their bench."""
+    return resource(f"{EMBEDDED}/{tier}/contact.yaml")
+
+
+def embedded_bench() -> Path:
+    """Load-displacement curves of the embedded trials' foot: the virtual laboratory's, synthetic."""
+    return resource(f"{EMBEDDED}/bench_curves.csv")
+
+
+def make_study(
+    manifests: Sequence[str | Path], *, contact: str | Path | None = None, bench: str | Path | None = None,
+    options: StudyOptions | None = None, progress: Progress | None = None
+) -> Study:
+    """Reads and walks every trial.
+
+    With a fitted contact each is walked as the fit says; without one, after its offsets were fitted to its own plate.
+    A trial that cannot be read or walked is kept apart with the reason and stops no other; a bench file likewise.
+
+    Args:
+        manifests: trial manifests, at least one.
+        contact: a contact file. bench: a file of load-displacement curves.
+        progress: called with what is being done and the finished fraction of everything.
+
+    Raises:
+        InputError: there is no trial, or one twice; the contact file cannot be used; no trial can.
+        SimulationError: the only trial cannot be walked.
+    """
+    options = options or StudyOptions()
+    if not manifests:
+        raise InputError("there is no trial", right="Name at least one manifest")
+    files = [Path(manifest).resolve() for manifest in manifests]
+    for i, file in enumerate(files):
+        if file in files[:i]:
+            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+    fitted = None if contact is None else load_contact(contact)
+    read: list[tuple[Trial, Trial]] = []
+    failed: list[tuple[str, str]] = []
+    for manifest in map(Path, manifests):
+        try:
+            recorded = load_trial(manifest)
+            read.append((recorded, recorded if fitted is None else trial_with(recorded, fitted, file=contact)))
+        except InputError as error:
+            failed.append((manifest.stem, str(error)))
+    walked: list[tuple[str, Trial, ValidatedWalk]] = []
+    labels = labels_of([recorded for recorded, _ in read])
+    for i, (label, (recorded, trial)) in enumerate(zip(labels, read, strict=True)):
+        def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
+            if progress:
+                progress(f"{label}: {what}", (i + fraction) / len(read))
+        try:
+            walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
+        except (InputError, SimulationError) as error:
+            failed.append((label, str(error)))
+            if isinstance(error, SimulationError) and len(manifests) == 1:
+                raise
+        else:
+            walked.append((label, recorded, walk))
+    if not walked:
+        raise InputError("no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed))
+    curves, problem = _bench(bench)
+    first = walked[0][2].trial
+    named = {} if contact is None else {f"contact: {Path(contact).name}": sha256(contact)}
+    if curves is not None and bench is not None:
+        named |= {f"bench: {Path(bench).name}": sha256(bench)}
+    return Study(
+        walks=tuple(sorted((_study_walk(i, walked, fitted) for i in range(len(walked))),
+                           key=lambda walk: (walk.fulcrum_mm, walk.label))),
+        failed=tuple(failed), model=first.model, contact=fitted,
+        contact_name="" if contact is None else Path(contact).name, bench=curves, bench_problem=problem,
+        options=options,
+        inputs=named | {f"{label}: {file}": digest for label, trial, _ in walked
+                        for file, digest in trial.inputs.items()})
+
+
+def _study_walk(
+    i: int, walked: list[tuple[str, Trial, ValidatedWalk]], fitted: FittedContact | None
+) -> StudyWalk:
+    """The i-th walk; its null model is made of the fitted trials, or of all others where none was fitted."""
+    label, recorded, walk = walked[i]
+    prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
+    seen = [fingerprint(trial) in prints for _, trial, _ in walked]
+    others = [trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))]
+    role = OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT
+    plate, result = recorded.prosthetic_plate, walk.result
+    comparison = compare(result, plate)
+    curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in others]
+    candidates = [walk_metrics(result, plate, comparison=comparison, null_curve=curve)
+                  for curve in curves if curve is not None]
+    metrics = min(candidates, key=_null, default=walk_metrics(result, plate, comparison=comparison))
+    trial = walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets)
+    return StudyWalk(label=label, role=role, recorded=recorded, trial=trial, result=result, comparison=comparison,
+                     metrics=metrics, doubts=tuple(doubts(result, comparison, metrics, walk.fit)))
+
+
+def _null(metrics: dict) -> float:
+    error = metrics["null_model_grf_rmse_bw"]
+    return np.inf if error is None else float(error)
+
+
+def _bench(path: str | Path | None) -> tuple[BenchCurves | None, str | None]:
+    if path is None:
+        return None, None
+    if Path(path).suffix.lower() in (".yaml", ".yml"):
+        return None, str(InputError("is what a fit takes of a bench; the validation compares whole curves", file=path,
+                                    right="Give a CSV with fulcrum_mm, displacement_mm and load_n"))
+    try:
+        return load_bench_curves(path), None
+    except InputError as error:
+        return None, str(error)

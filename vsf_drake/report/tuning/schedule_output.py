@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.tuning.policy import POLICY_FORMAT, schedule_of
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.analysis.tuning.inputs import DESCRIPTORS
+from vsf_drake.analysis.tuning.schedule import POLICY_FORMAT, schedule_of
 from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.json_file import plain, write_json

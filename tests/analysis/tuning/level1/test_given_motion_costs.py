@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level1.costs.force_change import consistency, tracking
-from vsf_drake.analysis.tuning.level1.costs.joint_load import joint_load
-from vsf_drake.analysis.tuning.level1.costs.metabolic import metabolic
-from vsf_drake.analysis.tuning.level1.costs.push_off import push_off
-from vsf_drake.analysis.tuning.level1.costs.term import mean_square, positive_part
-from vsf_drake.analysis.tuning.level1.frame import StanceFrame
-from vsf_drake.analysis.tuning.level1.loads import Signal, WalkLoads
+from vsf_drake.analysis.tuning.level1.combination import (
+    consistency,
+    joint_load,
+    mean_square,
+    metabolic,
+    positive_part,
+    push_off,
+    tracking,
+)
+from vsf_drake.analysis.tuning.level1.loads import Signal, StanceFrame, WalkLoads
 from vsf_drake.motion.events import Stance
 
 N, STEP, MASS, LEG = 1000, 1e-3, 80.0, 0.9

@@ -9,7 +9,7 @@ from vsf_drake.analysis.tuning.level2.options import COSTS
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed, solved_trajectory
-from vsf_drake.analysis.validation.inputs import embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.motion.fitted_trial import trial_with

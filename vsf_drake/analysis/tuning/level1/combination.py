@@ -7,14 +7,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.costs.force_change import consistency, tracking
-from vsf_drake.analysis.tuning.level1.costs.joint_load import joint_load
-from vsf_drake.analysis.tuning.level1.costs.metabolic import metabolic
-from vsf_drake.analysis.tuning.level1.costs.push_off import push_off
-from vsf_drake.analysis.tuning.level1.costs.term import CostTerm
-from vsf_drake.analysis.tuning.level1.frame import StanceFrame
-from vsf_drake.analysis.tuning.level1.loads import WalkLoads
+from vsf_drake.analysis.tuning.level1.loads import StanceFrame, WalkLoads
 from vsf_drake.analysis.tuning.level1.options import COSTS, WEIGHTED, TuningOptions
+
+# One part of a cost, with its derivative.
+
+
+@dataclass(frozen=True, eq=False)
+class CostTerm:
+    """A part of a cost for one walk.
+
+    Attributes:
+        name, label: for tables and for people.
+        value: in the cost's unit. by: (P,) derivatives by the design variables; P = 0 without.
+    """
+
+    name: str
+    label: str
+    value: float
+    by: np.ndarray
+
+    def times(self, factor: float) -> CostTerm:
+        """The term multiplied."""
+        return CostTerm(self.name, self.label, factor * self.value, factor * self.by)
+
+
+def mean_square(value: np.ndarray, by: np.ndarray, weight_s: np.ndarray, duration_s: float) -> tuple[float, np.ndarray]:
+    """Time-weighted sum of squares over a duration, and its derivative.
+
+    Args:
+        value: (n, k). by: (n, k, P). weight_s: (n,) s. duration_s: that the sum is divided by.
+
+    Returns:
+        The sum over n and k of weight value^2 / duration, and (P,).
+    """
+    weighted = value * weight_s[:, None] / duration_s
+    return float(np.sum(weighted * value)), 2.0 * np.einsum("nk,nkp->p", weighted, by)
+
+
+def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.ndarray]:
+    """A max(power, 0) with a continuous derivative, and that derivative by the power.
+
+        p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
+    """
+    inside = np.clip(power + smooth_w, 0.0, 2.0 * smooth_w)
+    return inside**2 / (4.0 * smooth_w) + np.maximum(power - smooth_w, 0.0), inside / (2.0 * smooth_w)
+
 
 CONSISTENCY = "consistency"
 TRACKING = "tracking"
@@ -95,3 +133,108 @@ def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Com
     whole = sum(options.weights.values())
     factors = {cost: weight / whole / size[cost] for cost, weight in options.weights.items() if weight > 0.0}
     return Combination(name, LABELS[name], UNITS[name], factors | {CONSISTENCY: share}, 1.0)
+
+
+# How far the ground reaction force is from another, over stance: the cost `tracking`, and what keeps other costs sane.
+#
+#     T = 1/T int |F - F_0|^2 / (m g)^2 dt            body weights squared
+#
+# With the recorded force as F_0 it is the tracking cost. With that of the model at the trial's own setting it measures
+# how much a setting makes of the force that nothing in the given motion pays for: the pelvis is carried along by what
+# records the motion, and would be carried by it just as well with no foot at all.
+
+
+AXES = (("fore_aft", "fore-aft force"), ("lateral", "lateral force"), ("vertical", "vertical force"))
+
+
+def tracking(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """Terms by component of the force in W, against the plate.
+
+    Raises:
+        ValueError: the trial has no plate.
+    """
+    if frame.plate_W is None:
+        raise ValueError("there is no plate to track")
+    return _deviation(frame, loads, frame.plate_W)
+
+
+def consistency(frame: StanceFrame, loads: WalkLoads) -> CostTerm:
+    """The change of the force from the trial's own setting, all components together."""
+    parts = _deviation(frame, loads, frame.own.grf.value)
+    return CostTerm("consistency", "change of the ground reaction force", sum(part.value for part in parts),
+                    np.sum([part.by for part in parts], axis=0))
+
+
+def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tuple[CostTerm, ...]:
+    away, by = (loads.grf.value - from_W) / frame.weight_n, loads.grf.by / frame.weight_n
+    return tuple(CostTerm(name, label, *mean_square(away[:, i : i + 1], by[:, i : i + 1], frame.inside,
+                                                    frame.duration_s))
+                 for i, (name, label) in enumerate(AXES))
+
+
+# Load on the prosthetic leg: moments at hip and knee, and what the socket passes to the residual limb.
+#
+#     J = 1/T int  sum_j (tau_j / (m g L))^2  +  w [ |F|^2 / (m g)^2 + |M|^2 / (m g L)^2 ]  dt
+#
+# over prosthetic stance of duration T, with leg length L, the moments tau_j of the prosthetic joints and the bushing's
+# force F and moment M; without unit. The squared moment is the usual measure where no muscle is modelled. The intact leg
+# is left out because it cannot change: with the motion given, its forces are those of the recording at every setting.
+
+
+def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> tuple[CostTerm, ...]:
+    """Terms "joint_moments" and "socket", the latter multiplied by its weight."""
+    force, moment = frame.weight_n, frame.weight_n * frame.leg_m
+    joints = mean_square(loads.joints.value / moment, loads.joints.by / moment, frame.inside, frame.duration_s)
+    found = [CostTerm("joint_moments", "prosthetic hip and knee moments squared", *joints)]
+    parts = [mean_square(loads.socket.value[:, rows] / scale, loads.socket.by[:, rows] / scale, frame.inside,
+                         frame.duration_s) for rows, scale in ((slice(0, 3), force), (slice(3, 6), moment))]
+    value, by = (a + b for a, b in zip(*parts, strict=True))
+    found.append(CostTerm("socket", "socket force and moment squared", value, by).times(socket_weight))
+    return tuple(found)
+
+
+# Push-off: the work that the prosthesis does on the residual shank in late stance, as a cost with a minus.
+#
+#     J = -1/m int max(F . V, 0) dt           J/kg and stance
+#
+# over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual shank,
+# both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
+# `analysis.validation.energy.segment_power`): what passes from all that is distal of the shank into it, if that had no
+# mass. The shank's motion is given, so that only the force changes with a setting.
+
+
+def push_off(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """The term "push_off_work", negative."""
+    power = np.sum(loads.ground.value * frame.twist, axis=1)
+    part, slope = positive_part(power, SMOOTH_W_PER_KG * frame.mass_kg)
+    scale = -frame.late / (frame.mass_kg * frame.count)
+    by = np.einsum("n,nk,nkp->p", scale * slope, frame.twist, loads.ground.by)
+    return (CostTerm("push_off_work", "minus the work on the shank in late stance", float(scale @ part), by),)
+
+
+# Joint work of the prosthetic leg as an estimate of metabolic energy.
+#
+#     E = (W+ / 0.25 + W- / 1.2) / m          J/kg and stance
+#
+# with the positive and negative work of each prosthetic joint over stance, W- counted positive. The efficiencies are
+# Margaria's for muscle; applied to joints they leave out co-contraction, tendons and muscles over two joints, so that
+# differences between settings mean more than the number. Only the prosthetic leg changes while the motion is given.
+
+
+POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
+SMOOTH_W_PER_KG = 0.01
+"""Nearer to zero than this powers are part positive and part negative, so that work has a derivative (a choice)."""
+
+
+def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """Terms "positive_work" and "negative_work", over their efficiencies."""
+    power, by = loads.joints.value * frame.rates, loads.joints.by * frame.rates[:, :, None]
+    found = []
+    for name, sign, efficiency in (("positive_work", 1.0, POSITIVE_EFFICIENCY),
+                                   ("negative_work", -1.0, NEGATIVE_EFFICIENCY)):
+        part, slope = positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg)
+        scale = frame.inside[:, None] / (efficiency * frame.mass_kg * frame.count)
+        label = f"{name.replace('_', ' ')} of the prosthetic joints / {efficiency:g}"
+        found.append(CostTerm(name, label, float(np.sum(scale * part)),
+                              np.einsum("nj,njp->p", scale * sign * slope, by)))
+    return tuple(found)

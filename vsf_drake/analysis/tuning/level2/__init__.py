@@ -5,9 +5,8 @@
 """
 
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
+from vsf_drake.analysis.tuning.level2.search import StrideTuning
 from vsf_drake.analysis.tuning.level2.solution import StrideSolution
-from vsf_drake.analysis.tuning.level2.solve import solve
-from vsf_drake.analysis.tuning.level2.table import stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.tuning import StrideTuning
+from vsf_drake.analysis.tuning.level2.solve import solve, stride_arrays, stride_table
 
 __all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]

@@ -21,11 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.analysis.collocation.grid import Grid, Layout
 from vsf_drake.analysis.collocation.problem import Convex, Curve, Residuals
-from vsf_drake.analysis.tuning.level2.function import StrideFunction
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
-from vsf_drake.analysis.tuning.level2.reference import StrideReference
-from vsf_drake.simulation.sagittal.model import SOCKET
+from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.simulation.sagittal.linearise import linearise
+from vsf_drake.simulation.sagittal.model import SOCKET, SagittalModel
+from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 POSITIVE, NEGATIVE = 0.25, 1.2
 """Efficiencies of positive and negative muscle work (Margaria's), here of joints."""
@@ -160,3 +162,120 @@ def _gained(smooth_w: float) -> Curve:
         return -0.5 * (power + root - smooth_w), -0.5 * (1.0 + power / root), np.zeros_like(power)
 
     return curve
+
+
+# The sagittal person as a function of one instant, in the form that collocation takes.
+#
+# Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the recorded
+# centre of pressure; q_* and a_*, the coordinates and their accelerations themselves. The latter are for terms that
+# compare with a recording.
+
+
+class StrideFunction:
+    """Outputs y (N, m) of z (N, Z), p (4,), see `collocation.problem.InstantFunction`.
+
+    Attributes:
+        layout: q, v, a; w, u. names: (m,) of the outputs.
+    """
+
+    def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray]) -> None:
+        """`cop_x`: by foot (N,) m, where the recorded centre of pressure is at every instant."""
+        self.model, self.smoothing, self.cop_x = model, smoothing, dict(cop_x)
+        self.layout = Layout(coordinates=model.coordinates, quasi_static=model.quasi_static)
+        self.names = (*model.outputs, *(f"{foot}_cop_moment" for foot in self.cop_x),
+                      *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates))
+
+    def index(self, *names: str) -> list[int]:
+        """Places of outputs."""
+        return [self.names.index(name) for name in names]
+
+    def starting_with(self, start: str) -> list[int]:
+        """Places of all outputs whose name begins so."""
+        return [i for i, name in enumerate(self.names) if name.startswith(start)]
+
+    def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """(N, m)."""
+        y = self.model.evaluate(*self._parts(z), np.repeat(p[:, None], len(z), 1), self.smoothing).T
+        return np.concatenate([y, *self._cop_moments(y), self._own(z)], axis=1)
+
+    def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(N, m), (N, m, Z), (N, m, P)."""
+        y, by = linearise(self.model, *self._parts(z), np.repeat(p[:, None], len(z), 1), self.smoothing)
+        y, by = y.T, by.transpose(2, 0, 1)
+        size, n = self.layout.size, self.layout.n
+        moments_by = [by[:, my] + x[:, None] * by[:, fz] for my, fz, x in self._feet()]
+        by = np.concatenate([by, *(part[:, None] for part in moments_by)], axis=1)
+        by_z = np.concatenate([by[:, :, :size], np.zeros((len(z), 2 * n, size))], axis=1)
+        by_z[:, -2 * n:-n, self.layout.q] = by_z[:, -n:, self.layout.a] = np.eye(n)
+        by_p = np.concatenate([by[:, :, size:], np.zeros((len(z), 2 * n, len(p)))], axis=1)
+        return np.concatenate([y, *self._cop_moments(y), self._own(z)], axis=1), by_z, by_p
+
+    def _own(self, z: np.ndarray) -> np.ndarray:
+        return np.concatenate([z[:, self.layout.q], z[:, self.layout.a]], axis=1)
+
+    def _feet(self) -> list[tuple[int, int, np.ndarray]]:
+        outputs = self.model.outputs
+        return [(outputs.index(f"{foot}_my"), outputs.index(f"{foot}_fz"), x) for foot, x in self.cop_x.items()]
+
+    def _cop_moments(self, y: np.ndarray) -> list[np.ndarray]:
+        return [(y[:, my] + x * y[:, fz])[:, None] for my, fz, x in self._feet()]
+
+    def _parts(self, z: np.ndarray) -> list[np.ndarray]:
+        layout = self.layout
+        return [np.ascontiguousarray(z[:, part].T) for part in (layout.q, layout.v, layout.a, layout.w, layout.u)]
+
+
+# The recorded stride on the instants of a grid: what a solution is compared with.
+
+
+SWING_MIDDLE = (0.3, 0.7)
+"""Share of a swing in which the foot must clear the ground."""
+FEET = ("prosthetic", "intact")
+
+
+@dataclass(frozen=True, eq=False)
+class StrideReference:
+    """N instants of a recorded stride, sagittal; SI.
+
+    Attributes:
+        q, v, a: (N, 8). force: by foot (N, 2) fx, fz in N. cop_x: by foot (N,) m, 0 where there is no load.
+        known: by foot (N,) bool, whether the force was measured.
+        stance: by foot (N,) bool. late: (N,) bool, late prosthetic stance. clear: by foot (N,) bool, middle of swing.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    force: dict[str, np.ndarray]
+    cop_x: dict[str, np.ndarray]
+    known: dict[str, np.ndarray]
+    stance: dict[str, np.ndarray]
+    late: np.ndarray
+    clear: dict[str, np.ndarray]
+
+
+def stride_reference(recorded: RecordedStride, grid: Grid, options: StrideOptions) -> StrideReference:
+    """The recorded stride at the grid's instants."""
+    times, period = grid.times_s, recorded.period_s
+    q, v, a = recorded.sample(times)
+    grf, cop, known = recorded.grf(times), recorded.cop(times), recorded.known(times)
+    spans = {"prosthetic": recorded.prosthetic_stance, "intact": recorded.intact_stance}
+    stance, clear = {}, {}
+    for foot, span in spans.items():
+        if span is None:
+            stance[foot] = clear[foot] = np.zeros(len(times), dtype=bool)
+            continue
+        stance[foot] = ~np.isnan(_share(times, *span, period))
+        swing = _share(times, span[1], span[0] + period, period)
+        clear[foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
+    late = _share(times, *recorded.prosthetic_stance, period) >= options.late_share
+    return StrideReference(
+        q=q, v=v, a=a, known=known, stance=stance, late=late, clear=clear,
+        force={foot: np.nan_to_num(grf[foot][:, :2]) if foot in grf else np.zeros((len(times), 2)) for foot in FEET},
+        cop_x={foot: np.nan_to_num(cop[foot]) if foot in cop else np.zeros(len(times)) for foot in FEET})
+
+
+def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
+    """(N,) share of the way from start to end at times that count modulo the period, NaN outside of it."""
+    share = np.mod(times_s - start, period_s) / (end - start)
+    return np.where(share <= 1.0, share, np.nan)

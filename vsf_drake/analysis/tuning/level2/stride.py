@@ -7,17 +7,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from vsf_drake.analysis.collocation.grid import Grid, Layout
 from vsf_drake.analysis.collocation.problem import Design, Limits, TrajectoryProblem
 from vsf_drake.analysis.collocation.solution import Start
-from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms
-from vsf_drake.analysis.tuning.level2.function import StrideFunction
+from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, Terms, stride_reference
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
-from vsf_drake.analysis.tuning.level2.reference import stride_reference
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.errors import SimulationError
+from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
-from vsf_drake.simulation.sagittal.quasi_static import quasi_static_motion
 from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 MM = 1e-3
@@ -139,3 +140,69 @@ def _variable_scales(layout: Layout) -> np.ndarray:
     w = np.concatenate([socket, np.full(layout.k - len(SOCKET), 0.02)])
     scale[layout.w], scale[layout.u] = w, 10.0 * w
     return scale
+
+
+# Keel and socket under the load of a given motion: the displacements at which every instant is in balance.
+
+
+BALANCED = 1e-8
+"""Largest force (N) or moment (N m) that is left, over body weight."""
+ITERATIONS, HALVINGS = 100, 25
+
+
+def quasi_static_motion(
+    model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
+    smoothing: Smoothing, *, start: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,).
+
+    Args:
+        rates: (N, N) sparse, u = rates w over the instants. It must not look ahead only, as a one-sided difference
+            at the first instant does: a damper would push; let a motion that is not periodic begin with a row of 0.
+        start: (12, N) first guess; zeros by default.
+
+    Raises:
+        SimulationError: Newton's method finds no balance, with the instant and coordinate that lack most.
+    """
+    k, N = len(model.quasi_static), q.shape[1]
+    w = np.zeros((k, N)) if start is None else np.array(start)
+    design = np.repeat(np.asarray(p, dtype=float)[:, None], N, 1)
+    rows, rates = slice(3, 3 + k), sp.coo_matrix(rates)
+
+    def left(w: np.ndarray) -> np.ndarray:
+        return model.evaluate(q, v, a, w, (rates @ w.T).T, design, smoothing)[rows]
+
+    first = 3 * len(q)
+    for _ in range(ITERATIONS):
+        y, by = linearise(model, q, v, a, w, (rates @ w.T).T, design, smoothing)
+        r, by = y[rows], by[rows, first:first + 2 * k]
+        if np.abs(r).max() <= BALANCED * model.weight:
+            return w, (rates @ w.T).T
+        if not np.isfinite(by).all():
+            break
+        try:
+            step = -_solved(by[:, :k], by[:, k:], rates, r)
+        except RuntimeError:  # exactly singular
+            break
+        size, before = 1.0, float((r * r).sum())
+        for _ in range(HALVINGS):
+            after = left(w + size * step)
+            if float((after * after).sum()) < before * (1.0 - 1e-4 * size):
+                break
+            size *= 0.5
+        else:
+            break
+        w = w + size * step
+    at, instant = np.unravel_index(np.argmax(np.where(np.isfinite(r), np.abs(r), np.inf)), r.shape)
+    raise SimulationError(f"keel and socket find no balance under this motion's load: at instant {instant + 1} of {N} "
+                          f"{model.quasi_static[at]} is off by {abs(r[at, instant]):.3g} N or N m", time_s=0.0)
+
+
+def _solved(by_w: np.ndarray, by_u: np.ndarray, rates: sp.coo_matrix, r: np.ndarray) -> np.ndarray:
+    """w (k, N) for which by_w w + by_u (rates w) is r, with (k, k, N) by instants; an instant's unknowns together."""
+    k, N = r.shape
+    i, j = (index[..., None] for index in np.indices((k, k)))
+    of, at = (np.concatenate([np.arange(N), part]) * k for part in (rates.row, rates.col))
+    entries = np.concatenate([by_w, by_u[..., rates.row] * rates.data], axis=-1)
+    A = sp.csc_matrix((entries.ravel(), ((of + i).ravel(), (at + j).ravel())), shape=(k * N, k * N))
+    return splu(A).solve(r.T.ravel()).reshape(N, k).T

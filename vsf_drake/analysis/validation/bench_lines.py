@@ -1,0 +1,349 @@
+"""The bench of the validation, setting by setting: the measured curves, and what each model does there."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.bench_metrics import mid_range_displacement, published_stiffness, stiffness
+from vsf_drake.analysis.validation.bench_statistics import (
+    GRID,
+    agreement,
+    at_loads,
+    curve_errors,
+    mean_and_half_width,
+    rising,
+    up_to,
+)
+from vsf_drake.bench_curves import BenchCurves, MeasuredCurve
+from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM, Bench
+
+LEAST_LOAD_N = 1.25 * STIFFNESS_ABOVE_N
+"""Largest load from which a pass has a stiffness: less leaves too little of it above 200 N."""
+MOST_LOAD_N = 5000.0
+"""What the simulated machine presses with at most."""
+
+Curve = tuple[np.ndarray, np.ndarray]
+"""Displacement (mm) and load (N) from (0, 0), rising."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setting:
+    """One position of the fulcrum (m from A; None for the heel) with its measured passes, up to one load (N)."""
+
+    fulcrum_m: float | None
+    load_n: float
+    passes: tuple[Curve, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """What it is called in messages."""
+        return "heel" if self.fulcrum_m is None else f"fulcrum at {1e3 * self.fulcrum_m:g} mm"
+
+    @property
+    def curve(self) -> Curve | None:
+        """The measured curve: the only pass, or the mean displacement of all at equal loads; None without one."""
+        if len(self.passes) < 2:
+            return self.passes[0] if self.passes else None
+        loads = np.linspace(0.0, self.load_n, GRID)
+        return np.mean([at_loads(*one, loads) for one in self.passes], axis=0), loads
+
+    @property
+    def judged(self) -> bool:
+        """Whether its measured stiffness can be compared."""
+        return bool(self.passes) and self.load_n >= LEAST_LOAD_N
+
+    def row(self) -> dict[str, Any]:
+        """What is known of it without a model."""
+        published = published_stiffness(self.fulcrum_m)
+        return {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
+                "max_load_n": self.load_n, "repeats": len(self.passes),
+                "published_n_per_mm": None if published is None else 1e-3 * published, "measured": self._measured()}
+
+    def _measured(self) -> dict[str, Any] | None:
+        if self.curve is None:
+            return None
+        values = [described(one, self.where) for one in self.passes]
+        found: dict[str, float | None] = {}
+        for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
+            if values[0][key] is not None:
+                mean, half = mean_and_half_width(np.array([value[key] for value in values]))
+                found |= {key: float(mean), f"{key}_half_width": float(half) if math.isfinite(half) else None}
+            else:
+                found |= {key: None, f"{key}_half_width": None}
+        return described(self.curve, self.where) | found
+
+
+def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[Setting]:
+    """The measured settings, or `fulcrums_m` where none was measured, and the heel in any case, last."""
+    found: dict[float | None, list[MeasuredCurve]] = {}
+    for curve in bench.curves if bench is not None else ():
+        found.setdefault(curve.fulcrum_m, []).append(curve)
+    positions = sorted(x for x in found if x is not None) or list(fulcrums_m)
+    settings = []
+    for position in [*positions, None]:
+        curves = [rising(1e3 * curve.displacement_m, curve.load_n) for curve in found.get(position, ())]
+        largest = min([float(load[-1]) for _, load in curves], default=LOAD_N)
+        largest = min(largest, MOST_LOAD_N)
+        settings.append(Setting(fulcrum_m=position, load_n=largest,
+                                passes=tuple(up_to(*curve, largest) for curve in curves)))
+    return settings
+
+
+def described(curve: Curve, where: str) -> dict[str, Any]:
+    """Stiffness, mid-range displacement, stored energy and shape of one rising curve; None without 250 N."""
+    x, load = curve
+    enough = load[-1] >= LEAST_LOAD_N * (1.0 - 1e-9)
+    return {"stiffness_n_per_mm": stiffness_n_per_mm(x, load, where) if enough else None,
+            "mid_range_mm": mid_range_mm(x, load, where), "max_displacement_mm": float(x[-1]),
+            "stored_j": 1e-3 * energy(x, load), "shape": shape(x, load) if enough else None}
+
+
+def pressed(
+    foot: FootParameters, settings: Sequence[Setting], *, heel: bool = True
+) -> tuple[list[Curve | None], int, list[str]]:
+    """The foot's curve at every setting up to its load, unconverged steps, and what could not be done.
+
+    Without `heel` there is None at the heel.
+    """
+    machine, missing, unconverged = Machine(foot), [], 0
+    curves: list[Curve | None] = []
+    for setting in settings:
+        if setting.fulcrum_m is None and not heel:
+            curves.append(None)
+            continue
+        try:
+            x, load, failed = machine.press(setting.fulcrum_m, max(setting.load_n, LEAST_LOAD_N))
+            curves.append(up_to(*rising(x, load), setting.load_n))
+            unconverged += failed
+        except (InputError, SimulationError) as error:
+            curves.append(None)
+            missing.append(f"{setting.where}: {error}.")
+    return curves, unconverged, missing
+
+
+def compared(setting: Setting, curve: Curve | None) -> dict[str, Any] | None:
+    """A model's values at one setting, and by what they differ from the measured ones."""
+    if curve is None:
+        return None
+    own, measured = described(curve, setting.where), setting.row()["measured"]
+    if measured is None or setting.curve is None:
+        return own
+    errors = curve_errors(*curve, *setting.curve)
+    k, k_measured = own["stiffness_n_per_mm"], measured["stiffness_n_per_mm"]
+    return own | {
+        "stiffness_error_n_per_mm": None if k is None or k_measured is None else k - k_measured,
+        "mid_range_offset_mm": own["mid_range_mm"] - measured["mid_range_mm"],
+        "stored_error_j": own["stored_j"] - measured["stored_j"],
+        "curve_rmse_mm": errors["displacement"], "curve_rmse_n": errors["load"]}
+
+
+def statistics(settings: Sequence[Setting], rows: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
+    """Agreement over the forefoot's judged settings; None where there is none. `rows` are those of `compared`."""
+    pairs = [(setting.row()["measured"], row) for setting, row in zip(settings, rows, strict=True)
+             if setting.fulcrum_m is not None and setting.judged and row is not None]
+    if not pairs:
+        return None
+    values = {key: np.array([[row[key], measured[key]] for measured, row in pairs]).T
+              for key in ("stiffness_n_per_mm", "mid_range_mm")}
+    k, mid = (agreement(*values[key]) for key in ("stiffness_n_per_mm", "mid_range_mm"))
+    return {
+        "n": k["n"], "stiffness_r2": k["r2"], "stiffness_correlation2": k["correlation2"],
+        "stiffness_rmse_n_per_mm": k["rmse"], "stiffness_bias_n_per_mm": k["bias"],
+        "stiffness_bias_half_width_n_per_mm": k["bias_half_width"], "mid_range_rmse_mm": mid["rmse"],
+        "mid_range_bias_mm": mid["bias"], "mid_range_bias_half_width_mm": mid["bias_half_width"],
+        "curve_rmse_mm": float(np.sqrt(np.mean([row["curve_rmse_mm"] ** 2 for _, row in pairs]))),
+        "curve_rmse_n": float(np.sqrt(np.mean([row["curve_rmse_n"] ** 2 for _, row in pairs])))}
+
+
+def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
+    """Curves on shared loads, (settings, 201): `load_n`, `measured_mm` with `measured_half_width_mm` (95 %), and for
+    each line `<key>_mm`; the slopes dF/dx likewise as `measured_tangent_n_per_mm`, `<key>_tangent_n_per_mm`."""
+    loads = np.array([np.linspace(0.0, setting.load_n, GRID) for setting in settings])
+    arrays = {"load_n": loads, "measured_half_width_mm": np.full(loads.shape, np.nan)}
+    for i, setting in enumerate(settings):
+        if len(setting.passes) > 1:
+            arrays["measured_half_width_mm"][i] = mean_and_half_width(
+                np.array([at_loads(*one, loads[i]) for one in setting.passes]))[1]
+    for key, curves in ({"measured": [setting.curve for setting in settings]} | by_line).items():
+        arrays[f"{key}_mm"], arrays[f"{key}_tangent_n_per_mm"] = np.full((2, *loads.shape), np.nan)
+        for i, curve in enumerate(curves):
+            if curve is not None:
+                arrays[f"{key}_mm"][i] = at_loads(*curve, loads[i])
+                arrays[f"{key}_tangent_n_per_mm"][i] = tangent(*curve, loads[i])
+    return arrays
+
+
+# The simulated testing machine as the validation uses it: pass by pass, in mm and N, loading or there and back.
+
+
+LOAD_N = 600.0
+"""Largest load of a pass, where no measured curve says another."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Loop:
+    """The platen up to a load and down again at one speed.
+
+    Attributes:
+        up_mm, up_n: (n,) loading, from (0, 0).
+        down_mm, down_n: (m,) unloading, in order: the displacement falls.
+        loading_s: duration of the loading.
+        unconverged_steps: accepted without convergence; the energies are then doubtful.
+    """
+
+    up_mm: np.ndarray
+    up_n: np.ndarray
+    down_mm: np.ndarray
+    down_n: np.ndarray
+    loading_s: float
+    unconverged_steps: int
+
+    @property
+    def stored_j(self) -> float:
+        """Work of the platen on the foot while it loads."""
+        return 1e-3 * energy(self.up_mm, self.up_n)
+
+    @property
+    def returned_j(self) -> float:
+        """Work of the foot on the platen while it unloads."""
+        return -1e-3 * energy(np.append(self.up_mm[-1], self.down_mm), np.append(self.up_n[-1], self.down_n))
+
+
+class Machine:
+    """One foot in the testing machine; forefoot and heel are built when they are first pressed."""
+
+    def __init__(self, foot: FootParameters) -> None:
+        self.foot = foot
+        self._benches: dict[bool, Bench] = {}
+
+    def press(
+        self, fulcrum_m: float | None, load_n: float = LOAD_N, speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """Displacement (mm) and load (N) from (0, 0) to exactly `load_n`, and how many steps did not converge.
+
+        Args:
+            fulcrum_m: m from A; None for the heel.
+
+        Raises:
+            InputError, SimulationError: see `simulation.bench.Bench.press`.
+        """
+        setting = self._bench(fulcrum_m).press(
+            fulcrum_m=self._carriage(fulcrum_m), max_load_n=load_n, speed_m_per_s=speed_m_per_s)
+        x, load = from_touch(setting.platen_m, setting.load_n)
+        return *up_to(x, load, load_n), setting.unconverged_steps
+
+    def loop(
+        self, fulcrum_m: float | None, load_n: float, speed_m_per_s: float, *, steps_per_mm: float = STEPS_PER_MM
+    ) -> Loop:
+        """Up to where the load is reached at this speed, and down to touch-down at the same.
+
+        The platen's speed jumps at the top and viscous forces with it: the loading's last load is extrapolated from
+        the two steps before.
+
+        Raises:
+            InputError, SimulationError: see `press`.
+        """
+        top = 1e-3 * float(self.press(fulcrum_m, load_n, speed_m_per_s)[0][-1])
+        steps = int(np.ceil(top * 1e3 * steps_per_mm))
+        way = np.linspace(0.0, top, steps + 1)
+        platen = np.concatenate((way, way[-2::-1]))
+        setting = self._bench(fulcrum_m).follow(
+            fulcrum_m=self._carriage(fulcrum_m), time_s=np.linspace(0.0, 2.0 * top / speed_m_per_s, 2 * steps + 1),
+            platen_m=platen)
+        x, load = from_touch(setting.platen_m[:steps], setting.load_n[:steps])
+        load[-1] = 2.0 * load[-2] - load[-3]
+        return Loop(up_mm=x, up_n=load, down_mm=1e3 * setting.platen_m[steps:], down_n=setting.load_n[steps:],
+                    loading_s=top / speed_m_per_s, unconverged_steps=setting.unconverged_steps)
+
+    def _bench(self, fulcrum_m: float | None) -> Bench:
+        heel = fulcrum_m is None
+        if heel not in self._benches:
+            self._benches[heel] = Bench(self.foot, heel=heel)
+        return self._benches[heel]
+
+    def _carriage(self, fulcrum_m: float | None) -> float:
+        return self.foot.fulcrum.rearmost_m if fulcrum_m is None else fulcrum_m
+
+
+def from_touch(platen_m: np.ndarray, load_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A simulated pass in mm and N with its touch-down, (0, 0), before the end of its first step."""
+    return np.concatenate(([0.0], 1e3 * platen_m)), np.concatenate(([0.0], load_n))
+
+
+def moved_load(foot: FootParameters, load_point_m: float) -> FootParameters:
+    """The foot with its load point elsewhere (m from A); the foam under it stays as it is."""
+    return dataclasses.replace(foot, load_point_m=load_point_m)
+
+
+def stiffness_n_per_mm(x: np.ndarray, load: np.ndarray, where: str) -> float:
+    """Mean slope above 200 N of a curve in mm and N (`analysis.bench_metrics.stiffness`)."""
+    return 1e-3 * stiffness(1e-3 * x, load, where=where)
+
+
+def mid_range_mm(x: np.ndarray, load: np.ndarray, where: str) -> float:
+    """Displacement at half of the largest load (`analysis.bench_metrics.mid_range_displacement`)."""
+    return 1e3 * mid_range_displacement(1e-3 * x, load, where=where)
+
+
+# How straight a load-displacement curve is: the linear part and the curvilinear one, told apart.
+#
+# McGeehan 2021 (doi 10.1115/1.4050456) takes the first 200 N for the foam and the rest for the keel: measured curves were
+# most linear at 66 and 87 mm and curvilinear from 108 mm on. Here that becomes numbers. Pure functions of arrays; units
+# are the caller's.
+
+
+TOE_N = 50.0
+"""Load up to which the first slope is taken."""
+WINDOW_N = 20.0
+"""To both sides of a load, over which the slope there is taken."""
+
+
+def shape(x: np.ndarray, load: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N) -> dict[str, float | None]:
+    """Of a rising curve from (0, 0) to beyond `above_n` (N).
+
+    Returns:
+        line_r2 and line_r2_above: share of the load's variance that a straight line explains, over the whole travel and
+        over that above `above_n`; curvature_share: largest distance of the curve from its chord, along the
+        displacement, over the whole travel; first_slope_ratio: slope up to 50 N over that above `above_n`; toe and
+        toe_share: displacement, and share of the travel, by which the curve up to `above_n` exceeds the straight line
+        with the slope above it through zero load, positive where the foot stiffens.
+    """
+    end = float(load[-1])
+    k = (end - above_n) / (x[-1] - at_loads(x, load, np.array([above_n]))[0])
+    chord = x - load * x[-1] / end
+    at_above, at_toe = at_loads(x, load, np.array([above_n, TOE_N]))
+    toe = float(at_above - above_n / k)
+    return {"line_r2": _line_r2(x, load, 0.0), "line_r2_above": _line_r2(x, load, float(at_above)),
+            "curvature_share": float(np.max(np.abs(chord)) / x[-1]), "first_slope_ratio": float(TOE_N / at_toe / k),
+            "toe": toe, "toe_share": toe / float(x[-1])}
+
+
+def tangent(x: np.ndarray, load: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Slope dF/dx at `loads` (N), from 20 N less to 20 N more of each; NaN where the curve lacks them."""
+    low, high = loads - WINDOW_N, loads + WINDOW_N
+    inside = (low >= 0.0) & (high <= load[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (high - low) / (at_loads(x, load, high) - at_loads(x, load, np.maximum(low, 0.0)))
+    return np.where(inside, slope, np.nan)
+
+
+def energy(x: np.ndarray, load: np.ndarray) -> float:
+    """Integral of the load over the displacement (trapezoidal): N mm, which is mJ, for mm and N."""
+    return float(np.trapezoid(load, x))
+
+
+def _line_r2(x: np.ndarray, load: np.ndarray, start: float) -> float:
+    """R² of a straight line of load over displacement, samples evenly along the displacement."""
+    places = np.linspace(start, float(x[-1]), GRID)
+    values = np.interp(places, x, load)
+    left = values - np.polyval(np.polyfit(places, values, 1), places)
+    return float(1.0 - np.sum(left**2) / np.sum((values - values.mean()) ** 2))

@@ -1,0 +1,410 @@
+"""The bench section of the validation: the foot in the testing machine, experiment beside simulation.
+
+After Table 2 and Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), and beyond: speeds from 5 to 5000 mm/min, the way
+back with its energy, other points of the load. Statistics are over the forefoot's positions; the heel stands apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from vsf_drake.analysis.validation.bench_lines import (
+    LOAD_N,
+    Loop,
+    Machine,
+    Setting,
+    compared,
+    curve_arrays,
+    moved_load,
+    pressed,
+    settings_of,
+    statistics,
+    stiffness_n_per_mm,
+)
+from vsf_drake.analysis.validation.bench_statistics import at_loads, regression, rising
+from vsf_drake.analysis.validation.study import Progress, Section, Study
+from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.json_file import plain
+from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
+from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
+from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.plants.refined_foot import with_elements
+from vsf_drake.resources import resource
+from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM
+
+PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}
+"""Of the paper's model against its own bench (McGeehan 2021, Table 2)."""
+FINER = 4
+"""Parts into which each keel element is cut for the line that tells the coarseness of the keel from the rest."""
+QUICK_FULCRUMS, QUICK_SPEEDS_MM_PER_MIN = 3, (50.0, 5000.0)
+LINE_POINTS = 51
+"""Of the regression's line."""
+
+
+def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
+
+    Returns:
+        A table with `stiffness_r2`, `stiffness_rmse_n_per_mm` and `mid_range_rmse_mm` of the study's model (None
+        without measured curves) and their limits; `lines`, one a model with its `statistics` and, where it was
+        calibrated, those of the settings `held_out` from that; `settings`, one a position with measured and simulated
+        values; `rates`; `load_points`. Arrays: see `curve_arrays`, `rates.rates`.
+    """
+
+    def show(what: str, fraction: float) -> None:
+        if progress:
+            progress(f"bench: {what}", fraction)
+
+    settings = settings_of(study.bench, PUBLISHED_FULCRUMS_M)
+    outside = _out_of_reach(study.model.foot, settings)
+    missing = [*_missing_inputs(study, settings), *outside.values()]
+    lines, found, unconverged, failures = _lines(study, settings, show)
+    missing += [text for text in failures if not any(f", {where}: " in text for where in outside)]
+    measured = [setting for setting in settings if setting.judged and setting.fulcrum_m is not None]
+    rows = [setting.row() for setting in settings]
+    for line in lines:
+        of_line = [compared(setting, curve) for setting, curve in zip(settings, found[line["key"]], strict=True)]
+        for row, values in zip(rows, of_line, strict=True):
+            row[line["key"]] = values
+        line["statistics"] = statistics(settings, of_line)
+        line["within_limits"] = _within(line["statistics"])
+        if line["fitted_mm"]:
+            held = [i for i, row in enumerate(rows) if row["fulcrum_mm"] not in line["fitted_mm"]]
+            line["held_out"] = statistics([settings[i] for i in held], [of_line[i] for i in held])
+        line["end_points"] = _end_points(rows, line["key"])
+    arrays = curve_arrays(settings, found)
+    own = lines[0]["statistics"] or dict.fromkeys(PAPER)
+    trend = _regression(rows) if measured else None
+    if trend is not None:
+        arrays |= {f"regression_{key}": trend.pop(key) for key in ("measured_n_per_mm", "line", "low", "high")}
+    elif measured:
+        missing.append("Fewer than three measured positions: no regression of simulated on measured stiffness.")
+    show("speeds", 0.5)
+    quick = study.options.quick
+    fulcrums = [setting.fulcrum_m for setting in settings
+                if setting.fulcrum_m is not None and setting.where not in outside]
+    if quick and len(fulcrums) > QUICK_FULCRUMS:
+        fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
+    speeds = QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN
+    loops, loop_arrays, failures = rates(
+        Machine(study.model.foot), (*fulcrums, None), speeds, progress=lambda f: show("speeds", 0.5 + 0.4 * f))
+    missing += failures
+    points, failures = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
+    missing += failures
+    loop_positions = [None if x is None else round(1e3 * x, 6) for x in (*fulcrums, None)]
+    table = {
+        **{key: own[key] for key in PAPER}, "limits": PAPER, "within_limits": lines[0]["within_limits"],
+        "n": lines[0]["statistics"]["n"] if lines[0]["statistics"] else 0,
+        "measured": study.bench is not None, "measured_name": study.bench.name if study.bench else None,
+        "measured_synthetic": study.bench.synthetic if study.bench else None,
+        "touch_down_extrapolated": sum(curve.first_load_n > 0.0 for curve in study.bench.curves) if study.bench else 0,
+        "speed_mm_per_min": 60e3 * PUBLISHED_SPEED_M_PER_S, "contact_name": study.contact_name or None,
+        "contact_on_bench": [text for text in study.contact.verdict if "bench" in text] if study.contact else None,
+        "lines": lines, "settings": rows, "regression": trend, "rates": loops, "rate_settings_mm": loop_positions,
+        "rate_speeds_mm_per_min": list(speeds), "load_points": points,
+        "unconverged_steps": unconverged + sum(row["unconverged_steps"] for row in loops)}
+    return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
+
+
+def _out_of_reach(foot: FootParameters, settings: list[Setting]) -> dict[str, str]:
+    """A sentence for each measured position that this foot's carriage cannot take, by `Setting.where`."""
+    found = {}
+    for setting in settings:
+        try:
+            if setting.fulcrum_m is not None:
+                check_fulcrum(setting.fulcrum_m, foot)
+        except InputError as error:
+            found[setting.where] = f"Not simulated: {error.what}. {error.right}."
+    return found
+
+
+def _missing_inputs(study: Study, settings: list[Setting]) -> list[str]:
+    if study.bench is None:
+        return ["Without measured load-displacement curves there is no R², RMSE, offset or 95 % band: stiffness "
+                "stands beside the published end points only (66 mm, 151 mm and the heel)."]
+    missing = [f"Measured, {s.where}: at most {s.load_n:.4g} N, too little for a stiffness above 200 N."
+               for s in settings if s.passes and not s.judged]
+    if all(s.fulcrum_m is None or not s.passes for s in settings):
+        missing.append("The bench file holds the heel only: nothing is compared at the forefoot.")
+    if not settings[-1].passes:
+        missing.append("The heel was not measured.")
+    if all(len(setting.passes) < 2 for setting in settings):
+        missing.append("One measured pass a setting: the repeatability of the measurement is not known, so its curves "
+                       "have no band.")
+    return missing
+
+
+def _lines(
+    study: Study, settings: list[Setting], show: Progress
+) -> tuple[list[dict[str, Any]], dict[str, list], int, list[str]]:
+    """The models that are pressed, their curves by key, unconverged steps, and what could not be done."""
+    nominal = load_model(resource("models/nominal.yaml"))
+    same = nominal.foot == study.model.foot
+    own = "fitted contact" if study.contact else "nominal" if same else "study's model"
+    feet: dict[str, FootParameters] = {"model": study.model.foot}
+    lines: list[dict[str, Any]] = [{"key": "model", "name": own, "fitted_mm": None}]
+    if not same:
+        feet["nominal"] = nominal.foot
+        lines.append({"key": "nominal", "name": "nominal", "fitted_mm": None})
+    coarse = len(study.model.foot.keel.element_lengths_m)
+    finer = FINER * coarse
+    feet["refined"] = with_elements(study.model.foot, finer)
+    lines.append({"key": "refined", "name": f"{own}, {finer} elements", "fitted_mm": None, "elements": finer,
+                  "coarse_elements": coarse})
+    missing = []
+    show("calibration", 0.1)
+    calibration, problem = _calibration(study.model, settings)
+    if calibration is not None:
+        foot = feet["calibrated"] = calibration.foot
+        lines.append({
+            "key": "calibrated", "name": "calibrated to two curves",
+            "fitted_mm": [round(1e3 * x, 6) for x in calibration.fulcrums_m], "at_bound": list(calibration.at_bound),
+            "fulcrum_stiffness_n_per_m": foot.fulcrum.stiffness_n_per_m,
+            "series_stiffness": foot.series_stiffness_n_per_m, "series_exponent": foot.series_exponent})
+    elif problem:
+        missing.append(problem)
+    found, unconverged = {}, 0
+    for i, (key, foot) in enumerate(feet.items()):
+        show("pressing", 0.2 + 0.07 * i)
+        # finer keel and calibration are the forefoot's: at the heel those feet are the study's
+        found[key], failed, failures = pressed(foot, settings, heel=key not in ("calibrated", "refined"))
+        unconverged += failed
+        missing += [f"Bench, {lines[i]['name']}, {failure}" for failure in failures]
+    return lines, found, unconverged, missing
+
+
+def _calibration(model: ModelParameters, settings: list[Setting]) -> tuple[Calibration | None, str | None]:
+    low, high = model.foot.fulcrum.rearmost_m, model.foot.fulcrum.foremost_m
+    curves = {s.fulcrum_m: s.curve for s in settings
+              if s.fulcrum_m is not None and s.judged and s.curve is not None and low <= s.fulcrum_m <= high}
+    if not curves:
+        return None, None
+    if len(curves) < 3:
+        return None, "Fewer than three usable measured positions: no foot is calibrated to two of them."
+    try:
+        return calibrated(model.foot, curves), None
+    except (InputError, SimulationError) as error:
+        return None, f"The foot could not be calibrated to the measured curves: {error}."
+
+
+def _end_points(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """Stiffness less the published one where there is one."""
+    return [{"fulcrum_mm": row["fulcrum_mm"], "published_n_per_mm": row["published_n_per_mm"],
+             "error_n_per_mm": row[key]["stiffness_n_per_mm"] - row["published_n_per_mm"]}
+            for row in rows
+            if row["published_n_per_mm"] is not None and row[key] and row[key]["stiffness_n_per_mm"] is not None]
+
+
+def _regression(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
+    pairs = np.array([[row["measured"]["stiffness_n_per_mm"], row["model"]["stiffness_n_per_mm"]] for row in rows
+                      if row["fulcrum_mm"] is not None and row["measured"] and row["model"]
+                      and None not in (row["measured"]["stiffness_n_per_mm"], row["model"]["stiffness_n_per_mm"])])
+    if len(pairs) < 3:
+        return None
+    at = np.linspace(pairs[:, 0].min(), pairs[:, 0].max(), LINE_POINTS)
+    found = regression(pairs[:, 0], pairs[:, 1], at)
+    return None if found is None else found | {"measured_n_per_mm": at}
+
+
+def _within(found: dict[str, Any] | None) -> dict[str, bool | None]:
+    """Whether each of the paper's figures is reached; None where it is not known."""
+    own: dict[str, Any] = found or dict.fromkeys(PAPER)
+    return {key: None if (value := own[key]) is None else bool(value >= limit if key.endswith("r2") else value <= limit)
+            for key, limit in PAPER.items()}
+
+
+# The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
+#
+# The paper's joints were tuned on the bench; this is the like. Three numbers move, the fulcrum's stiffness and the two of
+# the foam between load and keel, and minimise the difference of displacement at equal loads, each curve in parts of
+# its own largest displacement. The keel's modulus stays the material's.
+
+
+SAMPLES = 20
+"""Loads a curve, evenly up to its largest."""
+MIDDLE_N = 300.0
+"""Load at which the foam's depth is one of the unknowns: nearly independent of its exponent."""
+_LOW, _HIGH = (math.log(1e4), math.log(1e-4), 1.0), (math.log(1e7), math.log(3e-2), 6.0)
+"""log fulcrum stiffness (N/m), log foam depth (m) at 300 N, exponent."""
+_EVALUATIONS = 60
+_STEP = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """The foot, what it was calibrated to (m from A), and which of its numbers ended at a bound."""
+
+    foot: FootParameters
+    fulcrums_m: tuple[float, float]
+    at_bound: tuple[str, ...]
+
+
+def calibrated(
+    foot: FootParameters, curves: Mapping[float, tuple[np.ndarray, np.ndarray]]
+) -> Calibration:
+    """`foot` calibrated to the rising curves (mm, N) of the rearmost and the foremost of the fulcrum positions (m).
+
+    Raises:
+        InputError, SimulationError: a trial foot cannot be pressed, or the search does not end.
+    """
+    ends = min(curves), max(curves)
+    loads = {x: np.linspace(0.0, float(curves[x][1][-1]), SAMPLES + 1)[1:] for x in ends}
+    measured = {x: at_loads(*curves[x], loads[x]) for x in ends}
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        machine = Machine(_with(foot, values))
+        parts = []
+        for x in ends:
+            found = at_loads(*machine.press(x, float(loads[x][-1]))[:2], loads[x])
+            parts.append((found - measured[x]) / measured[x][-1])
+        return np.concatenate(parts)
+
+    k, n = foot.series_stiffness_n_per_m, foot.series_exponent
+    start = np.array([math.log(foot.fulcrum.stiffness_n_per_m),
+                      math.log(MIDDLE_N / secant_stiffness(k, n, MIDDLE_N)), max(n, 1.0 + 10 * _STEP)])
+    start = np.clip(start, np.array(_LOW) + 10 * _STEP, np.array(_HIGH) - 10 * _STEP)
+    found = least_squares(residuals, start, bounds=(_LOW, _HIGH), diff_step=_STEP, xtol=1e-5, ftol=1e-6,
+                          max_nfev=_EVALUATIONS)
+    if not found.success:
+        raise InputError(f"the calibration to the measured curves found no end: {found.message}")
+    names = ("fulcrum stiffness", "foam stiffness", "foam exponent")
+    return Calibration(foot=_with(foot, found.x), fulcrums_m=ends,
+                       at_bound=tuple(name for name, state in zip(names, found.active_mask, strict=True) if state))
+
+
+def _with(foot: FootParameters, values: np.ndarray) -> FootParameters:
+    exponent, depth = float(values[2]), math.exp(values[1])
+    return dataclasses.replace(
+        foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=math.exp(values[0])),
+        series_stiffness_n_per_m=MIDDLE_N / depth**exponent, series_exponent=exponent)
+
+
+# What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.
+
+
+SPEEDS_MM_PER_MIN = (5.0, 50.0, 500.0, 5000.0)
+LOAD_POINT_SHIFTS_M = (-0.020, -0.010, 0.0, 0.010)
+"""Of the load point from the model's own: 179, 189, 199 and 209 mm from A for the published foot."""
+LOOP_SAMPLES = 101
+"""Of each half of a loop, evenly in displacement."""
+
+
+def rates(
+    machine: Machine, fulcrums_m: Sequence[float | None], speeds_mm_per_min: Sequence[float],
+    *, steps_per_mm: float = STEPS_PER_MM, progress: Callable[[float], None] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
+    """Loading to 600 N and unloading at the same speed, at every position and speed.
+
+    What is lost is the small difference of two large energies, and the steps leave an error in it in proportion to
+    their size. So every loop is followed twice, with steps twice as long too, and the loss is extrapolated to none.
+
+    Args:
+        steps_per_mm: of the finer steps.
+
+    Returns:
+        One row each; the loops at the highest speed, `loop_mm` and `loop_n` (settings, 2, 101) with loading first;
+        what could not be done.
+    """
+    rows: list[dict[str, Any]] = []
+    missing: list[str] = []
+    shape = len(fulcrums_m), 2, LOOP_SAMPLES
+    loops = {"loop_mm": np.full(shape, np.nan), "loop_n": np.full(shape, np.nan)}
+    for i, fulcrum in enumerate(fulcrums_m):
+        for j, speed in enumerate(speeds_mm_per_min):
+            where = "heel" if fulcrum is None else f"fulcrum at {1e3 * fulcrum:g} mm"
+            try:
+                loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * steps_per_mm)
+                                for share in (1.0, 0.5))
+                rows.append(_row(fulcrum, speed, loop, coarse, where))
+            except (InputError, SimulationError) as error:
+                missing.append(f"Loading and unloading at {speed:g} mm/min, {where}: {error}.")
+                continue
+            if speed == max(speeds_mm_per_min):
+                loops["loop_mm"][i], loops["loop_n"][i] = _sampled(loop)
+            if progress:
+                progress((i * len(speeds_mm_per_min) + j + 1) / (len(fulcrums_m) * len(speeds_mm_per_min)))
+    return rows, loops, missing
+
+
+def _row(fulcrum: float | None, speed: float, loop: Loop, coarse: Loop, where: str) -> dict[str, Any]:
+    k = stiffness_n_per_mm(*rising(loop.up_mm, loop.up_n), where)  # at high speed the keel rings at first touch
+    stored, top = loop.stored_j, float(loop.up_n[-1])
+    with_steps, with_coarse = loop.stored_j - loop.returned_j, coarse.stored_j - coarse.returned_j
+    lost = 2.0 * with_steps - with_coarse
+    return {
+        "fulcrum_mm": None if fulcrum is None else round(1e3 * fulcrum, 6), "speed_mm_per_min": speed,
+        "stiffness_n_per_mm": k, "max_load_n": top, "max_displacement_mm": float(loop.up_mm[-1]),
+        "loading_s": loop.loading_s, "stored_j": stored, "returned_j": stored - lost, "lost_j": lost,
+        "lost_step_error_j": abs(with_steps - with_coarse), "return_ratio": 1.0 - lost / stored,
+        "linear_spring_j": 1e-3 * top**2 / (2.0 * k),
+        "unconverged_steps": loop.unconverged_steps + coarse.unconverged_steps,
+    }
+
+
+def _sampled(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
+    up = np.linspace(0.0, loop.up_mm[-1], LOOP_SAMPLES)
+    way_mm = np.append(loop.up_mm[-1], loop.down_mm)[::-1]
+    way_n = np.append(loop.up_n[-1], loop.down_n)[::-1]
+    load = np.interp(up, loop.up_mm, loop.up_n), np.interp(up[::-1], way_mm, way_n)
+    return np.array([up, up[::-1]]), np.array(load)
+
+
+def load_points(
+    model: ModelParameters, fulcrums_m: Sequence[float], progress: Callable[[float], None] | None = None
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Stiffness above 200 N with the load elsewhere on the keel, beside the closed form of the overhung beam.
+
+    Returns:
+        One row for every load point and fulcrum position; what could not be done.
+    """
+    rows: list[dict[str, Any]] = []
+    missing: list[str] = []
+    for i, shift in enumerate(LOAD_POINT_SHIFTS_M):
+        point = round(model.foot.load_point_m + shift, 9)
+        foot = moved_load(model.foot, point)
+        if not foot.fulcrum.foremost_m < point <= sum(foot.keel.element_lengths_m) + 1e-12:
+            missing.append(f"A load at {1e3 * point:g} mm from the keel's end is not on the free part of this keel.")
+            continue
+        machine = Machine(foot)
+        for fulcrum in fulcrums_m:
+            where = f"load at {1e3 * point:g} mm, fulcrum at {1e3 * fulcrum:g} mm"
+            try:
+                x, load, _ = machine.press(fulcrum)
+            except (InputError, SimulationError) as error:
+                missing.append(f"Stiffness with the {where}: {error}.")
+                continue
+            rows.append({
+                "load_point_mm": round(1e3 * point, 6), "fulcrum_mm": round(1e3 * fulcrum, 6),
+                "stiffness_n_per_mm": stiffness_n_per_mm(x, load, where),
+                "closed_form_n_per_mm": 1e-3 * small_load_stiffness(foot, fulcrum),
+                "chain_n_per_mm": 1e-3 * small_load_stiffness(foot, fulcrum, chain=True), "own_point": shift == 0.0})
+        if progress:
+            progress((i + 1) / len(LOAD_POINT_SHIFTS_M))
+    return rows, missing
+
+
+def small_load_stiffness(foot: FootParameters, fulcrum_m: float, *, chain: bool = False) -> float:
+    """Stiffness (N/m) of the keel on its fulcrum while it is hardly bent, the foam's in series.
+
+    The foam's is its mean slope between the two loads of the bench. The keel is a continuous overhung beam
+    (`laws.beam.combined_stiffness`), or the model's chain of sprung joints (`laws.beam.lumped_stiffness`): what the
+    two differ by is the chain's coarseness, and by what the simulation then exceeds the chain is large deflection.
+    """
+    k, n = foot.series_stiffness_n_per_m, foot.series_exponent
+    low, high = ((load / k) ** (1.0 / n) for load in (STIFFNESS_ABOVE_N, LOAD_N))
+    keel = foot.keel
+    given = {
+        "bending_stiffness": keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
+        "support": fulcrum_m, "load_point": foot.load_point_m, "fulcrum_stiffness": foot.fulcrum.stiffness_n_per_m,
+        "series_stiffness": (LOAD_N - STIFFNESS_ABOVE_N) / (high - low)}
+    if chain:
+        return lumped_stiffness(element_lengths=keel.element_lengths_m, **given)
+    return float(combined_stiffness(**given))

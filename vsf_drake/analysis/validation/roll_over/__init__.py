@@ -1,1 +1,0 @@
-"""The section of the validation on roll-over and inclined loading."""

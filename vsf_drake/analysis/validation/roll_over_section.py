@@ -1,0 +1,458 @@
+"""The section "roll-over": inclined loading, the ISO 22675 loading profile, and roll-over shapes in walking."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.bench_metrics import stiffness
+from vsf_drake.analysis.comparison import (
+    COP_CUTOFF_HZ,
+    FORCE_CUTOFF_HZ,
+    PERCENT,
+    THRESHOLD_N,
+    StanceComparison,
+    filtered_while_loaded,
+)
+from vsf_drake.analysis.validation.roll_over_shape import mean_moment_arm, shape_numbers
+from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
+from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.motion.events import find_stances
+from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.plants.foot import set_mount, sole_height
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
+from vsf_drake.simulation.roll_over import RollOver, RollOverRun
+from vsf_drake.simulation.roll_over_control import Following
+from vsf_drake.simulation.roll_over_paths import in_mount_frame
+
+WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effective_foot_length_ratio",
+          "mean_moment_arm_m", "arc_rms_m", "centre_forward_m", "centre_up_m")
+LEAST_FORCE_N, MOST_FORCE_N = 50.0, 5000.0
+STEPS_PER_MM, ISO_STEPS = 160.0, 1200
+QUICK_STEPS_PER_MM, QUICK_ISO_STEPS, QUICK_POSITIONS_M = 40.0, 600, (0.066, 0.108, 0.151)
+
+
+def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """Everything about rolling over.
+
+    Table: `inclined` (rows by angle and fulcrum position), `iso` (`force_n`, `force_from`, `follows`, `positions`, and
+    for comparison `with_friction`), `walks` (a row a footfall) and `conditions` (by fulcrum position, mean, SD and
+    count of `model`, `measured`, and of the model's `foot_alone` in the pylon's frame).
+
+    Raises:
+        InputError: the force of the profile is no force to test a foot with.
+    """
+    force, source = _force(study)
+    quick, foot = study.options.quick, study.model.foot
+    fulcrums, missing = _positions(foot, QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M)
+
+    def show(what: str, fraction: float) -> None:
+        if progress:
+            progress(what, fraction)
+
+    inclined, curves, failed = inclined_loading(
+        foot, fulcrums, steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM,
+        progress=lambda what, f: show(what, 0.3 * f))
+    rolled, more, failed_rolls = iso_roll_over(
+        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
+        progress=lambda what, f: show(what, 0.3 + 0.4 * f))
+    rough, _, failed_rough = iso_roll_over(
+        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS, friction=True,
+        progress=lambda what, f: show(f"{what} with friction", 0.7 + 0.1 * f))
+    missing += failed + failed_rolls + failed_rough
+    rows: list[dict[str, Any]] = []
+    for i, walk in enumerate(study.walks):
+        show("roll-over shapes", 0.8 + 0.2 * i / len(study.walks))
+        shapes, unknown = walked_shapes(walk)
+        missing += unknown
+        for j, shape in enumerate(shapes):
+            name = f"walk_{len(rows)}"
+            rows.append({**shape.row, "footfall": j + 1, "curves": name})
+            for kind, points in (("model", shape.model), ("measured", shape.measured), ("alone", shape.foot_alone)):
+                curves |= {f"{name}_{kind}_forward_m": points[:, 0], f"{name}_{kind}_up_m": points[:, 1]}
+    return Section(
+        table={
+            "inclined": inclined,
+            "iso": {"force_n": force, "force_from": source, "foot_length_m": foot.length_m,
+                    "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
+                    "with_friction": rough},
+            "walks": rows, "conditions": _conditions(rows), "foot_length_m": foot.length_m,
+            "heel_behind_pylon_m": foot.pylon_x_m - foot.heel_x_m, "synthetic": study.synthetic, "quick": quick},
+        arrays={**curves, **more}, missing=tuple(missing))
+
+
+def _force(study: Study) -> tuple[float, str]:
+    """Largest force of the profile (N), and where it comes from: "given" or "weight"."""
+    given = study.options.iso_force_n
+    if given is None:
+        return float(study.walks[0].recorded.subject.mass_kg * GRAVITY), "weight"
+    if not LEAST_FORCE_N <= given <= MOST_FORCE_N:
+        raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
+                         right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N")
+    return float(given), "given"
+
+
+def _positions(foot: FootParameters, wanted: tuple[float, ...]) -> tuple[tuple[float, ...], list[str]]:
+    """The `wanted` positions (m) that the foot's carriage reaches, and a sentence on the others."""
+    low, high = foot.fulcrum.rearmost_m - 1e-9, foot.fulcrum.foremost_m + 1e-9
+    reached = tuple(x for x in wanted if low <= x <= high)
+    left = [f"{1e3 * x:g}" for x in wanted if x not in reached]
+    return reached, [f"Not loaded: fulcrum at {', '.join(left)} mm, which this foot does not reach."] if left else []
+
+
+def _conditions(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Mean, SD (None for fewer than two) and count by fulcrum position, softest first."""
+    found = []
+    for fulcrum in sorted({row["fulcrum_mm"] for row in rows}):
+        own = [row for row in rows if row["fulcrum_mm"] == fulcrum]
+        found.append({
+            "fulcrum_mm": fulcrum, "footfalls": len(own),
+            "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in own),
+            **{side: {name: _statistics([row[side].get(name) for row in own]) for name in WALKED
+                      if name in own[0][side]} for side in ("model", "measured", "foot_alone")}})
+    return found
+
+
+def _statistics(values: Sequence[float | None]) -> dict[str, Any]:
+    known = [value for value in values if value is not None]
+    return {"mean": float(np.mean(known)) if known else None,
+            "sd": float(np.std(known, ddof=1)) if len(known) > 1 else None, "count": len(known)}
+
+
+# The foot pressed at an angle, as structural tests press feet: heel at -15 degrees, forefoot at +20 degrees.
+#
+# The angles are those of the force peaks of the ISO 22675 profile (-15.0 and +19.8 degrees), rounded; below zero loads
+# the heel. The platen is level and the foot pitched, toes up by minus the angle; the mount moves along the platen's
+# normal, and force and displacement are taken along it. On a platen without friction, as here, a test that moves the
+# pylon along its own axis gives the same energy, its displacement divided and its force multiplied by the angle's cosine.
+
+
+ANGLES_DEG = (-15.0, 20.0)
+LARGEST_LOAD_N = 600.0
+CURVE_POINTS = 201
+"""Points of a saved curve, loading and unloading."""
+BORNE_N = 1.0
+"""Load (N) from which a sphere is said to bear."""
+
+
+def inclined_loading(
+    foot: FootParameters, fulcrums_m: tuple[float, ...], *, steps_per_mm: float, friction: bool = False,
+    progress: Progress | None = None
+) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
+    """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at 50 mm/min.
+
+    Args:
+        friction: the foot's own friction with the platen. It hardly acts: the law's friction grows with the speed of
+            slip up to 0.1 m/s, and here a foot slips by less than 1 mm/s.
+
+    Returns:
+        Rows of the table, curves by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and
+        sentences on what failed.
+    """
+    machine = RollOver(foot, friction=friction)
+    rows, curves, missing = [], {}, []
+    cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
+    for i, (angle, fulcrum) in enumerate(cases):
+        if progress:
+            progress("pressing the inclined foot", i / len(cases))
+        try:
+            run = machine.press(fulcrum_m=fulcrum, pitch_rad=-np.radians(angle), max_load_n=LARGEST_LOAD_N,
+                                speed_m_per_s=PUBLISHED_SPEED_M_PER_S, steps_per_mm=steps_per_mm)
+        except SimulationError as error:
+            missing.append(f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm: {error}.")
+            continue
+        row, displacement, load = _row(machine, run, angle, fulcrum)
+        rows.append(row)
+        name = inclined_name(angle, 1e3 * fulcrum)
+        at = np.unique(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int))
+        peak = int(np.argmax(load))
+        curves[f"{name}_displacement_m"] = displacement[np.union1d(at, [peak])]
+        curves[f"{name}_load_n"] = load[np.union1d(at, [peak])]
+    return rows, curves, missing
+
+
+def inclined_name(angle_deg: float, fulcrum_mm: float) -> str:
+    """Start of the names of a case's curves."""
+    return f"inclined_{'minus' if angle_deg < 0 else 'plus'}{abs(angle_deg):.0f}_{fulcrum_mm:.0f}"
+
+
+def _row(
+    machine: RollOver, run: RollOverRun, angle: float, fulcrum: float
+) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
+    top = float(machine.touch_height(-np.radians(angle))[0])
+    displacement = np.append(0.0, top - run.mount[:, 1])
+    load = np.append(0.0, run.grf_W[:, 2])
+    peak = int(np.argmax(load))
+    stored = float(np.trapezoid(load[: peak + 1], displacement[: peak + 1]))
+    returned = -float(np.trapezoid(load[peak:], displacement[peak:]))
+    cop = in_mount_frame(run.cop_W, run.mount)
+    sites = machine.machine.foot.sites
+    bearing = run.sphere_normal_n[peak - 1] > BORNE_N
+    return {
+        "angle_deg": angle, "fulcrum_mm": 1e3 * fulcrum, "load_n": load[peak],
+        "displacement_mm": 1e3 * float(np.interp(LARGEST_LOAD_N, load[: peak + 1], displacement[: peak + 1])),
+        "stiffness_n_per_mm": 1e-3 * stiffness(displacement[: peak + 1], load[: peak + 1]),
+        "stiffness_above_n": STIFFNESS_ABOVE_N,
+        "energy_stored_j": stored, "energy_returned_j": returned, "return_ratio": returned / stored,
+        "cop_forward_mm": 1e3 * float(cop[peak - 1, 0]),
+        "zones_loaded": [name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()],
+        "unconverged_steps": run.unconverged_steps,
+    }, displacement, load
+
+
+# The loading profile of ISO 22675: force and tilt over a stance of 600 ms.
+#
+# Polynomials in the time in milliseconds, valid from 0 to 600. They came to us second-hand and were checked against
+# their own features only (peaks of 1.000 at 151 ms and 0.987 at 447.5 ms, a valley of 0.668 between them), not against
+# the standard's text. Force is a share of the first peak's, F_1cmax. Tilt below zero lowers the platform's front:
+# heel loading.
+
+
+DURATION_S = 0.6
+_FORCE = 1e-6 * np.array([
+    5.12306842296552e-9, -9.2037374110419e-6, 5.98882225167948e-3, -1.67101914899229, 164.651497111425,
+    3624.95690883228, 0.0])
+_TILT_DEG = 1e-3 * np.array([2.45074e-9, -3.75984e-6, 1.77519e-3, -0.108409, 20.7217, -20041.0])
+
+
+def force_share(time_s: np.ndarray) -> np.ndarray:
+    """(n,) F / F_1cmax at the times (n,) s; never below zero."""
+    return np.maximum(np.polyval(_FORCE, _milliseconds(time_s)), 0.0)
+
+
+def tilt_rad(time_s: np.ndarray) -> np.ndarray:
+    """(n,) tilt of the platform (rad) at the times (n,) s, negative with its front down."""
+    return np.asarray(np.radians(np.polyval(_TILT_DEG, _milliseconds(time_s))))
+
+
+def _milliseconds(time_s: np.ndarray) -> np.ndarray:
+    time = np.asarray(time_s, dtype=float)
+    if not np.all((time >= -1e-12) & (time <= DURATION_S + 1e-12)):
+        raise ValueError(f"the profile is defined from 0 to {DURATION_S:g} s only")
+    return 1e3 * time
+
+
+# The roll-over shape of each walk of a study, from the model's centre of pressure and from the plate's.
+#
+# Both are seen from the same frame, which owes the simulation nothing: the recorded residual shank's. Its origin stands
+# for the ankle, which the prosthesis does not have: the pylon's lower end, where the foot's mount is, with the socket
+# unloaded; up is along the pylon to the knee, forward the shank's own. What the socket gives under load is thus part of
+# the shape. The pylon's own frame, which moves with the socket, shows what the foot does alone; it needs the model.
+
+
+OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Poses in W over n instants: origins (n, 3) m, and forward, left and up axes as the columns of (n, 3, 3)."""
+
+    time_s: np.ndarray
+    origin: np.ndarray
+    axes: np.ndarray
+
+    def at(self, time_s: np.ndarray) -> Frames:
+        """The same at other times, on straight lines between the known ones."""
+        flat = np.column_stack([self.origin, self.axes.reshape(-1, 9)])
+        found = np.column_stack([np.interp(time_s, self.time_s, column) for column in flat.T])
+        return Frames(np.asarray(time_s), found[:, :3], found[:, 3:].reshape(-1, 3, 3))
+
+    def seen(self, points_W: np.ndarray) -> np.ndarray:
+        """(n, 2) forward and up of points (n, 3) in W, one for each instant."""
+        return np.einsum("nij,ni->nj", self.axes, points_W - self.origin)[:, [0, 2]]
+
+
+@dataclass(frozen=True, eq=False)
+class WalkedShape:
+    """One footfall: `row` of the table, and curves (101, 2) over the measured stance, NaN outside the shape."""
+
+    row: dict[str, Any]
+    model: np.ndarray
+    measured: np.ndarray
+    foot_alone: np.ndarray
+
+
+def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
+    """The shape of every footfall that is recorded and simulated as a whole, and sentences on what is not there."""
+    plate, result = walk.recorded.prosthetic_plate, walk.result
+    whole = [item for item in walk.comparison.stances if item.inside]
+    missing = []
+    if not whole:
+        return [], [f"{walk.label}: no stance is recorded and simulated as a whole; it has no roll-over shape."]
+    if not plate.has_cop:
+        missing.append(f"{walk.label}: the plate has no centre of pressure; its roll-over shape is the model's only.")
+    shank, pylon, heel, leg = _frames(walk)
+    shapes = []
+    for item in whole:
+        end, kind = _end(walk, item)
+        if kind == TOE_OFF:
+            missing.append(f"{walk.label}: opposite heel strike is not recorded; the shape ends at toe-off.")
+        instants = item.measured.start_s + PERCENT / 100.0 * item.measured.duration_s
+        rolled = instants <= end + 1e-9
+        curves, sides = {}, {}
+        for name, time, force, cop, free in (
+                ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
+                ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
+            smooth = filtered_while_loaded(
+                cop[:, :2], time, force[:, 2], cop, instants, threshold_n=THRESHOLD_N,
+                force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=COP_CUTOFF_HZ)
+            smooth[~rolled] = np.nan
+            at = np.column_stack([smooth, np.zeros(len(smooth))])
+            curves[name] = at
+            arm = _arm(shank, item, time, force, cop, free)
+            sides[name] = shape_numbers(shank.at(instants).seen(at), heel_m=heel, foot_length_m=result.foot_length_m)
+            sides[name] |= {"mean_moment_arm_m": arm,
+                            "radius_leg_lengths": _over(sides[name]["radius_m"], leg)}
+        alone = pylon.at(instants).seen(curves["model"])
+        row = {
+            "label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "ends_at": kind,
+            "end_percent": 100.0 * (end - item.measured.start_s) / item.measured.duration_s,
+            "leg_length_m": leg, "heel_m": heel, **sides,
+            "foot_alone": shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m),
+        }
+        shapes.append(WalkedShape(
+            row, shank.at(instants).seen(curves["model"]), shank.at(instants).seen(curves["measured"]), alone))
+    return shapes, missing
+
+
+def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
+    """Shank and pylon over the walk; where the heel is on the forward axis (m); the prosthetic leg's length (m)."""
+    trial, result = walk.trial, walk.result
+    gait = make_gait(trial.subject, trial.model)
+    person, plant = gait.person, gait.plant
+    context = plant.CreateDefaultContext()
+    offsets = trial.offsets
+    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
+              alignment=offsets.alignment_rad)
+    ankle = np.array([0.0, 0.0, -person.body.residual_length - person.body.pylon_length])
+    shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
+    p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]
+    heel = float((plant.CalcRelativeTransform(
+        context, person.socket.distal, person.foot.frame.body_frame()) @ p_KHeel)[0])
+    poses: list[list[np.ndarray]] = [[], [], [], []]
+    for q in result.q:
+        plant.SetPositions(context, q)
+        X_WS, X_WP = shank.EvalPoseInWorld(context), person.socket.distal.CalcPoseInWorld(context)
+        for column, value in zip(poses, (X_WS @ ankle, X_WS.rotation().matrix(), X_WP.translation(),
+                                         X_WP.rotation().matrix()), strict=True):
+            column.append(value)
+    arrays = [np.array(column) for column in poses]
+    return (Frames(result.time_s, arrays[0], arrays[1]), Frames(result.time_s, arrays[2], arrays[3]), heel,
+            person.body.prosthetic_leg_length)
+
+
+def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
+    """When the shape ends (s), and by what."""
+    other = "left" if walk.recorded.subject.prosthetic_side == "right" else "right"
+    plate = walk.recorded.plates.get(other)
+    if plate is not None:
+        for stance in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N):
+            if stance.start_seen and item.measured.start_s < stance.start_s < item.measured.end_s:
+                return stance.start_s, OPPOSITE_STRIKE
+    return item.measured.end_s, TOE_OFF
+
+
+def _arm(
+    shank: Frames, item: StanceComparison, time: np.ndarray, force: np.ndarray, cop: np.ndarray, free: np.ndarray
+) -> float | None:
+    """Mean moment arm (m) over the measured stance: moment of the ground's force about the ankle, toe up."""
+    rows = (time >= item.measured.start_s) & (time <= item.measured.end_s)
+    frames = shank.at(time[rows])
+    moment = np.cross(cop[rows] - frames.origin, force[rows])
+    moment[:, 2] += free[rows]
+    return mean_moment_arm(time[rows], -np.einsum("ni,ni->n", moment, frames.axes[:, :, 1]), force[rows, 2])
+
+
+def _over(value: float | None, by: float) -> float | None:
+    return None if value is None else value / by
+
+
+# The foot rolled over by the loading profile of ISO 22675, at each fulcrum position.
+#
+# The pylon stays on a fixed line, the platform tilts; force along that line and tilt follow the profile, and the mount's
+# height is what it takes (`simulation.roll_over_paths`, `roll_over_control`). Idealised are: the platform has no
+# friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the forces;
+# the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
+
+
+SECOND_PEAK_S = 0.4475
+"""The shape ends at the second peak of the force: later the load only leaves the toe."""
+ROLL_CURVE_POINTS = 301
+
+
+def iso_roll_over(
+    foot: FootParameters, fulcrums_m: tuple[float, ...], *, force_n: float, steps: int, friction: bool = False,
+    progress: Progress | None = None
+) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
+    """Rolls the foot at every fulcrum position (m).
+
+    Args:
+        force_n: F_1cmax, the profile's first peak (N). steps: of the 600 ms.
+        friction: the foot's own friction with the platform, whose tilt axis then matters: it is put into the
+            platform's surface, under the pylon (a choice). The foot slides under a line that is held.
+
+    Returns:
+        Rows of the table, curves by name, and sentences on what failed and, without friction, on what does not follow
+        the profile.
+    """
+    machine = RollOver(foot, friction=friction)
+    time = np.linspace(0.0, DURATION_S, steps + 1)
+    tilt, force = tilt_rad(time), force_n * force_share(time)
+    kept = np.unique(np.round(np.linspace(1, steps, ROLL_CURVE_POINTS)).astype(int)) - 1
+    curves = {"iso_time_s": time[1:][kept], "iso_tilt_deg": np.degrees(tilt[1:][kept]), "iso_wanted_n": force[1:][kept]}
+    rows, missing = [], []
+    for i, fulcrum in enumerate(fulcrums_m):
+        if progress:
+            progress("rolling the foot over", i / len(fulcrums_m))
+        place = f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} mm{', with friction' if friction else ''}"
+        try:
+            run, following = machine.roll(fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=force)
+        except SimulationError as error:
+            missing.append(f"{place}: {error}.")
+            continue
+        row, found = _row_of_iso_roll_over(machine, run, following, fulcrum)
+        rows.append(row)
+        if not row["follows"] and not friction:
+            missing.append(f"{place}: the force misses the profile by up to {row['residual_n']:.0f} N; its numbers are "
+                           "not those of the profile.")
+        curves |= {f"iso_{1e3 * fulcrum:.0f}_{name}": values[kept] for name, values in found.items()}
+    return rows, curves, missing
+
+
+def _row_of_iso_roll_over(
+    machine: RollOver, run: RollOverRun, following: Following, fulcrum: float
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    foot, e = machine.parameters, run.energy
+    cop = in_mount_frame(run.cop_W, run.mount)
+    arm = run.cop_W - np.column_stack([run.mount[:, 0], np.zeros(len(cop)), run.mount[:, 1]])
+    moment = arm[:, 0] * run.grf_W[:, 2] - arm[:, 2] * run.grf_W[:, 0]
+    strain = e["keel_strain"] + e["fulcrum_strain"] + e["contact_strain"]
+    lost = e["keel_loss"] + e["fulcrum_loss"] + e["contact_loss"] + e["friction_loss"]
+    steps = np.diff(strain + lost, prepend=0.0)
+    taken, given = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
+    half = run.time_s <= 0.5 * DURATION_S
+    rolled = run.time_s <= SECOND_PEAK_S
+    shape = shape_numbers(np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m,
+                          foot_length_m=foot.length_m)
+    loaded = np.isfinite(cop[:, 0])
+    row = {
+        "fulcrum_mm": 1e3 * fulcrum, "follows": following.follows, "residual_n": following.residual_n,
+        "residual_rms_n": float(np.sqrt(np.mean((following.force_n - following.wanted_n) ** 2))),
+        "deflection_heel_mm": 1e3 * float(following.deflection_m[half].max()),
+        "deflection_forefoot_mm": 1e3 * float(following.deflection_m[~half].max()),
+        "dorsiflexing_moment_nm": float(np.nanmax(moment)), "plantarflexing_moment_nm": -float(np.nanmin(moment)),
+        "cop_first_mm": 1e3 * float(cop[loaded][0, 0]), "cop_last_mm": 1e3 * float(cop[loaded][-1, 0]),
+        "stored_heel_j": float(strain[half].max()), "stored_forefoot_j": float(strain[~half].max()),
+        "energy_in_j": taken, "energy_out_j": given, "return_ratio": given / taken, "lost_j": float(lost[-1]),
+        "lost_by_sliding_j": float(e["friction_loss"][-1]), "left_j": float(strain[-1]),
+        "mean_moment_arm_m": mean_moment_arm(run.time_s, moment, following.force_n),
+        "unconverged_steps": run.unconverged_steps, **shape,
+    }
+    return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,
+                 "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain,
+                 "lost_j": lost}

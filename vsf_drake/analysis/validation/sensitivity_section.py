@@ -1,0 +1,301 @@
+"""Sensitivity of GRF error, centre of pressure and energy return to what one does not know of a walk's model.
+
+Every factor is screened with Morris' elementary effects; the groups of factors, and the strongest single ones, then
+get Sobol indices. The screening walks one trial a condition, a held-out one where there is one, and gives effects on
+the mean of these and by condition. Indices are of the middle condition's trial alone, which allows more points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from vsf_drake.analysis.comparison import compare_sensitivity
+from vsf_drake.analysis.validation.sensitivity_walks import (
+    OUTPUTS,
+    STEP_S,
+    Design,
+    DesignWalks,
+    Factor,
+    dropped,
+    morris_design,
+    morris_rows,
+    ranked,
+    sensitivity_factors,
+    sobol_design,
+    sobol_rows,
+    values_at,
+    workers,
+)
+from vsf_drake.analysis.validation.study import HELD_OUT, Progress, Section, Study, StudyWalk
+from vsf_drake.parameters import GRAVITY
+
+MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
+"""The outputs by which the strongest factors are chosen: those that the question is about."""
+TRAJECTORIES, QUICK_TRAJECTORIES = 16, 5
+GROUP_SAMPLES, FACTOR_SAMPLES = 512, 256
+STRONGEST = 8
+"""How many single factors get Sobol indices."""
+_QUOTED = 5
+"""Failures that the table keeps in words."""
+
+
+def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """The sensitivity study; in its short form the screening of one walk alone.
+
+    Returns:
+        A table without arrays. By output: `baseline` (as the study has it, `mean` and `by_condition`), `morris` (rows
+        of factors with mu, mu_star, mu_star_conf, sigma), `morris_by_condition` (mu* by condition and factor),
+        `stability` (lowest rank correlation of mu* between two conditions), `ranking` (names by mu*), `sobol` (rows of
+        groups with s1, st, their conf and wide, or None), `sobol_factors` (the same of `strongest`), `interaction` and
+        `interaction_conf` (share of the variance that is of no group alone), `spread` (percentiles with everything
+        uncertain), `explained` (variance with only the strongest varied over that with all varied).
+        Else: `factors` (name, group, unit, low, high, why, and local_grf_bw: change of the resultant for half the
+        range, by exact derivatives; None in the short form, which spares compiling them), `local_agreement` (rank
+        correlation of that and the screening, or None), `conditions`,
+        `indexed` (the place of the one that indices and spread are of), `walks`, `unconverged`, `failures` (count,
+        examples, and by output what was dropped), `trajectories`, `samples`, `seed`, `quick`, `synthetic`.
+    """
+    quick, seed = study.options.quick, study.options.seed
+    chosen = chosen_walks(study, one=quick)
+    show = progress or (lambda what, fraction: None)
+    show("as the study is" if quick else "exact derivatives", 0.0)
+    with workers(study.options.workers) as (executor, count):
+        walks = DesignWalks(chosen, executor=executor, count=count)
+        factors = sensitivity_factors(walks.variables[0], chosen[0].trial.subject.prosthetic_side)
+        names, middle = [factor.name for factor in factors], len(chosen) // 2
+        baseline, local = walks.baseline(), None if quick else local_changes(walks, factors)
+        screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
+        runs = _Runs(walks, show, len(screen.points) * len(chosen) + (0 if quick else (
+            GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2))))
+        screened = runs(screen, factors, "screening", range(len(chosen)))
+        morris = {name: morris_rows(screen, screened.of(i), seed) for i, name in enumerate(OUTPUTS)}
+        strongest = strongest_factors(morris)
+        grouped = single = None
+        if not quick:
+            design = sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors])
+            grouped = runs(design, factors, "Sobol indices of groups", [middle])
+        if not quick and strongest:
+            few = [factor for factor in factors if factor.name in strongest]
+            design = sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2)
+            single = runs(design, few, "Sobol indices of factors", [middle])
+    conditions = [{name: _sizes(morris_rows(screen, screened.values[:, t, i], seed)) for i, name in enumerate(OUTPUTS)}
+                  for t in range(len(chosen))]
+    table: dict[str, Any] = {
+        "factors": [factor.row() | {"local_grf_bw": None if local is None else float(local[i])}
+                    for i, factor in enumerate(factors)],
+        "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in chosen],
+        "indexed": middle, "local_agreement": agreement(_sizes(morris["grf_rmse_bw"]), local), "strongest": strongest,
+        "walks": walks.walked, "unconverged": walks.unconverged, "trajectories": len(screen.points) // screen.block,
+        "samples": None if quick else {"groups": GROUP_SAMPLES, "factors": FACTOR_SAMPLES}, "seed": seed,
+        "quick": quick, "synthetic": any(walk.trial.synthetic for walk in chosen),
+        "sobol": index_rows(grouped, seed), "sobol_factors": index_rows(single, seed),
+        "failures": {"count": len(walks.failures), "examples": walks.failures[:_QUOTED],
+                     "dropped": dropped_samples(screened, grouped, single)},
+        "morris": {name: None if rows is None else [row | {"group": factor.group} for row, factor in zip(
+            rows, factors, strict=True)] for name, rows in morris.items()}}
+    for i, name in enumerate(OUTPUTS):
+        effects = [by_output[name] for by_output in conditions]
+        whole, conf = interaction(table["sobol"][name])
+        for key, value in {
+            "baseline": {"mean": known(baseline[:, i].mean()), "by_condition": [known(x) for x in baseline[:, i]]},
+            "morris_by_condition": effects, "stability": stability(effects), "ranking": ranked(morris[name], "mu_star"),
+            "interaction": whole, "interaction_conf": conf, "spread": spread(grouped, i),
+            "explained": explained(grouped, single, i)}.items():
+            table.setdefault(key, {})[name] = value
+    return Section(table=table, missing=_missing(table, chosen))
+
+
+class _Runs:
+    """Walks one design after the other and shows how far all of them are.
+
+    Args:
+        total: walks of all designs.
+    """
+
+    def __init__(self, walks: DesignWalks, show: Progress, total: int) -> None:
+        self._walks, self._show, self._total, self._done = walks, show, total, 0
+
+    def __call__(self, design: Design, factors: Sequence[Factor], what: str, trials: Sequence[int]) -> Walked:
+        own = len(design.points) * len(trials)
+        values = self._walks(design.points, factors=factors, trials=trials, progress=lambda fraction: self._show(
+            what, min((self._done + fraction * own) / self._total, 1.0)))
+        self._done += own
+        return Walked(design, values)
+
+
+def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
+    """One walk a condition: of those held out (of all, where none is) the one nearest to the middle of the repeats.
+
+    Args:
+        one: only that of the middle condition.
+    """
+    found = []
+    for repeats in study.conditions().values():
+        held = [i for i, walk in enumerate(repeats) if walk.role == HELD_OUT] or range(len(repeats))
+        found.append(repeats[min(held, key=lambda i: abs(i - (len(repeats) - 1) / 2))])
+    return (found[len(found) // 2],) if one else tuple(found)
+
+
+def strongest_factors(morris: Mapping[str, Sequence[Mapping[str, Any]] | None]) -> list[str]:
+    """The STRONGEST names by their largest share of the largest mu* of any of the MAIN outputs, strongest first."""
+    share: dict[str, float] = {}
+    for output in MAIN:
+        rows = morris[output] or ()
+        most = max((row["mu_star"] for row in rows), default=0.0)
+        for row in rows if most > 0.0 else ():
+            share[row["name"]] = max(share.get(row["name"], 0.0), row["mu_star"] / most)
+    return sorted(share, key=lambda name: -share[name])[:STRONGEST]
+
+
+def _sizes(rows: Sequence[Mapping[str, Any]] | None) -> list[float] | None:
+    """mu* by factor."""
+    return None if rows is None else [row["mu_star"] for row in rows]
+
+
+def _missing(table: Mapping[str, Any], chosen: Sequence[StudyWalk]) -> tuple[str, ...]:
+    sentences = []
+    if table["quick"]:
+        sentences.append(f"Short form: one walk, {table['trajectories']} trajectories of Morris' screening, no Sobol "
+                         "indices, no derivatives and no comparison of conditions.")
+    elif len(table["conditions"]) < 2:
+        sentences.append("One condition only: whether the ranking holds at other fulcrum positions is not known.")
+    without = [walk.label for walk in chosen if not walk.trial.prosthetic_plate.has_cop]
+    if without:
+        sentences.append(f"No centre of pressure was measured in {', '.join(without)}: there is no sensitivity of its "
+                         "error.")
+    if table["failures"]["count"]:
+        sentences.append(f"{table['failures']['count']} of {table['walks']} walks failed. What they belong to (a "
+                         "Morris trajectory, a block of Saltelli's design) was left out as a whole; where extreme "
+                         "points fail, the rest says less about extremes.")
+    return (*sentences, *(f"No effects on {name}: too few walks have it." for name in OUTPUTS
+                          if table["morris"][name] is None and not (without and name.startswith("cop_"))))
+
+
+# What each factor does about the study's values, by exact derivatives: a second way to the same, without sampling.
+
+
+_LEAST_N = 1.0
+"""Below this a resultant's direction, and with it its derivative, means nothing."""
+_DIFFERENCE = 1e-4
+"""Share of a range over which the values' slopes are taken; they are smooth and known in closed form."""
+
+
+def value_slopes(walks: DesignWalks, factors: Sequence[Factor], trial: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the variables that the factors change, and (variables, k) d value / d share in the middle of the ranges.
+    """
+    middle = np.full(len(factors), 0.5)
+    names = tuple(dict.fromkeys(values_at(factors, middle, walks.variables[trial], walks.limits[trial])))
+    slopes = np.zeros((len(names), len(factors)))
+    for j in range(len(factors)):
+        ends = []
+        for sign in (0.5, -0.5):
+            shares = middle.copy()
+            shares[j] += sign * _DIFFERENCE
+            found = values_at(factors, shares, walks.variables[trial], walks.limits[trial])
+            ends.append(np.array([found[name] for name in names]))
+        slopes[:, j] = (ends[0] - ends[1]) / _DIFFERENCE
+    return names, slopes
+
+
+def local_changes(walks: DesignWalks, factors: Sequence[Factor]) -> np.ndarray:
+    """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range.
+
+    Linear, about the study's values, mean over the trials.
+    """
+    found = []
+    for t, walk in enumerate(walks.walks):
+        trial, walker = walk.trial, walks.walkers[t]
+        names, slopes = value_slopes(walks, factors, t)
+        run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                          step_s=STEP_S, offsets=trial.offsets, with_respect_to=names)
+        assert run.sensitivity is not None
+        c = walks.scorers[t].comparison
+        by = compare_sensitivity(c, walks.scorers[t].result, run.sensitivity).model[c.scored] @ slopes
+        force = c.model[c.scored]
+        way = force / np.maximum(np.linalg.norm(force, axis=1), _LEAST_N)[:, None]
+        change = 0.5 * np.einsum("ni,nik->nk", way, by) / (trial.subject.mass_kg * GRAVITY)
+        found.append(np.sqrt(np.mean(change**2, axis=0)))
+    return np.asarray(np.mean(found, axis=0))
+
+
+# What is read off the walked designs of the sensitivity study, by output.
+
+
+PERCENTILES = (5, 50, 95)
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """A design and `values` (rows, trials, len(OUTPUTS)) at its points, NaN where unknown."""
+
+    design: Design
+    values: np.ndarray
+
+    def of(self, output: int) -> np.ndarray:
+        """(rows,) mean of an output over the trials."""
+        return np.asarray(self.values[:, :, output].mean(axis=1))
+
+    def independent(self, output: int) -> np.ndarray:
+        """(n,) an output at the independent points of Saltelli's design: the first and the last of each whole block."""
+        y = self.of(output)
+        return y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel()
+
+
+def index_rows(walked: Walked | None, seed: int) -> dict[str, list[dict[str, Any]] | None]:
+    """Sobol indices by output."""
+    return {name: None if walked is None else sobol_rows(walked.design, walked.of(i), seed)
+            for i, name in enumerate(OUTPUTS)}
+
+
+def interaction(rows: Sequence[Mapping[str, Any]] | None) -> tuple[float | None, float | None]:
+    """Share of the variance that no index of first order has, and half of its 95 % interval (as if they erred
+    independently)."""
+    if rows is None:
+        return None, None
+    return 1.0 - sum(row["s1"] for row in rows), float(np.linalg.norm([row["s1_conf"] for row in rows]))
+
+
+def spread(walked: Walked | None, output: int) -> dict[str, float] | None:
+    """Mean, standard deviation and PERCENTILES of an output over the uncertainty."""
+    y = np.empty(0) if walked is None else walked.independent(output)
+    if len(y) < 2:
+        return None
+    return {"mean": float(y.mean()), "sd": float(y.std(ddof=1)),
+            **{f"p{p:02d}": float(np.percentile(y, p)) for p in PERCENTILES}}
+
+
+def explained(every: Walked | None, few: Walked | None, output: int) -> float | None:
+    """Variance with a few factors varied over that with every one varied."""
+    if every is None or few is None:
+        return None
+    both = [walked.independent(output) for walked in (every, few)]
+    return float(both[1].var() / both[0].var()) if min(map(len, both)) > 1 and both[0].var() > 0.0 else None
+
+
+def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
+    """The lowest rank correlation of mu* between two conditions; None of fewer than two."""
+    some = [effects for effects in by_condition if effects is not None]
+    pairs = [spearmanr(some[i], some[j]).statistic for i in range(len(some)) for j in range(i)]
+    return known(min(pairs)) if pairs else None
+
+
+def agreement(sizes: Sequence[float] | None, local: np.ndarray | None) -> float | None:
+    """Rank correlation of mu* and what another way says."""
+    return None if sizes is None or local is None else known(spearmanr(sizes, local).statistic)
+
+
+def dropped_samples(*walked: Walked | None) -> dict[str, dict[str, int | None]]:
+    """By output, how many trajectories, blocks for groups and blocks for factors were dropped; None of no design."""
+    names = ("trajectories", "group_blocks", "factor_blocks")
+    return {output: {name: None if part is None else dropped(part.design, part.of(i))
+                     for name, part in zip(names, walked, strict=True)} for i, output in enumerate(OUTPUTS)}
+
+
+def known(value: float) -> float | None:
+    """The value, or None if it is not finite."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,505 @@
+"""The walks of the sensitivity study: each point of a design walked in every trial, and what is read off each walk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.comparison import (
+    COP_CUTOFF_HZ,
+    FORCE_CUTOFF_HZ,
+    THRESHOLD_N,
+    Comparison,
+    compare,
+    filtered_while_loaded,
+    percent_instants,
+    resample,
+    walk_axes,
+)
+from vsf_drake.analysis.contact_fit.standard import REFERENCE_DEPTH_M
+from vsf_drake.analysis.series import rmse, uniform_grid
+from vsf_drake.analysis.validation.study import StudyWalk
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.many import ProcessWorkers, SweepProgress, WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.many.executors import cores
+from vsf_drake.simulation.variables import Variable
+from vsf_drake.simulation.walk import Walker
+
+STEP_S = 2e-3
+KEEP = ("time_s", "grf_W", "cop_W", "energy_j")
+OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "spring_stored_j", "spring_returned_j",
+           "spring_return_ratio", "keel_stored_j")
+"""What is read off a walk; `WalkScorer.score` says what each is."""
+_AT_ONCE = 480
+"""Walks whose arrays are held at a time."""
+
+
+class WalkScorer:
+    """Reads the OUTPUTS off walks of one trial: the definitions of `analysis.comparison` and `analysis.metrics`.
+
+    Args:
+        walk: of the study; its plate is what walks are compared with.
+        walker: of its subject and model.
+    """
+
+    def __init__(self, walk: StudyWalk, walker: Walker) -> None:
+        trial = walk.trial
+        run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                          step_s=STEP_S, offsets=trial.offsets)
+        self.result = walker.result(run, trial, trial.offsets, energy=False)
+        self.comparison: Comparison = compare(self.result, trial.prosthetic_plate)
+        self._weight = trial.subject.mass_kg * GRAVITY
+        self._foot_m = self.result.foot_length_m
+        self._axes = walk_axes(self.comparison.heading)
+        self._measured = np.linalg.norm(self.comparison.measured, axis=1)[self.comparison.scored] / self._weight
+
+    def score(self, outcome: WalkOutcome) -> np.ndarray:
+        """(len(OUTPUTS),) of a walk that kept KEEP; NaN where one is not known, all NaN of a walk that failed.
+
+        - grf_rmse_bw, cop_rmse_fl: as in `analysis.metrics`.
+        - cop_shift_mm: mean over the stance of the model's CoP less the plate's, fore-aft, forward positive.
+        - peak_vertical_bw: largest vertical force (40 Hz) in the measured stance.
+        - spring_stored_j: largest strain energy of the spring, which is the keel with the support under it, between the
+          model's touch-down and toe-off, less that at touch-down. The foam is not in it.
+        - spring_returned_j: what of it is gone by toe-off, less what the damping of both took on the way.
+        - spring_return_ratio: returned over stored.
+        - keel_stored_j: as spring_stored_j, of the keel alone.
+
+        The last five are means over complete stances.
+        """
+        if not outcome.ok:
+            return np.full(len(OUTPUTS), np.nan)
+        time, grf, cop = (outcome.arrays[name] for name in ("time_s", "grf_W", "cop_W"))
+        c, grid = self.comparison, uniform_grid(time)
+        raw = resample(grid, time, grf @ self._axes.T)
+        first = int(np.searchsorted(grid, c.time_s[0] - 1e-9))
+        model = low_pass(raw, rate_hz=1.0 / c.step_s, cutoff_hz=FORCE_CUTOFF_HZ)[first : first + len(c.time_s)]
+        error = rmse(np.linalg.norm(model, axis=1)[c.scored] / self._weight, self._measured)
+        centre = np.concatenate([self._cop_error(item, time, grf, cop) for item in c.stances] or [np.empty(0)])
+        known = centre[np.isfinite(centre)]
+        stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
+        energy = dict(zip(outcome.columns["energy_j"], outcome.arrays["energy_j"].T, strict=True))
+        rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
+                 *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
+        of_stance = np.mean(rows, axis=0) if rows else np.full(5, np.nan)
+        return np.array([error, _size(known) / self._foot_m, 1e3 * known.mean() if len(known) else np.nan, *of_stance])
+
+    def _cop_error(self, item: Any, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
+        """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
+        instants = percent_instants(item.measured)
+        curve = filtered_while_loaded(
+            cop @ self._axes[:2].T, time, grf[:, 2], cop, instants, threshold_n=THRESHOLD_N,
+            force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=COP_CUTOFF_HZ)[:, 0]
+        outside = (instants < self.comparison.time_s[0] - 1e-9) | (instants > self.comparison.time_s[-1] + 1e-9)
+        curve[outside] = np.nan
+        return np.asarray(curve - item.measured_cop[:, 0])
+
+
+def _size(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2))) if error.size else np.nan
+
+
+def _spring(
+    time: np.ndarray, energy: dict[str, np.ndarray], measured: Stance, stances: Sequence[Stance]
+) -> tuple[float, float, float, float]:
+    """The last four OUTPUTS, in the model's stance that overlaps `measured`; NaN without a complete one."""
+    def overlap(stance: Stance) -> float:
+        return min(stance.end_s, measured.end_s) - max(stance.start_s, measured.start_s)
+
+    own = max(stances, key=overlap, default=None)
+    if own is None or overlap(own) <= 0.0 or not own.complete:
+        return np.nan, np.nan, np.nan, np.nan
+    down, off = np.searchsorted(time, [own.start_s, own.end_s])
+    strain = energy["keel_strain"] + energy["fulcrum_strain"]
+    loss = energy["keel_loss"] + energy["fulcrum_loss"]
+    full = down + int(np.argmax(strain[down : off + 1]))
+    stored = strain[full] - strain[down]
+    returned = strain[full] - strain[off] - (loss[off] - loss[full])
+    keel = energy["keel_strain"][down : off + 1].max() - energy["keel_strain"][down]
+    return float(stored), float(returned), float(returned / stored) if stored > 0.0 else np.nan, float(keel)
+
+
+@dataclass(eq=False)
+class DesignWalks:
+    """Walks every point of a design in each of several trials.
+
+    Args:
+        walks: of the study.
+        executor: see `workers`; None for this process alone. count: its size.
+
+    Attributes:
+        walkers, scorers, limits: of each trial; limits as in `values_at`.
+        failures: sentences on walks that failed, in the order of the points. walked, unconverged: walks so far, and how
+            many of them accepted steps without convergence.
+    """
+
+    walks: Sequence[StudyWalk]
+    executor: Any = None
+    count: int = 1
+    failures: list[str] = field(default_factory=list)
+    walked: int = 0
+    unconverged: int = 0
+
+    def __post_init__(self) -> None:
+        walkers: list[Walker] = []
+        self.walkers: list[Walker] = []
+        self.scorers: list[WalkScorer] = []
+        self.limits: list[dict[str, tuple[float, float]]] = []
+        for walk in self.walks:
+            subject, model = walk.trial.subject, walk.trial.model
+            found = next((w for w in walkers if w.subject == subject and w.model == model), None)
+            if found is None:
+                found = Walker(subject, model)
+                walkers.append(found)
+            self.scorers.append(WalkScorer(walk, found))
+            self.walkers.append(found)
+            reach = model.foot.fulcrum
+            self.limits.append({"fulcrum.shift": (min(reach.rearmost_m - walk.trial.fulcrum_m, 0.0),
+                                                   max(reach.foremost_m - walk.trial.fulcrum_m, 0.0))})
+
+    @property
+    def variables(self) -> list[Mapping[str, Variable]]:
+        """Of each trial's walker."""
+        return [walker.variables for walker in self.walkers]
+
+    def baseline(self) -> np.ndarray:
+        """(trials, len(OUTPUTS)) with every factor as the study has it."""
+        return self(np.zeros((1, 0)), factors=())[0]
+
+    def __call__(
+        self, points: np.ndarray, *, factors: Sequence[Factor], trials: Sequence[int] | None = None,
+        progress: Callable[[float], None] | None = None
+    ) -> np.ndarray:
+        """(rows, trials, len(OUTPUTS)) at points (rows, k), NaN where a walk failed or a value is not known.
+
+        Args:
+            trials: places of those that are walked; None for all.
+            factors: k, of whose ranges the points are shares; whatever else there is stays as the study has it.
+            progress: called with the finished fraction.
+        """
+        trials = range(len(self.walks)) if trials is None else trials
+        values = np.full((len(points), len(trials), len(OUTPUTS)), np.nan)
+        rows = max(1, _AT_ONCE // len(trials))
+        for start in range(0, len(points), rows):
+            part = points[start : start + rows]
+            cases = [WalkCase(trial=self.walks[t].trial, step_s=STEP_S, label=f"point {start + i}",
+                              values=values_at(factors, point, self.variables[t], self.limits[t]))
+                     for i, point in enumerate(part) for t in trials]
+
+            def show(state: SweepProgress, start: int = start, size: int = len(part)) -> None:
+                if progress:
+                    progress((start + size * state.done / max(state.total, 1)) / len(points))
+
+            outcomes = simulate_many(cases, keep=KEEP, workers=self.count, executor=self.executor, progress=show)
+            for n, outcome in enumerate(outcomes):
+                row, place = divmod(n, len(trials))
+                values[start + row, place] = self.scorers[trials[place]].score(outcome)
+                self.unconverged += bool(outcome.unconverged_steps)
+                if outcome.failure is not None:
+                    self.failures.append(outcome.failure)
+            self.walked += len(cases)
+        return values
+
+
+@contextmanager
+def workers(count: int | None) -> Iterator[tuple[Any, int]]:
+    """An executor for several sweeps and its size; None and 1 for this process alone.
+
+    Args:
+        count: processes; None for one a core.
+    """
+    size = cores() if count is None else count
+    if size <= 1:
+        yield None, 1
+        return
+    pool = ProcessWorkers(size, here=True)
+    try:
+        yield pool, size
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# The factors of the sensitivity study: what one does not know of a walk's model before a fit, and how far.
+#
+# Each range is the uncertainty that one really has, not what a search may try. Shifts are added to the study's values
+# (the fitted contact, where there is one); ratios multiply them and are sampled in the logarithm. All are sampled evenly.
+# Errors of the pelvis's orientation are not among them: where markers on the thigh are tracked, the hip's angles take
+# them up, and the leg stays where it was.
+
+
+CONTACT, FRICTION, GEOMETRY, KINEMATICS, BUSHING, KEEL = GROUPS = (
+    "contact", "friction", "geometry", "kinematics", "bushing", "keel")
+SHIFT, RATIO, EXPONENT = "shift", "ratio", "exponent"
+"""How a factor changes its variables: adds to them, multiplies them, or adds to an exponent at the same force at
+REFERENCE_DEPTH_M."""
+FULCRUM_M = 5e-3
+"""How far off the support may really be, either way."""
+_ANGLE = "misplaced markers: the standard deviation of the embedded synthetic laboratory's constant errors"
+_MARKERS = "errors between cameras, plates and markers, a choice"
+_FOAM = "the bench knows the foam under one load point, no more"
+_SOCKET = "measured sockets fix it within a factor of two"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """One factor of the study.
+
+    Attributes:
+        name: for people. group: one of GROUPS.
+        unit: of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1".
+        low, high: the range, about no change.
+        why: where the range comes from.
+        variables: of the walker, which it changes together. kind: how.
+    """
+
+    name: str
+    group: str
+    unit: str
+    low: float
+    high: float
+    why: str
+    variables: tuple[str, ...]
+    kind: str = SHIFT
+
+    def value(self, share: float, limits: tuple[float, float] = (-math.inf, math.inf)) -> float:
+        """What is added or multiplied (SI) at a share from 0 to 1 of the range, or of its part within `limits`."""
+        low, high = (min(max(bound * _SI[self.unit], limits[0]), limits[1]) for bound in (self.low, self.high))
+        if self.kind == RATIO:
+            return float(low * (high / low) ** share)
+        return float(low + (high - low) * share)
+
+    def row(self) -> dict[str, Any]:
+        """The factor as a row of the table."""
+        return {"name": self.name, "group": self.group, "unit": self.unit, "low": self.low, "high": self.high,
+                "why": self.why, "variables": list(self.variables)}
+
+
+_SI = {"mm": 1e-3, "deg": math.radians(1.0), "1": 1.0, "×": 1.0}
+
+
+def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[Factor, ...]:
+    """The factors of a walker with these variables.
+
+    Args:
+        side: of the prosthesis, "right" or "left".
+    """
+    zones = [name.split(".")[1] for name in variables if name.startswith("contact.") and name.endswith(".stiffness")]
+    leg = side[0]
+    found = [_ratio(f"{_words(zone)} foam stiffness", CONTACT, 1.5, _FOAM, f"contact.{zone}.stiffness")
+             for zone in zones]
+    found += [
+        Factor(name="foam exponent", group=CONTACT, unit="1", low=-0.2, high=0.2, kind=EXPONENT,
+               variables=tuple(f"contact.{zone}.exponent" for zone in zones),
+               why=f"foams differ; at the same force at {1e3 * REFERENCE_DEPTH_M:g} mm, so that no stiffness hides in "
+                   "it; not below 1"),
+        _ratio("foam damping", CONTACT, 2.0, "not measured on the bench, a choice",
+               *(f"contact.{zone}.damping" for zone in zones)),
+        _ratio("foam depth of full damping", CONTACT, 2.0, "a number of the law rather than of the foam, a choice",
+               *(f"contact.{zone}.full_damping_depth" for zone in zones)),
+        _ratio("static friction", FRICTION, 1.25, "0.4 to 0.6 about the paper's 0.5: floors and soles differ",
+               "friction.mu_static"),
+        _ratio("kinetic friction", FRICTION, 1.25, "0.24 to 0.38 about the paper's 0.3", "friction.mu_kinetic"),
+        _ratio("friction threshold velocity", FRICTION, 2.0, "a number of the law rather than of the sole, a choice",
+               "friction.threshold_velocity"),
+        _shift("prosthesis height", GEOMETRY, "mm", 2.0, "length of limb, socket and pylon with a tape",
+               "offset.height"),
+        _shift("prosthesis fore-aft", GEOMETRY, "mm", 5.0, "where the foot is bolted on, by eye", "offset.fore_aft"),
+        _shift("prosthesis alignment", GEOMETRY, "deg", 1.0, "a prosthetist's angle, by eye", "offset.alignment"),
+        *(_shift(f"{_words(zone)} sole height", GEOMETRY, "mm", 1.0, "the sole is drawn flat; soles are round",
+                 f"contact.{zone}.rise") for zone in zones),
+        *(_shift(words, KINEMATICS, "deg", 1.2, _ANGLE, f"coordinate.{name}_{leg}") for words, name in _LEG),
+        *(_shift(words, KINEMATICS, "mm", most, _MARKERS, f"coordinate.{name}") for words, name, most in _PELVIS),
+        *(_ratio(f"{words} socket stiffness", BUSHING, 1.5, _SOCKET, f"socket.{axis}.stiffness")
+          for axis, words in _SOCKET_AXES),
+        _ratio("keel modulus", KEEL, 1.1, "data sheets of G10/FR4 differ by 20 %", "keel.flexural_modulus"),
+        _ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
+        _shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
+               "inward only where it stands at an end of its reach", "fulcrum.shift")]
+    return tuple(factor for factor in found if factor.variables and all(name in variables for name in factor.variables))
+
+
+_LEG = (("hip flexion", "hip_flexion"), ("hip adduction", "hip_adduction"), ("hip rotation", "hip_rotation"),
+        ("knee flexion", "knee_angle"), ("knee adduction", "knee_adduction"), ("knee rotation", "knee_rotation"))
+_PELVIS = (
+    ("pelvis height", "pelvis_ty", 1.0), ("pelvis fore-aft", "pelvis_tx", 2.0), ("pelvis sideways", "pelvis_tz", 2.0))
+_SOCKET_AXES = (("tx", "fore-aft"), ("ty", "sideways"), ("tz", "axial"), ("flexion", "flexion"),
+                ("adduction", "adduction"), ("rotation", "rotation"))
+
+
+def values_at(
+    factors: Sequence[Factor], shares: np.ndarray, variables: Mapping[str, Variable],
+    limits: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, float]:
+    """Values of the walker's variables where the factors stand at these shares (k,) of their ranges, 0 to 1.
+
+    Args:
+        limits: lowest and highest shift (SI) by variable, where not all of a factor's range is possible.
+    """
+    values = {name: variables[name].default for factor in factors for name in factor.variables}
+    for factor, share in zip(factors, shares, strict=True):
+        change = factor.value(float(share), (limits or {}).get(factor.variables[0], (-math.inf, math.inf)))
+        for name in factor.variables:
+            if factor.kind == RATIO:
+                values[name] *= change
+            elif factor.kind == SHIFT:
+                values[name] += change
+            else:
+                before, after = variables[name].default, max(variables[name].default + change, 1.0)
+                stiffness = name.replace(".exponent", ".stiffness")
+                values[name] = after
+                values[stiffness] = values.get(stiffness, variables[stiffness].default) * REFERENCE_DEPTH_M ** (
+                    before - after)
+    return values
+
+
+def _ratio(name: str, group: str, most: float, why: str, *variables: str) -> Factor:
+    return Factor(name=name, group=group, unit="×", low=1.0 / most, high=most, why=why, variables=variables, kind=RATIO)
+
+
+def _shift(name: str, group: str, unit: str, most: float, why: str, variable: str) -> Factor:
+    return Factor(name=name, group=group, unit=unit, low=-most, high=most, why=why, variables=(variable,))
+
+
+def _words(zone: str) -> str:
+    return zone.replace("_", " ")
+
+
+# Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
+#
+# A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none. Morris'
+# trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one removes
+# information but shifts no other. Dropping is not blind to the cause: where values are missing because
+# the extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
+#
+# Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
+# indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).
+
+
+LEVELS = 4
+"""Of Morris' grid; a trajectory then steps over two thirds of each range."""
+RESAMPLES = 1000
+LEAST_TRAJECTORIES, LEAST_BLOCKS = 4, 16
+"""Below this many whole samples there is no result."""
+_FLAT = 1e-9
+"""An output that varies by less than this share of its size does not vary."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Points at which a function is wanted.
+
+    Attributes:
+        points: (rows, k) in the unit cube. block: rows of one trajectory or of one of Saltelli's blocks.
+        names: of the k factors. groups: of each factor its group, where indices are of groups; else None.
+    """
+
+    points: np.ndarray
+    block: int
+    names: tuple[str, ...]
+    groups: tuple[str, ...] | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What indices are of: the factors, or the groups in the order in which they first appear."""
+        return self.names if self.groups is None else tuple(dict.fromkeys(self.groups))
+
+    @property
+    def problem(self) -> dict[str, Any]:
+        """The same for SALib."""
+        return {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0.0, 1.0]] * len(self.names),
+                "groups": None if self.groups is None else list(self.groups)}
+
+    def whole(self, y: np.ndarray) -> np.ndarray:
+        """(rows,) whether the row belongs to a block all of whose values y (rows,) are finite."""
+        return np.repeat(np.isfinite(y.reshape(-1, self.block)).all(axis=1), self.block)
+
+
+def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
+    """Trajectories that move every factor once; k + 1 points each."""
+    from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
+
+    problem = Design(np.zeros((0, len(names))), 1, tuple(names)).problem
+    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
+                  tuple(names))
+
+
+def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
+    """Saltelli's blocks of k + 2 points (groups + 2 where indices are of groups) on a scrambled Sobol sequence.
+
+    Args:
+        samples: blocks, a power of two.
+    """
+    from SALib.sample import sobol  # noqa: PLC0415
+
+    empty = Design(np.zeros((0, len(names))), 1, tuple(names), None if groups is None else tuple(groups))
+    points = sobol.sample(empty.problem, samples, calc_second_order=False, seed=_seed(seed))
+    return Design(points, len(empty.labels) + 2, empty.names, empty.groups)
+
+
+def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
+    """Elementary effects of one output over the whole of each range, by factor; None of too few whole trajectories.
+
+    Args:
+        y: (rows,) of the design, NaN where unknown.
+
+    Returns:
+        Rows with name, mu, mu_star, mu_star_conf (half of the 95 % bootstrap interval), sigma; all in y's unit.
+    """
+    from SALib.analyze import morris  # noqa: PLC0415
+
+    kept = design.whole(y)
+    if np.count_nonzero(kept) < LEAST_TRAJECTORIES * design.block:
+        return None
+    found = morris.analyze(design.problem, design.points[kept], y[kept], num_resamples=RESAMPLES, num_levels=LEVELS,
+                           seed=_seed(seed))
+    return _rows(design.names, found, {"mu": "mu", "mu_star": "mu_star", "mu_star_conf": "mu_star_conf",
+                                       "sigma": "sigma"})
+
+
+def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
+    """Shares of the variance of one output, by factor or group; None of too few whole blocks or of a constant output.
+
+    Args:
+        y: (rows,) of the design, NaN where unknown.
+
+    Returns:
+        Rows with name, s1, s1_conf, st, st_conf (first-order and total index, half of the 95 % bootstrap
+        intervals), s1_wide and st_wide: whether the interval is wider than the index.
+    """
+    from SALib.analyze import sobol  # noqa: PLC0415
+
+    kept = design.whole(y)
+    if np.count_nonzero(kept) < LEAST_BLOCKS * design.block or np.ptp(y[kept]) <= _FLAT * np.abs(y[kept]).max():
+        return None
+    found = sobol.analyze(design.problem, y[kept], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed))
+    rows = _rows(design.labels, found, {"s1": "S1", "s1_conf": "S1_conf", "st": "ST", "st_conf": "ST_conf"})
+    for row in rows:
+        row |= {f"{index}_wide": bool(2.0 * row[f"{index}_conf"] > row[index]) for index in ("s1", "st")}
+    return rows
+
+
+def dropped(design: Design, y: np.ndarray) -> int:
+    """How many blocks were dropped."""
+    return int(np.count_nonzero(~design.whole(y))) // design.block
+
+
+def ranked(rows: Sequence[Mapping[str, Any]] | None, key: str) -> list[str]:
+    """Names by falling value of `key`."""
+    return [row["name"] for row in sorted(rows or (), key=lambda row: -row[key])]
+
+
+def _rows(names: Sequence[str], found: Mapping[str, Any], keys: Mapping[str, str]) -> list[dict[str, Any]]:
+    return [{"name": name} | {own: float(found[theirs][i]) for own, theirs in keys.items()}
+            for i, name in enumerate(names)]
+
+
+def _seed(seed: int) -> int:
+    """SALib takes a seed of 0 for none."""
+    return seed + 1

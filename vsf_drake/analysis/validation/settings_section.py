@@ -1,0 +1,342 @@
+"""Can two settings of the fulcrum be told apart, given the model's error and the noise of kinematics?
+
+Every motion is walked at every position with all else equal; the difference that the model then predicts is held
+against what is detectable (`detectable` has the statistics, `kinematic_noise` the sizes of the noise, `settings_walks`
+the walks, `settings_outcomes` the measures). The motion is held: somebody who walks at another setting moves otherwise
+and keeps the forces more alike. So the settings are also compared as they were walked, each with its own motion
+(`tables.walked_rows`). As an independent route the fulcrum is estimated from the force alone
+(`settings_inverse`).
+
+No offset is fitted again after a draw. A laboratory that fits them in each session leaves less noise than stands here
+for two sessions; but offsets that are fitted to the very plates that shall tell the setting can take up the fulcrum's
+effect as well.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from vsf_drake.analysis.validation.settings_detectable import (
+    CONFIDENCE,
+    FEWEST,
+    curve_rows,
+    held_out_error,
+    outcome_rows,
+    pair_rows,
+    walked_rows,
+)
+from vsf_drake.analysis.validation.settings_walks import NAMES, RECORDINGS, Base, NoiseSizes, Walked, base_of, walk_all
+from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
+from vsf_drake.errors import InputError
+from vsf_drake.json_file import plain
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+
+NOISY_WALKS, QUICK_NOISY_WALKS = 2700, 108
+MOST_DRAWS, FEWEST_DRAWS = 60, 3
+MOST_A_SETTING, QUICK_A_SETTING, MOST_TRIALS = 3, 1, 12
+
+
+def settings_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """The section "Can two settings be told apart?".
+
+    Returns:
+        `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows, see `settings_tables`); `inverse` (see
+        `settings_inverse`) with its `fulcrum_estimate_sd_mm` beside it; `noise`, `draws` (sessions a trial), `walks`,
+        `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`. `arrays`: `effects` (T, P, O) without noise.
+    """
+    missing: list[str] = []
+    bases = _bases(study, missing)
+    if not bases:
+        return Section(table={"answer": "No walk of this study can tell.", "outcomes": [], "pairs": [], "draws": 0,
+                              "seed": study.options.seed, "fulcrum_estimate_sd_mm": None}, missing=tuple(missing))
+    positions = _positions(study.model.foot, quick=study.options.quick)
+    positions_mm = np.round(1e3 * positions, 6)
+    draws = _draws(len(bases) * len(positions), quick=study.options.quick)
+    walked = walk_all(bases, positions.tolist(), draws=draws, seed=study.options.seed, workers=study.options.workers,
+                      progress=progress)
+    model, (stiffness, at_positions) = held_out_error(bases), _stiffness(study.model.foot, positions)
+    inverse = inverse_table(positions_mm, walked)
+    table: dict[str, Any] = {
+        "confidence": CONFIDENCE, "positions_mm": positions_mm, "stiffness_n_per_mm": at_positions,
+        "draws": draws, "recordings_a_draw": RECORDINGS, "seed": study.options.seed,
+        "walks": len(bases) * len(positions) * (1 + RECORDINGS * draws), "failed_walks": sum(w.failed for w in walked),
+        "synthetic": study.synthetic, "noise": dataclasses.asdict(NoiseSizes()), "quick": study.options.quick,
+        "held_out_trials": sum(base.walk.role == HELD_OUT for base in bases),
+        "held_out_rmse_bw": _mean([b.walk.metrics["grf_rmse_bw"] for b in bases if b.walk.role == HELD_OUT]),
+        "trials": [{"label": b.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
+        "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
+        "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),
+        "as_walked": walked_rows(bases), "as_walked_curves": _walked_curves(bases), "inverse": inverse,
+        "fulcrum_estimate_sd_mm": inverse["sd_mm"]}
+    _say_what_is_missing(study, bases, walked, inverse, missing)
+    table = plain(table)
+    table["answer"] = answer(table)
+    return Section(table=table, missing=tuple(missing),
+                   arrays={"effects": np.array([w.base_values for w in walked])})
+
+
+def _bases(study: Study, missing: list[str]) -> list[Base]:
+    """Trials that are walked, by setting and name: held-out ones first where there are too many of a setting."""
+    most = QUICK_A_SETTING if study.options.quick else MOST_A_SETTING
+    found: list[Base] = []
+    left_out: list[StudyWalk] = []
+    for walks in study.conditions().values():
+        own: list[Base] = []
+        for walk in sorted(walks, key=lambda w: w.role != HELD_OUT):
+            if len(own) == most or len(found) + len(own) == MOST_TRIALS:
+                left_out.append(walk)
+                continue
+            try:
+                own.append(base_of(walk))
+            except InputError as error:
+                missing.append(f"{walk.label} is not used: {error.what}.")
+        found += own
+    if left_out:
+        missing.append(f"To keep the number of walks down, {len(left_out)} trials are not used: "
+                       + ", ".join(walk.label for walk in left_out) + ".")
+    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.label))
+
+
+def _positions(foot: FootParameters, *, quick: bool) -> np.ndarray:
+    """(P,) m: the published positions that the carriage reaches; if that is not all of them, five over its reach."""
+    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
+    published = np.array(PUBLISHED_FULCRUMS_M)
+    if (published < low - 1e-9).any() or (published > high + 1e-9).any():
+        published = np.linspace(low, high, len(published))
+    return published[[0, 2, 4]] if quick else published
+
+
+def _draws(trials_by_positions: int, *, quick: bool) -> int:
+    wished = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * trials_by_positions))
+    return min(max(wished, FEWEST_DRAWS), MOST_DRAWS)
+
+
+def _stiffness(foot: FootParameters, positions: np.ndarray) -> tuple[Callable[[float], float], np.ndarray]:
+    """Stiffness of the model's foot on the bench (N/mm, mean slope from 200 to 600 N) at a position (mm)."""
+    dense = np.linspace(positions[0], positions[-1], 9)
+    both = np.concatenate([dense, positions])
+    found = 1e-3 * BenchStiffness(foot, fulcrums_m=tuple(both), heel=False).evaluate({})[0]
+    curve = PchipInterpolator(1e3 * dense, found[:len(dense)])
+    return lambda at: float(curve(at)), found[len(dense):]
+
+
+def _walked_curves(bases: Sequence[Base]) -> list[dict[str, Any]]:
+    """Root mean square over stance between the mean resultants of two recorded settings, measured and simulated."""
+    settings = sorted({base.walk.fulcrum_mm for base in bases})
+    means = {x: [np.mean([getattr(b, kind).resultant for b in bases if b.walk.fulcrum_mm == x], axis=0)
+                 for kind in ("measured", "simulated")] for x in settings}
+    return [{"from_mm": a, "to_mm": b,
+             **{f"{kind}_bw": float(np.sqrt(np.mean((means[b][k] - means[a][k]) ** 2)))
+                for k, kind in enumerate(("measured", "simulated"))}}
+            for i, a in enumerate(settings) for b in settings[i + 1:]]
+
+
+def _say_what_is_missing(
+    study: Study, bases: Sequence[Base], walked: Sequence[Walked], inverse: dict[str, Any], missing: list[str]
+) -> None:
+    count = sum(base.walk.role == HELD_OUT for base in bases)
+    if count < FEWEST:
+        why = "the offsets of every walk were fitted to its own plate" if any(
+            base.walk.role == OFFSETS_FITTED for base in bases) else f"of held-out walks there are {count}"
+        missing.append(f"The model's error is not known ({why}; {FEWEST} held-out walks are needed): what is "
+                       "detectable is given by the noise of kinematics alone, which is a lower bound.")
+    if not any(base.walk.trial.prosthetic_plate.has_cop for base in bases):
+        missing.append("No plate tells the centre of pressure: the model's error in it is not known.")
+    missing.append("No plate measures the keel's energy: what of it is detectable is given by the noise of kinematics "
+                   "alone.")
+    if len(study.conditions()) < 2:
+        missing.append("All trials were recorded at one setting: settings cannot be compared as they were walked.")
+    if inverse["sd_mm"] is None:
+        missing.append("No trial was recorded with the fulcrum between the ends of the range: how far an estimate from "
+                       "its plate scatters is not known.")
+    failed = sum(w.failed for w in walked)
+    if failed:
+        missing.append(f"{failed} of the walks failed or have no whole stance and are left out.")
+    if study.options.quick:
+        missing.append("This is the short form: few draws at three positions, so that the limits are rough.")
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+# The answer in words, made of the section's table.
+
+
+def answer(table: Mapping[str, Any]) -> str:
+    """Two sentences: with the motion held, and as the settings were walked."""
+    prefix, error = limits_of(table)
+    low, high = table["positions_mm"][0], table["positions_mm"][-1]
+    key = f"{prefix}told_apart_same_recording"
+    ends, neighbours = told(table, [(low, high)], key), told(table, steps(table), key)
+    words = ("With the same motion, " + ("as far as noise alone goes, " if prefix else "")
+             + ("yes: " if ends[0] else "no: ")
+             + f"the model's walks at {low:g} and {high:g} mm differ by more than {error} in {ends[0]} of {ends[1]} "
+             f"outcomes, neighbouring positions in {neighbours[0]} of {neighbours[1]} comparisons")
+    sharpest = best(table, "same_recording" if prefix == "" else "same_session", prefix)
+    if sharpest is not None:
+        words += f"; the smallest detectable travel is {sharpest[1]:.0f} mm{_change(sharpest[0], prefix)}, told by " \
+                 f"the {sharpest[0]['title']}, the best of the outcomes"
+    apart = best(table, "two_sessions", prefix)
+    words += "; between two sessions without refitting it is " + (
+        f"{apart[1]:.0f} mm." if apart else "more than the range.")
+    return words + _as_walked(table)
+
+
+def limits_of(table: Mapping[str, Any]) -> tuple[str, str]:
+    """Prefix of the keys that hold the limits: with the model's error where it is known, else of the noise alone."""
+    known = any(row["sdd_same_recording"] is not None for row in table["outcomes"])
+    return ("", "its error and the noise of kinematics together") if known else (
+        "noise_", "the noise of kinematics alone (the model's error is not known)")
+
+
+def steps(table: Mapping[str, Any]) -> list[tuple[float, float]]:
+    """Pairs of neighbouring positions."""
+    at = table["positions_mm"]
+    return list(pairwise(at))
+
+
+def told(table: Mapping[str, Any], pairs: Sequence[tuple[float, float]], key: str) -> tuple[int, int]:
+    """How many rows of these pairs are told apart by `key`, and in how many it is known."""
+    known = [row[key] for row in table["pairs"] if (row["from_mm"], row["to_mm"]) in pairs and row[key] is not None]
+    return sum(known), len(known)
+
+
+def best(table: Mapping[str, Any], design: str, prefix: str) -> tuple[Mapping[str, Any], float] | None:
+    """The outcome with the smallest detectable travel, and that travel (mm)."""
+    key = f"{'noise' if prefix else 'smallest'}_travel_mm_{design}"
+    rows = [(row, row[key]) for row in table["outcomes"] if row[key] is not None]
+    return min(rows, key=lambda item: item[1], default=None)
+
+
+def far_pair(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Rows of the two recorded settings that lie farthest apart; none where one setting was recorded."""
+    rows = table["as_walked"]
+    far = max((row["to_mm"] - row["from_mm"] for row in rows), default=0.0)
+    return [row for row in rows if row["to_mm"] - row["from_mm"] == far]
+
+
+def _as_walked(table: Mapping[str, Any]) -> str:
+    rows = far_pair(table)
+    known = [row for row in rows if row["told_apart"] is not None]
+    if not known:
+        return ""
+    titles = {row["name"]: row["title"] for row in table["outcomes"]}
+    names = [titles[row["outcome"]] for row in known if row["told_apart"]]
+    energy = [titles[row["outcome"]] for row in rows if row["told_apart"] is None and row["beyond_strides"]]
+    words = (f" As they were walked, each with its own motion, {known[0]['from_mm']:g} and {known[0]['to_mm']:g} mm "
+             f"are told apart in {len(names)} of {len(known)}" + (f" ({'; '.join(names)})" if names else ""))
+    return words + (f", and differ by more than strides do in {' and '.join(energy)}." if energy else ".")
+
+
+def _change(row: Mapping[str, Any], prefix: str) -> str:
+    change = row["smallest_change_n_per_mm_same_recording"]
+    return "" if prefix or change is None else f" ({change:.1f} N/mm) around the middle of the range"
+
+
+# The inverse question: where does the fulcrum seem to be, told by the force alone?
+#
+# A walk whose kinematics carry noise is compared, at each position of the fulcrum, with a resultant force that has none:
+# the position with the least root mean square difference (resultant low-passed at 40 Hz, time-locked, stance ± 0.25 s) is
+# the estimate. Between the positions that were walked the resultant of every instant is interpolated by a monotone cubic;
+# against walks every 8.5 mm this moves an estimate by less than 1 mm. Nothing else is fitted: offsets that a laboratory
+# would fit anew in each session would take up part of the noise, and part of the fulcrum.
+#
+# The target is the measured plate, where the trial's own fulcrum stood between the ends of the range (at an end an
+# estimate can err to one side only, which would flatter its spread); and, for every trial, the model's own walk without
+# noise at the middle of the range, which leaves out the error of the model.
+
+
+FINE_MM = 0.5
+
+
+def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """(...) mm, the position at which the resultants fit best; NaN where a walk is missing.
+
+    Args:
+        positions_mm: (P,) rising. locked: (..., P, n) resultants there. target: (n,).
+    """
+    fine = np.append(np.arange(positions_mm[0], positions_mm[-1], FINE_MM), positions_mm[-1])
+    flat = locked.reshape(-1, *locked.shape[-2:])
+    found = np.full(len(flat), np.nan)
+    for i, curves in enumerate(flat):
+        if np.isfinite(curves).all():
+            error = np.mean((PchipInterpolator(positions_mm, curves, axis=0)(fine) - target) ** 2, axis=1)
+            found[i] = _lowest(fine, error)
+    return found.reshape(locked.shape[:-2])
+
+
+def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[str, Any]:
+    """What the estimates say; mm.
+
+    Returns:
+        `rows`, one a trial: label, role, fulcrum_mm, interior, estimate_mm without noise, and of the noisy estimates
+        mean_mm, sd_mm (session and recording), sd_recording_mm (recording alone) and edge_share; the same with the
+        model's own walk at the middle as target (model_...). Then pooled over trials: sd_mm, sd_recording_mm,
+        bias_rms_mm of the interior ones, model_sd_mm, model_sd_recording_mm of all; None for what no trial tells.
+    """
+    middle = 0.5 * (positions_mm[0] + positions_mm[-1])
+    rows = []
+    for w in walked:
+        base = w.base
+        plate = np.interp(w.time_s, base.measured.time_s, base.measured.locked)
+        own = PchipInterpolator(positions_mm, w.base_locked, axis=0)(middle) if np.isfinite(w.base_locked).all() \
+            else np.full(len(w.time_s), np.nan)
+        noisy, virtual = (fulcrum_estimates(positions_mm, w.locked, target) for target in (plate, own))
+        at = base.walk.fulcrum_mm
+        edge = (noisy <= positions_mm[0]) | (noisy >= positions_mm[-1])
+        rows.append({
+            "label": base.label, "role": base.walk.role, "fulcrum_mm": at,
+            "interior": bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
+            "estimate_mm": float(fulcrum_estimates(positions_mm, w.base_locked, plate)),
+            "mean_mm": _mean_of_inverse(noisy), **_spreads("", noisy), "edge_share": float(np.mean(edge)),
+            "model_mean_mm": _mean_of_inverse(virtual), **_spreads("model_", virtual)})
+    interior = [row for row in rows if row["interior"]]
+    return {
+        "rows": rows, "middle_mm": float(middle), "draws": sum(w.locked.shape[0] for w in walked),
+        "trials_interior": len(interior),
+        "sd_mm": _rms([row["sd_mm"] for row in interior]),
+        "sd_recording_mm": _rms([row["sd_recording_mm"] for row in interior]),
+        "bias_rms_mm": _rms([row["estimate_mm"] - row["fulcrum_mm"] for row in interior]),
+        "model_sd_mm": _rms([row["model_sd_mm"] for row in rows]),
+        "model_sd_recording_mm": _rms([row["model_sd_recording_mm"] for row in rows])}
+
+
+def _spreads(prefix: str, estimates: np.ndarray) -> dict[str, float]:
+    """Of (D, 2) estimates, two recordings a draw."""
+    known = np.isfinite(estimates)
+    pairs = np.diff(estimates, axis=1)[known.all(axis=1), 0]
+    each = [float(np.var(estimates[known[:, r], r], ddof=1)) for r in range(2) if known[:, r].sum() > 1]
+    return {f"{prefix}sd_mm": float(np.sqrt(np.mean(each))) if each else np.nan,
+            f"{prefix}sd_recording_mm": float(np.sqrt(0.5 * np.mean(pairs**2))) if pairs.size else np.nan}
+
+
+def _lowest(x: np.ndarray, y: np.ndarray) -> float:
+    """Where y is least, on the parabola through its lowest sample and the two beside it."""
+    i = int(np.argmin(y))
+    if not 0 < i < len(x) - 1:
+        return float(x[i])
+    before, after = x[i - 1] - x[i], x[i + 1] - x[i]
+    left, right = (y[i - 1] - y[i]) / before, (y[i + 1] - y[i]) / after
+    curvature = (right - left) / (after - before)
+    return float(x[i] + np.clip(-0.5 * (left - curvature * before) / curvature, before, after)) if curvature > 0.0 \
+        else float(x[i])
+
+
+def _mean_of_inverse(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else np.nan
+
+
+def _rms(values: Sequence[float]) -> float | None:
+    known = np.array([value for value in values if np.isfinite(value)])
+    return float(np.sqrt(np.mean(known**2))) if known.size else None

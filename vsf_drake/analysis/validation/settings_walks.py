@@ -1,0 +1,385 @@
+"""The walks behind the question whether two settings can be told apart: each motion at each position, with noise.
+
+Every base trial is walked at all positions of the fulcrum, first as it was recorded and then with errors of its
+kinematics. One draw is a session with two recordings of the same stride: its errors are those of the session plus those
+of the recording. Both are walked at all positions, so that every way of comparing two positions is among them:
+
+    same recording   recording 1 at both positions
+    same session     recording 1 at one position, recording 2 at the other
+    two sessions     recordings of different draws
+
+Only one stance of each trial is walked (the complete one nearest the middle of its window) with MARGIN_S around.
+Every draw has its own stream of random numbers, told by the seed, the trial and the number of the draw.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.analysis.comparison import (
+    COP_CUTOFF_HZ,
+    FORCE_CUTOFF_HZ,
+    MARGIN_S,
+    PERCENT,
+    THRESHOLD_N,
+    filtered_while_loaded,
+    percent_instants,
+    resample,
+    walk_axes,
+)
+from vsf_drake.analysis.series import cumulative_integral, uniform_grid
+from vsf_drake.analysis.validation.study import Progress, StudyWalk
+from vsf_drake.errors import InputError
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.many.executors import chosen
+
+STEP_S = 2e-3
+KEEP = ("time_s", "grf_W", "cop_W", "energy_j")
+RECORDINGS = 2
+_STREAM = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """One trial and the stance of it that is walked.
+
+    Attributes:
+        trial: cut to the stance ± MARGIN_S.
+        measured: its outcomes on the plate, None for what the plate does not tell; `simulated` of the study's walk.
+    """
+
+    walk: StudyWalk
+    trial: Trial
+    stance: Stance
+    noise: KinematicNoise
+    measured: StanceRecord
+    simulated: StanceRecord
+
+    @property
+    def label(self) -> str:
+        return self.walk.label
+
+    def record(self, outcome: WalkOutcome) -> StanceRecord | None:
+        """What one of its walks says; None if the walk failed or the foot of the model has no whole stance."""
+        if not outcome.ok:
+            return None
+        arrays = outcome.arrays
+        ledger = dict(zip(outcome.columns["energy_j"], arrays["energy_j"].T, strict=True))
+        return _record(self.walk, self.stance, arrays["time_s"], arrays["grf_W"], arrays["cop_W"], ledger)
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
+
+    Attributes:
+        base_values: (P, O) outcomes in the order of NAMES. values: (D, R, P, O).
+        base_resultant, base_cop: (P, 101) BW and FL over the own stance. resultant, cop: (D, R, P, 101).
+        time_s: (n,) instants. base_locked: (P, n) BW, the resultant there. locked: (D, R, P, n).
+        failed: walks that failed or have no whole stance.
+    """
+
+    base: Base
+    base_values: np.ndarray
+    values: np.ndarray
+    base_resultant: np.ndarray
+    resultant: np.ndarray
+    base_cop: np.ndarray
+    cop: np.ndarray
+    time_s: np.ndarray
+    base_locked: np.ndarray
+    locked: np.ndarray
+    failed: int
+
+
+def base_of(walk: StudyWalk, sizes: NoiseSizes | None = None) -> Base:
+    """The stance of `walk` that is used.
+
+    Raises:
+        InputError: there is no stance that the plate and the model both show as a whole.
+    """
+    trial, middle = walk.trial, 0.5 * (walk.trial.start_s + walk.trial.end_s)
+    whole = [item.measured for item in walk.comparison.stances if item.inside]
+    for stance in sorted(whole, key=lambda s: abs(0.5 * (s.start_s + s.end_s) - middle)):
+        plate, result = trial.prosthetic_plate, walk.result
+        near = (plate.time_s > stance.start_s - 4 * MARGIN_S) & (plate.time_s < stance.end_s + 4 * MARGIN_S)
+        measured = _record(walk, stance, plate.time_s[near], plate.force_W[near],
+                           plate.cop_W[near] if plate.has_cop else None)
+        ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
+        simulated = _record(walk, stance, result.time_s, result.grf_W, result.cop_W, ledger)
+        if measured is not None and simulated is not None:
+            window = dataclasses.replace(trial, start_s=max(trial.start_s, stance.start_s - MARGIN_S),
+                                         end_s=min(trial.end_s, stance.end_s + MARGIN_S))
+            return Base(walk, window, stance, KinematicNoise(window, sizes), measured, simulated)
+    raise InputError("has no stance that both plate and model show as a whole", where=walk.label)
+
+
+def walk_all(
+    bases: Sequence[Base], positions_m: Sequence[float], *, draws: int, seed: int, workers: int | None,
+    progress: Progress | None = None
+) -> list[Walked]:
+    """Walks every base at every position, without noise and with `draws` sessions of two recordings."""
+    each = len(positions_m) * (1 + RECORDINGS * draws)
+    found = []
+    with chosen(workers, None, each * len(bases)) as (pool, most):
+        for i, base in enumerate(bases):
+            trials = [base.trial, *(trial for d in range(draws) for trial in _drawn(base, seed, i, d))]
+            cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions_m]
+
+            def show(state: object, i: int = i, base: Base = base) -> None:
+                if progress:
+                    progress(f"{base.label} at {len(positions_m)} positions, with errors of its kinematics",
+                             (i + getattr(state, "done", 0) / each) / len(bases))
+            outcomes = simulate_many(cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)
+            found.append(_walked(base, outcomes, len(positions_m), draws))
+    return found
+
+
+def _drawn(base: Base, seed: int, trial: int, draw: int) -> list[Trial]:
+    random = np.random.default_rng([seed, _STREAM, trial, draw])
+    session = base.noise.session(random)
+    return [base.noise.perturbed(session + base.noise.recording(random)) for _ in range(RECORDINGS)]
+
+
+def _walked(base: Base, outcomes: Sequence[WalkOutcome], positions: int, draws: int) -> Walked:
+    records = [base.record(outcome) for outcome in outcomes]
+    time = next((record.time_s for record in records if record is not None), np.empty(0))
+    shape = (1 + RECORDINGS * draws, positions)
+
+    def stacked(name: str, size: int) -> tuple[np.ndarray, np.ndarray]:
+        rows = [np.full(size, np.nan) if record is None else getattr(record, name) for record in records]
+        every = np.array(rows).reshape(*shape, size)
+        return every[0], every[1:].reshape(draws, RECORDINGS, positions, size)
+
+    base_values, values = stacked("values", len(NAMES))
+    base_resultant, resultant = stacked("resultant", 101)
+    base_cop, cop = stacked("cop", 101)
+    base_locked, locked = stacked("locked", len(time))
+    return Walked(base, base_values, values, base_resultant, resultant, base_cop, cop, time, base_locked, locked,
+                  sum(record is None for record in records))
+
+
+def _record(
+    walk: StudyWalk, near: Stance, time_s: np.ndarray, grf_W: np.ndarray, cop_W: np.ndarray | None,
+    energy: dict[str, np.ndarray] | None = None
+) -> StanceRecord | None:
+    return stance_record(time_s, grf_W, cop_W, near=near, heading=walk.comparison.heading,
+                         weight_n=walk.result.subject_mass_kg * GRAVITY, foot_length_m=walk.result.foot_length_m,
+                         energy=energy)
+
+
+# Outcome measures of one stance, the same for a simulated walk and for a force plate.
+#
+# Of the force, low-passed at 40 Hz, over the foot's own stance (20 N), in body weights (BW):
+#
+#     resultant_first, resultant_second   largest resultant in the first and in the second half of stance
+#     vertical_first, vertical_second     largest vertical force in these halves
+#     vertical_trough                     smallest vertical force between these two
+#     propulsion                          largest fore-aft force (forward positive) in the second half
+#     propulsion_impulse                  integral of the fore-aft force over where it is positive (BW s)
+#     resultant_rms                       root mean square of the resultant over stance
+#
+# Of the centre of pressure, low-passed at 6 Hz, along the walking direction, in lengths of the prosthetic foot (FL): its
+# excursion (foremost less rearmost) and where it is at half of stance, ahead of its rearmost place in that stance. Both
+# are told by the force record alone: where the foot stands in the laboratory does not enter.
+#
+# Of the keel's strain energy (J), which no plate measures: stored, its maximum in stance less its value at touch-down;
+# returned, that maximum less its value at lift-off and less what the keel's damping takes in between.
+
+
+OUTCOMES: dict[str, tuple[str, str]] = {
+    "resultant_first_bw": ("first peak of the resultant", "BW"),
+    "resultant_second_bw": ("second peak of the resultant", "BW"),
+    "vertical_first_bw": ("first peak of the vertical force", "BW"),
+    "vertical_trough_bw": ("trough of the vertical force", "BW"),
+    "vertical_second_bw": ("second peak of the vertical force", "BW"),
+    "propulsion_bw": ("peak of the propulsive force", "BW"),
+    "propulsion_impulse_bws": ("propulsive impulse", "BW s"),
+    "resultant_rms_bw": ("RMS of the resultant over stance", "BW"),
+    "cop_excursion_fl": ("CoP excursion", "FL"),
+    "cop_mid_stance_fl": ("CoP at mid-stance", "FL"),
+    "energy_stored_j": ("keel energy stored", "J"),
+    "energy_returned_j": ("keel energy returned", "J"),
+}
+"""Name: (what it is, unit)."""
+NAMES = tuple(OUTCOMES)
+MEASURED = tuple(name for name in NAMES if not name.startswith("energy"))
+"""Those that a force plate tells."""
+
+
+@dataclass(frozen=True, eq=False)
+class StanceRecord:
+    """One stance in numbers.
+
+    Attributes:
+        values: (12,) outcomes in the order of NAMES; NaN for what the record does not tell.
+        resultant: (101,) BW at 0-100 % of the own stance. cop: (101,) FL ahead of its rearmost place; NaN unloaded.
+        time_s, locked: (n,) evenly spaced instants and the resultant (BW) there, not shifted in time.
+    """
+
+    values: np.ndarray
+    resultant: np.ndarray
+    cop: np.ndarray
+    time_s: np.ndarray
+    locked: np.ndarray
+
+
+def own_stance(time_s: np.ndarray, vertical_n: np.ndarray, near: Stance) -> Stance | None:
+    """The complete stance that overlaps `near` most, or None."""
+    def overlap(stance: Stance) -> float:
+        return min(stance.end_s, near.end_s) - max(stance.start_s, near.start_s)
+
+    found = [s for s in find_stances(time_s, vertical_n, threshold_n=THRESHOLD_N) if s.complete and overlap(s) > 0.0]
+    return max(found, key=overlap, default=None)
+
+
+def stance_record(
+    time_s: np.ndarray, grf_W: np.ndarray, cop_W: np.ndarray | None, *, near: Stance, heading: np.ndarray,
+    weight_n: float, foot_length_m: float, energy: Mapping[str, np.ndarray] | None = None
+) -> StanceRecord | None:
+    """Outcomes of the stance that overlaps `near` most; None if there is none as a whole.
+
+    Args:
+        time_s: (n,). grf_W: (n, 3) N on the foot. cop_W: (n, 3) m, NaN unloaded; None where nobody measured it.
+        heading: (2,) unit vector of progression in W.
+        energy: (n,) J by name: `keel_strain` and `keel_loss` of the ledger.
+    """
+    axes = walk_axes(heading)
+    stance = own_stance(time_s, grf_W[:, 2], near)
+    if stance is None:
+        return None
+    grid = uniform_grid(time_s)
+    step = float(grid[1] - grid[0])
+    cutoff = min(FORCE_CUTOFF_HZ, 0.45 / step)
+    force = low_pass(resample(grid, time_s, grf_W @ axes.T), rate_hz=1.0 / step, cutoff_hz=cutoff) / weight_n
+    resultant = np.linalg.norm(force, axis=1)
+    inside = (grid >= stance.start_s) & (grid <= stance.end_s)
+    first = inside & (grid <= stance.start_s + 0.5 * stance.duration_s)
+    second = inside & ~first
+    along, up = force[:, 0], force[:, 2]
+    peaks = [int(np.argmax(np.where(half, up, -np.inf))) for half in (first, second)]
+    values = dict.fromkeys(NAMES, np.nan)
+    values |= {
+        "resultant_first_bw": resultant[first].max(), "resultant_second_bw": resultant[second].max(),
+        "vertical_first_bw": up[peaks[0]], "vertical_second_bw": up[peaks[1]],
+        "vertical_trough_bw": up[peaks[0]:peaks[1] + 1].min(), "propulsion_bw": along[second].max(),
+        "propulsion_impulse_bws": cumulative_integral(np.maximum(along[inside], 0.0), step)[-1],
+        "resultant_rms_bw": np.sqrt(np.mean(resultant[inside] ** 2))}
+    instants = percent_instants(stance)
+    cop = np.full(len(PERCENT), np.nan)
+    if cop_W is not None:
+        path = filtered_while_loaded(
+            (cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants, threshold_n=THRESHOLD_N,
+            force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=min(COP_CUTOFF_HZ, 0.45 / step))[:, 0] / foot_length_m
+        if np.isfinite(path).any():
+            cop = path - np.nanmin(path)
+            values |= {"cop_excursion_fl": np.nanmax(cop), "cop_mid_stance_fl": cop[len(PERCENT) // 2]}
+    if energy is not None:
+        values |= _energy(time_s, energy["keel_strain"], energy["keel_loss"], stance)
+    return StanceRecord(values=np.array([values[name] for name in NAMES]), cop=cop,
+                        resultant=np.interp(instants, grid, resultant), time_s=grid, locked=resultant)
+
+
+def _energy(time_s: np.ndarray, strain: np.ndarray, loss: np.ndarray, stance: Stance) -> dict[str, float]:
+    rows = np.flatnonzero((time_s >= stance.start_s) & (time_s <= stance.end_s))
+    top = rows[np.argmax(strain[rows])]
+    start, end = np.interp([stance.start_s, stance.end_s], time_s, strain)
+    lost = np.interp(stance.end_s, time_s, loss) - loss[top]
+    return {"energy_stored_j": float(strain[top] - start), "energy_returned_j": float(strain[top] - end - lost)}
+
+
+# Errors that a gait laboratory makes in joint angles, drawn at random and added to a recording.
+#
+# Their sizes are a choice: those with which the embedded laboratory tier was made (data/reference_subject/README.md),
+# which are of the order that laboratories report for placing markers anew and for repeating a trial with the markers left
+# on. They come in two parts:
+#
+# - of the session, the same in all its recordings: a constant error of each hip and knee angle of the prosthetic side
+#   (misplaced markers) and a smooth one over the gait cycle (sliding skin, crosstalk), a periodic cubic spline with
+#   SPLINES coefficients whose mean over the cycle is zero;
+# - of the recording: a constant error of each of these angles and of the pelvis's, and of the pelvis's place.
+#
+# Angles of the other leg do not move the prosthetic foot and stay as they are. All draws are independent and normal.
+# Nothing is calibrated away afterwards: a laboratory that fits offsets in each session leaves less.
+
+
+SPLINES = 8
+PELVIS_ANGLES = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
+PELVIS_PLACE = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSizes:
+    """Standard deviations.
+
+    Attributes:
+        session_deg: constant error of an angle in a session. session_smooth_deg: root mean square, expected, of the
+            smooth one.
+        recording_deg, recording_mm: constant errors of one recording.
+    """
+
+    session_deg: float = 1.2
+    session_smooth_deg: float = 0.5
+    recording_deg: float = 0.1
+    recording_mm: float = 0.4
+
+
+class KinematicNoise:
+    """Noise of one recording; its draws depend on the numbers given to `perturbed` alone.
+
+    Raises:
+        InputError: the recording has no whole stance, so that its gait cycle is unknown.
+    """
+
+    def __init__(self, trial: Trial, sizes: NoiseSizes | None = None) -> None:
+        self.trial, self.sizes = trial, sizes or NoiseSizes()
+        side = trial.subject.prosthetic_side[0]
+        names = trial.trajectory.names
+        limb = [f"{joint}_{side}" for joint in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle",
+                                                "knee_adduction", "knee_rotation")]
+        self.limb = [names.index(name) for name in limb if name in names]
+        self.angles = self.limb + [names.index(name) for name in PELVIS_ANGLES if name in names]
+        self.place = [names.index(name) for name in PELVIS_PLACE if name in names]
+        self._smooth = smooth_basis(gait_phase(trial)(trial.trajectory.time_s))
+
+    def session(self, random: np.random.Generator) -> np.ndarray:
+        """(n, m) rad: one session's error of every sample, as all recordings of this motion would have it."""
+        constant = np.radians(self.sizes.session_deg) * random.standard_normal(len(self.limb))
+        waves = np.radians(self.sizes.session_smooth_deg) * random.standard_normal((SPLINES, len(self.limb)))
+        error = np.zeros(self.trial.trajectory.values.shape)
+        error[:, self.limb] = constant + self._smooth @ waves
+        return error
+
+    def recording(self, random: np.random.Generator) -> np.ndarray:
+        """(m,) rad and m: one recording's own error."""
+        error = np.zeros(self.trial.trajectory.values.shape[1])
+        error[self.angles] = np.radians(self.sizes.recording_deg) * random.standard_normal(len(self.angles))
+        error[self.place] = 1e-3 * self.sizes.recording_mm * random.standard_normal(len(self.place))
+        return error
+
+    def perturbed(self, error: np.ndarray) -> Trial:
+        """The trial with an error, (n, m) or (m,), added to its samples."""
+        motion = self.trial.trajectory
+        moved = CoordinateTrajectory(motion.time_s, motion.values + error, motion.names, source=motion.source)
+        return dataclasses.replace(self.trial, trajectory=moved)
+
+
+def smooth_basis(phase: np.ndarray) -> np.ndarray:
+    """(n, SPLINES): times independent standard normal coefficients it is a periodic curve with mean zero over the cycle
+    whose mean square over a cycle is 1, expected."""
+    basis = periodic_bsplines(SPLINES)
+    cycle = basis(np.linspace(0.0, 1.0, 801)[:-1])
+    centred = cycle - cycle.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.mean(np.sum(centred**2, axis=1)))
+    own = basis(phase)
+    return np.asarray((own - own.mean(axis=1, keepdims=True)) / size)

@@ -1,0 +1,436 @@
+"""Walking: the paper's Table 3 and Figures 5 to 7 over the study's walks, and what the paper did not show."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import minimize_scalar
+
+from vsf_drake.analysis.comparison import PERCENT
+from vsf_drake.analysis.contact_fit.scores import FulcrumSweep
+from vsf_drake.analysis.series import r_squared, rmse, uniform_grid
+from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.validation.walking_ensembles import (
+    LEAST_FOR_R,
+    PUBLISHED,
+    QUANTITIES,
+    Ensemble,
+    Pair,
+    condition,
+    ensembles,
+    free_moment_scores,
+    pearson,
+    setting_name,
+    summary,
+    sweep_entry,
+    sweep_study,
+    walk_curves,
+)
+from vsf_drake.json_file import plain
+from vsf_drake.motion.runs import longest_run, runs
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.simulation.results import WalkResult, coordinate_unit
+
+ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
+POOLED = "all"
+
+
+def walking_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """Every number of Table 3, per walk and per condition, and curves.
+
+    Table:
+        rows: a walk each (`rows.walk_row`), by fulcrum position.
+        conditions: a fulcrum position each (`conditions.condition`), softest first, with the paper's numbers.
+        held_out, fitted, offsets_fitted: means and worst (`conditions.summary`) or None.
+        angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`rows.pooled`) and
+            `angles`, a row a rotation.
+        stance_r, stance_n: Pearson's over all walks.
+        sweeps_right, sweeps: how many fulcrum sweeps name the right position, of how many that name one.
+        sweep_failures: by walk, how many positions of its sweep have no error.
+        difference_method, spm1d: what found the regions, and its version; `differences`: one a group and quantity
+            (`regions.differing_regions`), with `group` (index in `conditions`, or "all") and `quantity`.
+        units: of the curves. paper: what is published.
+    Arrays (101 points of the measured stance; G is the index in `conditions` or "all", Q one of QUANTITIES):
+        `walk_I_Q_measured`, `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`,
+        `_model_sd`, and the arrays of `differing_regions` likewise.
+    """
+    say = progress or (lambda what, fraction: None)
+    failures: dict[str, list[str]] = {}
+    sweeps = sweep_study(study, progress=lambda what, f: say(what, 0.8 * f), failures=failures)
+    say("comparing curves", 0.8)
+    rotations = {walk.label: walk_rotations(walk) for walk in study.walks}
+    rows = [walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
+    curves = {walk.label: walk_curves(walk) for walk in study.walks}
+    conditions = [condition(x, [row for row in rows if row["fulcrum_mm"] == x], ROLES) for x in study.conditions()]
+    arrays = {f"walk_{i}_{name}_{side}": curve for i, walk in enumerate(study.walks)
+              for name, pair in curves[walk.label].items()
+              for side, curve in zip(("measured", "model"), pair, strict=True)}
+    differences = _differences(conditions, curves, study.options.seed, arrays)
+    table = {
+        "rows": rows, "conditions": conditions, **_summaries(rows),
+        **pooled([r for own in rotations.values() for r in own]), "angles": angle_rows(rotations),
+        "sweeps": sum(row["sweep"]["right"] is not None for row in rows),
+        "sweeps_right": sum(row["sweep"]["right"] is True for row in rows),
+        "sweep_failures": {label: len(reasons) for label, reasons in failures.items()},
+        "spm1d": spm_version(), "difference_method": next((d["method"] for d in differences if d["method"]), None),
+        "differences": differences, "units": QUANTITIES, "paper": PUBLISHED, "quick": study.options.quick,
+        "synthetic": any(walk.trial.synthetic for walk in study.walks), "contact": study.contact_name or None}
+    say("comparing curves", 1.0)
+    return Section(table=plain(table), arrays=arrays, missing=tuple(
+        [*_missing(study, rows, conditions, curves, table), *_failed_sweeps(failures, rows)]))
+
+
+def _summaries(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {role.replace(" ", "_"): summary([row for row in rows if row["role"] == role])
+                             for role in ROLES}
+    found["stance_r"], found["stance_n"] = pearson(rows, "stance_measured_s", "stance_model_s")
+    return found
+
+
+def _differences(
+    conditions: Sequence[Mapping[str, Any]], curves: Mapping[str, Mapping[str, Pair]], seed: int,
+    arrays: dict[str, np.ndarray]
+) -> list[dict[str, Any]]:
+    """Regions of every group and quantity; the curves of each join `arrays`."""
+    groups: dict[Any, Mapping[str, Ensemble]] = {
+        i: ensembles({label: curves[label] for label in own["labels"]}) for i, own in enumerate(conditions)}
+    if len(conditions) > 1:
+        groups[POOLED] = ensembles(curves)
+    found = []
+    for i, (group, quantities) in enumerate(groups.items()):
+        for name, ensemble in quantities.items():
+            table, more = differing_regions(ensemble, seed=(seed, i, list(QUANTITIES).index(name)))
+            arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
+            found.append({"group": group, "quantity": name, "unit": QUANTITIES[name], "labels": ensemble.labels}
+                         | table)
+    return found
+
+
+def _missing(
+    study: Study, rows: Sequence[Mapping[str, Any]], conditions: Sequence[Mapping[str, Any]],
+    curves: Mapping[str, Mapping[str, Pair]], table: Mapping[str, Any]
+) -> list[str]:
+    found = []
+    walked = {setting_name(own["fulcrum_mm"]) for own in conditions}
+    gone = [f"{name} ({own['fulcrum_mm']:g} mm)" for name, own in PUBLISHED["conditions"].items()
+            if name not in walked]
+    if gone:
+        found.append(f"No walk at the paper's setting {' or '.join(gone)}: its rows of Table 3 are not there.")
+    single = [f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] == 1]
+    if single:
+        found.append(f"One walk only at {', '.join(single)}: no standard deviation and no band.")
+    whole = {label: own for label, own in curves.items() if own}
+    for text, names in (
+            ("no stance lies inside the time window as a whole: stance time and curves over stance are not known",
+             [label for label in curves if label not in whole]),
+            ("the plate has no centre of pressure, so that its errors are not known",
+             [w.label for w in study.walks if not w.recorded.prosthetic_plate.has_cop]),
+            ("no medio-lateral force was measured",
+             [label for label, own in whole.items() if "medio_lateral" not in own]),
+            ("no free moment was measured", [label for label, own in whole.items() if "free_moment" not in own]),
+            ("there is no other walk to make a null model of",
+             [row["label"] for row in rows if row["null_model_grf_rmse_bw"] is None])):
+        if names:
+            found.append(f"{', '.join(names)}: {text}.")
+    if table["stance_r"] is None:
+        found.append(f"The correlation of stance times needs {LEAST_FOR_R} walks with a whole stance that differ; "
+                     f"there {'is' if table['stance_n'] == 1 else 'are'} {table['stance_n']}.")
+    few = [f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] < LEAST_WALKS]
+    if few:
+        found.append(f"Where on the curve model and measurement differ was not tested at {', '.join(few)}: that needs "
+                     f"{LEAST_WALKS} walks.")
+    if table["difference_method"] not in (None, SPM):
+        found.append("Statistical parametric mapping was not done: spm1d is not installed (`pip install "
+                     "vsf-drake[spm]`). Pointwise bootstrap bands stand in.")
+    if study.options.quick:
+        found.append("The short form sweeps the fulcrum over six positions only, in every walk.")
+    return found
+
+
+def _failed_sweeps(failures: Mapping[str, Sequence[str]], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What of the sweeps is not there."""
+    if not failures:
+        return []
+    total = sum(len(row["sweep"]["fulcrum_mm"]) for row in rows)
+    lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
+    first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
+    count = sum(map(len, failures.values()))
+    return [f"{count} of the {total} walks with the fulcrum elsewhere could not be scored ({lost}). The first: "
+            f"{first}."]
+
+
+# One row a walk of the validation's walking section, and the tracking of angles over all walks.
+
+
+TAKEN = (
+    "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "impulse_r2", "vertical_impulse_error", "cop_rmse_fl",
+    "cop_ml_rmse_fl", "cop_r2", "cop_points", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
+    "toe_off_error_s", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "null_model_grf_rmse_bw",
+    "coverage", "extra_model_stances", "unconverged_steps", "converged", "synthetic")
+"""What a row takes from the walk's metrics as it is (`analysis.metrics` defines it)."""
+
+
+def walk_rotations(walk: StudyWalk) -> tuple[Rotation, ...]:
+    """Tracking of every prescribed rotation of a walk."""
+    return tracked_rotations(walk.result, walk.recorded.trajectory)
+
+
+def walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep | None) -> dict[str, Any]:
+    """A walk's numbers: TAKEN, times, free moment, angles, null model and sweep; None for what is unknown."""
+    metrics = walk.metrics
+    row = {"label": walk.label, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
+           "setting": setting_name(walk.fulcrum_mm), **{key: metrics[key] for key in TAKEN}}
+    measured, model, null = row["stance_measured_s"], row["stance_model_s"], row["null_model_grf_rmse_bw"]
+    total = pooled(rotations)
+    return row | {
+        "stances": len(walk.comparison.stances), "whole_stances": sum(s.inside for s in walk.comparison.stances),
+        "stance_error_s": None if measured is None or model is None else model - measured,
+        "beats_null": None if null is None or row["grf_rmse_bw"] is None else row["grf_rmse_bw"] < null,
+        **free_moment_scores(walk.result, walk.recorded.prosthetic_plate, walk.comparison),
+        **{key: total[key] for key in ("angle_rmse_deg", "angle_r2", "angle_lag_ms", "angle_recording_rmse_deg")},
+        "sweep": None if sweep is None else sweep_entry(sweep), "doubts": list(walk.doubts)}
+
+
+def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
+    """Over rotations (of one walk or of several): RMS error, R² with each about its own mean, largest error and lag.
+
+    None for what no rotation knows. `angle_recording_rmse_deg` is against the recording, before a fit corrected it.
+    """
+    weights = np.array([r.squares for r in rotations]).reshape(-1, 2).sum(axis=0)
+    lags = [r.lag_ms for r in rotations if r.lag_ms is not None]
+    return {"angle_rmse_deg": _rms([r.rmse_deg for r in rotations]),
+            "angle_worst_deg": max((r.rmse_deg for r in rotations), default=None),
+            "angle_r2": float(1.0 - weights[0] / weights[1]) if weights[1] > 0.0 else None,
+            "angle_lag_ms": max(lags, key=abs) if lags else None,
+            "angle_recording_rmse_deg": _rms([r.recording_rmse_deg for r in rotations])}
+
+
+def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[dict[str, Any]]:
+    """A row a rotation, over all walks: RMS errors, least R², largest lag, mean range."""
+    names = dict.fromkeys(r.name for rotations in by_walk.values() for r in rotations)
+    rows = []
+    for name in names:
+        own = [r for rotations in by_walk.values() for r in rotations if r.name == name]
+        lags = [r.lag_ms for r in own if r.lag_ms is not None]
+        rows.append({"rotation": name, "n": len(own), "rmse_deg": _rms([r.rmse_deg for r in own]),
+                     "r2": min((r.r2 for r in own if r.r2 is not None), default=None),
+                     "lag_ms": max(lags, key=abs) if lags else None,
+                     "range_deg": float(np.mean([r.range_deg for r in own])),
+                     "recording_rmse_deg": _rms([r.recording_rmse_deg for r in own])})
+    return rows
+
+
+def _rms(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+# How well the joints follow what they were told: error, R² and phase lag of every prescribed rotation.
+
+
+LARGEST_LAG_S = 0.05
+"""Lags are looked for up to this much early or late."""
+LEAST_RANGE_RAD = np.radians(0.5)
+"""A rotation that varies less has no lag worth a number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rotation:
+    """One prescribed rotation of one walk.
+
+    Attributes:
+        rmse_deg, r2: followed against commanded; R² is None where the command does not vary.
+        lag_ms: of the followed angle behind the commanded one; None where the command hardly varies.
+        range_deg: of the command. squares: (sum of squared errors, of the command about its mean), rad².
+        recording_rmse_deg: followed against the recording, before a fit corrected it; None if that is not known.
+    """
+
+    name: str
+    rmse_deg: float
+    r2: float | None
+    lag_ms: float | None
+    range_deg: float
+    squares: tuple[float, float]
+    recording_rmse_deg: float | None
+
+
+def tracked_rotations(result: WalkResult, recorded: CoordinateTrajectory | None = None) -> tuple[Rotation, ...]:
+    """Every prescribed rotation of a walk, in the model's order.
+
+    Args:
+        recorded: what the laboratory wrote, over at least the walk's time; a fit may have changed the command.
+    """
+    found = []
+    for i, name in enumerate(result.prescribed_names):
+        if coordinate_unit(name) != "rad":
+            continue
+        followed, commanded = result.column(name), result.prescribed_q[:, i]
+        spread, r2 = float(np.ptp(commanded)), r_squared(followed, commanded)
+        first = None
+        if recorded is not None and name in recorded.names:
+            first = float(np.degrees(rmse(followed, recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
+        found.append(Rotation(
+            name=name, rmse_deg=float(np.degrees(rmse(followed, commanded))), r2=r2 if np.isfinite(r2) else None,
+            lag_ms=None if spread < LEAST_RANGE_RAD else _in_ms(lag(result.time_s, followed, commanded)),
+            range_deg=float(np.degrees(spread)), recording_rmse_deg=first,
+            squares=(float(np.sum((followed - commanded) ** 2)), float(np.sum((commanded - commanded.mean()) ** 2)))))
+    return tuple(found)
+
+
+def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray, *, largest_s: float = LARGEST_LAG_S
+        ) -> float | None:
+    """By how much (s) `followed` is later than `commanded`: the shift of the largest cross-correlation.
+
+    The correlation is Pearson's over the same instants for every shift (those that are `largest_s` from both ends), and
+    the command is a cubic spline, so that the shift is not bound to the samples.
+
+    Returns:
+        None if the largest correlation lies at the end of the search or the record is too short for one.
+    """
+    grid = uniform_grid(time_s)
+    inside = (grid >= grid[0] + largest_s) & (grid <= grid[-1] - largest_s)
+    if np.count_nonzero(inside) < 10:
+        return None
+    own = np.interp(grid, time_s, followed)[inside]
+    own -= own.mean()
+    spline = make_interp_spline(time_s, commanded, k=3)
+
+    def unlike(shift: float) -> float:
+        """One minus the correlation, as half the squared distance of the two of unit length: exact near zero."""
+        other = spline(grid[inside] - shift)
+        other -= other.mean()
+        sizes = np.linalg.norm(own), np.linalg.norm(other)
+        return 1.0 if min(sizes) == 0.0 else 0.5 * float(np.sum((own / sizes[0] - other / sizes[1]) ** 2))
+
+    step = float(grid[1] - grid[0])
+    shifts = step * np.arange(-int(largest_s / step), int(largest_s / step) + 1)
+    best = int(np.argmin([unlike(shift) for shift in shifts]))
+    if best in (0, len(shifts) - 1):
+        return None
+    found = minimize_scalar(unlike, bounds=(shifts[best - 1], shifts[best + 1]), method="bounded",
+                            options={"xatol": 1e-9})
+    return float(found.x if found.fun < unlike(shifts[best]) else shifts[best])
+
+
+def _in_ms(seconds: float | None) -> float | None:
+    return None if seconds is None else 1e3 * seconds
+
+
+# Where on the curve model and measurement differ: statistical parametric mapping, or pointwise bootstrap bands.
+#
+# The sample is a walk's curve, model less measured. With `spm1d` (Pataky 2012, doi 10.1080/10255842.2010.527837), which
+# must be installed apart because of its licence: a paired t-test, two-tailed, whose threshold random field theory sets
+# for the whole curve. Without it: where the percentile bootstrap band of the mean difference, over walks, leaves out
+# zero, point by point, uncorrected for how many points there are. Neither corrects for how many curves are tested, and
+# no region is no proof of agreement: few walks leave large differences undetected.
+
+
+SPM, BOOTSTRAP = "statistical parametric mapping", "pointwise bootstrap"
+ALPHA = 0.05
+LEAST_WALKS = 3
+RESAMPLES = 2000
+_LEAST_POINTS = 10
+_FLAT = 1e-9
+"""Share of the curve's largest spread below which a point does not vary (the impulse at heel strike is zero always)."""
+
+
+def spm_version() -> str | None:
+    """Of the installed `spm1d`; None without it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return str(importlib.import_module("spm1d").__version__)
+    except ImportError:
+        return None
+
+
+def differing_regions(ensemble: Ensemble, *, seed: tuple[int, ...]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Where the mean difference of a group's walks is not zero.
+
+    Args:
+        seed: of the bootstrap.
+
+    Returns:
+        Table: `n` walks, `method` (SPM, BOOTSTRAP or None where nothing was computed) and `why` not or not otherwise,
+        `compared_percent` (first, last; None), `threshold` (of |t|; None by bootstrap), `regions` (start_percent,
+        end_percent, mean_difference in the quantity's unit, p of the region or None), `mean_difference` and
+        `largest_difference` of the mean curve, `share` of the compared points that lie in regions.
+        Arrays (101,): `difference_mean`, `difference_low` and `difference_high` (the pointwise bootstrap band, 95 %),
+        `t` (Student's, pointwise); NaN where nothing is compared.
+    """
+    difference = ensemble.model - ensemble.measured
+    n, empty = len(difference), np.full(len(PERCENT), np.nan)
+    known = np.isfinite(difference).all(axis=0)
+    mean = np.where(known, difference.mean(axis=0), np.nan)
+    arrays = {"difference_mean": mean,
+              **{key: empty.copy() for key in ("difference_low", "difference_high", "t")}}
+    table: dict[str, Any] = {
+        "n": n, "method": None, "why": None, "compared_percent": None, "threshold": None, "regions": [], "share": None,
+        "mean_difference": float(mean[known].mean()) if known.any() else None,
+        "largest_difference": float(mean[known][np.argmax(np.abs(mean[known]))]) if known.any() else None}
+    if n < LEAST_WALKS:
+        return table | {"why": f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"}, arrays
+    spread = np.where(known, difference.std(axis=0, ddof=1), 0.0)
+    used = longest_run(known & (spread > _FLAT * spread.max()))
+    if len(used) < _LEAST_POINTS:
+        return table | {"why": "there are too few points at which all walks differ"}, arrays
+    own = difference[:, used]
+    low, high = bootstrap_band(own, seed=seed)
+    arrays["difference_low"][used], arrays["difference_high"][used] = low, high
+    arrays["t"][used] = own.mean(axis=0) / (spread[used] / np.sqrt(n))
+    first = int(used[0])
+    table |= {"compared_percent": [float(PERCENT[used[0]]), float(PERCENT[used[-1]])]}
+    if spm_version() is not None:
+        try:
+            threshold, spans = _spm(ensemble.model[:, used], ensemble.measured[:, used])
+        except Exception as error:  # whatever the optional package dislikes, the bands remain
+            table["why"] = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
+        else:
+            return table | {"method": SPM, "threshold": threshold} | _regions(spans, first, own), arrays
+    else:
+        table["why"] = "spm1d is not installed"
+    bands: list[tuple[float, float, float | None]] = [
+        (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))]
+    return table | {"method": BOOTSTRAP} | _regions(bands, first, own), arrays
+
+
+def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int = RESAMPLES
+                   ) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) ends of the percentile bootstrap interval (1 - ALPHA) of the mean of (n, k) samples, point by point.
+
+    With three samples they are the least and the largest of the three.
+    """
+    n = len(samples)
+    counts = np.random.default_rng(list(seed)).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    low, high = np.percentile(counts @ samples / n, [50.0 * ALPHA, 100.0 - 50.0 * ALPHA], axis=0)
+    return low, high
+
+
+def _spm(model: np.ndarray, measured: np.ndarray) -> tuple[float | None, list[tuple[float, float, float | None]]]:
+    """Threshold of |t| (None where it cannot be exceeded) and regions (first, last point, p).
+
+    With two degrees of freedom the theory can give a narrow region a p above ALPHA: such a one is none.
+    """
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        found = importlib.import_module("spm1d").stats.ttest_paired(model, measured).inference(ALPHA, two_tailed=True)
+    threshold = float(found.zstar)
+    return threshold if np.isfinite(threshold) else None, [
+        (float(c.endpoints[0]), float(c.endpoints[1]), float(c.P)) for c in found.clusters if c.P <= ALPHA]
+
+
+def _regions(spans: list[tuple[float, float, float | None]], first: int, difference: np.ndarray) -> dict[str, Any]:
+    points, inside, found = np.arange(difference.shape[1]), np.zeros(difference.shape[1], dtype=bool), []
+    for start, end, p in sorted(spans):
+        own = (points >= start - 1e-9) & (points <= end + 1e-9)
+        inside |= own
+        mean = difference[:, own].mean() if own.any() else difference[:, round(start)].mean()
+        found.append({"start_percent": first + start, "end_percent": first + end, "p": p,
+                      "mean_difference": float(mean)})
+    return {"regions": found, "share": float(inside.mean())}
