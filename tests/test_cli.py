@@ -212,3 +212,27 @@ def test_signal_while_the_commands_load_ends_with_a_sentence(given, after_s):
     said = process.communicate(timeout=30.0)[1]
     assert said == "interrupted; nothing of the unfinished part was written\n"
     assert process.returncode == 128 + given
+
+
+MISREAD = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+@app.command()
+def draw(number: int):
+    try:
+        signal.raise_signal(number)
+    except KeyboardInterrupt:
+        raise ValueError("Invalid bounding box") from None
+main()
+"""
+
+
+@pytest.mark.parametrize("given", [signal.SIGINT, signal.SIGTERM])
+def test_error_that_other_code_makes_of_an_interruption_is_one(given):
+    """Matplotlib's compiled code was seen to do so."""
+    process = subprocess.run([sys.executable, "-c", MISREAD, "draw", str(int(given))], capture_output=True, text=True,
+                             check=False, timeout=60.0)
+    assert process.stderr == "interrupted; nothing of the unfinished part was written\n"
+    assert process.returncode == 128 + given

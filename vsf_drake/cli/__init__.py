@@ -13,7 +13,8 @@ from typing import Any
 from vsf_drake.errors import InputError, VsfError
 
 CLEARING_S = 10.0
-"""How long after a SIGTERM another one changes nothing."""
+"""How long after a SIGTERM another one changes nothing, and how long clearing up may take."""
+NOTHING_WRITTEN = "interrupted; nothing of the unfinished part was written"
 
 
 def main() -> None:
@@ -28,31 +29,35 @@ def main() -> None:
         if number == signal.SIGHUP:
             _leave_terminal()
         since_s, last_s = time.monotonic() - last_s, time.monotonic()
-        if since_s > CLEARING_S:  # nothing disturbs the clearing up; but something may have swallowed the first one
+        if since_s > CLEARING_S or number == signal.SIGINT:  # no other disturbs the clearing up
             ended_by = signal.Signals(number)
             raise KeyboardInterrupt
 
-    before = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGHUP)
-              if signal.getsignal(each) is signal.SIG_DFL}  # not what nohup ignores, or a caller handles
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+    before = {each: handler for each, handler in usual.items()  # not what nohup ignores, or a caller handles
+              if signal.getsignal(each) is handler}
     try:
         for each in before:
             signal.signal(each, interrupt)
         _run()
-    except VsfError as error:
-        _say_error(error)
-        sys.exit(error.exit_code)
-    except OSError as error:  # of a file that nobody asked for: a full disk under a cache of compiled code
-        wrong = InputError(error.strerror or str(error), file=error.filename)
-        _say_error(wrong)
-        sys.exit(wrong.exit_code)
     except (SystemExit, KeyboardInterrupt) as ended:
-        stopped = isinstance(ended, KeyboardInterrupt) or ended.code == 128 + signal.SIGINT  # Typer's, or before Typer
-        said = isinstance(ended.__context__, KeyboardInterrupt)  # by the command itself
-        if stopped and not said:
-            print("interrupted; nothing of the unfinished part was written", file=sys.stderr)
-        if stopped:
+        if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # which is Typer's word for it
+            raise
+        if not isinstance(ended.__context__, KeyboardInterrupt):  # where the command itself has said what there is
+            print(NOTHING_WRITTEN, file=sys.stderr)
+        sys.exit(128 + ended_by)
+    except Exception as error:
+        if time.monotonic() - last_s < CLEARING_S:  # others' compiled code makes errors of its own of an interruption
+            print(NOTHING_WRITTEN, file=sys.stderr)
             sys.exit(128 + ended_by)
-        raise
+        if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a cache of compiled code
+            error = InputError(error.strerror or str(error), file=error.filename)
+        if not isinstance(error, VsfError):
+            raise
+        from vsf_drake.cli.app import errors
+
+        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+        sys.exit(error.exit_code)
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
@@ -78,12 +83,6 @@ def _run() -> None:
     from vsf_drake.cli.app import app
 
     app()
-
-
-def _say_error(error: VsfError) -> None:
-    from vsf_drake.cli.app import errors
-
-    errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
 
 
 def _leave_terminal() -> None:
