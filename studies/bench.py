@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 
 from vsf_drake.analysis.bench_metrics import bench_table
+from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.report.outputs import write_bench
-from vsf_drake.resources import resource
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, run_bench
 
 

@@ -31,7 +31,7 @@ from floor_of_the_reference_subject import RESULTS
 
 from vsf_drake.json_file import write_json
 from vsf_drake.report import style as look
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 
 FIGURES = Path("results/contact_fit")
 

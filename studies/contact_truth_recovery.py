@@ -30,12 +30,12 @@ from floor_of_the_reference_subject import RESULTS, hashes
 from make_reference_subject import DATA
 
 from vsf_drake.analysis.contact_fit import ContactFitOptions
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.files import sha256
 from vsf_drake.json_file import write_json
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.simulation.many.keys import digest
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.many.cases import digest
 from vsf_drake.simulation.walk import Walker
 
 PARTS = Path("results/contact_truth_recovery")

@@ -28,7 +28,7 @@ WITHOUT_DRAKE = (
                                 "actuator_parameters", "parameters", "model_file", "bench_file", "contact_file",
                                 "fitted_model")), "laws/*.py",
     "motion/**/*.py", "simulation/results.py", "simulation/standing_result.py", "simulation/archive.py",
-    "simulation/provenance.py", "analysis/metrics.py", "analysis/standing_table.py",
+    "simulation/archive.py", "analysis/metrics.py", "analysis/standing_table.py",
     "analysis/comparison.py", "analysis/series.py", "analysis/bench_metrics.py", "report/style.py",
     "report/*_figure.py",
 )

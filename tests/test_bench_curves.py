@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 HEAD = "fulcrum_mm,displacement_mm,load_n\n"
 LOADS = (0, 100, 200, 300, 400, 500, 600)

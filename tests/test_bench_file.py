@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsf_drake.bench_file import BenchMeasurement, load_bench_file
+from vsf_drake.bench_curves import BenchMeasurement, load_bench_file
 from vsf_drake.errors import InputError
 
 WHOLE = """\

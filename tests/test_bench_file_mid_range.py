@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import InputError
 
 WHOLE = """\

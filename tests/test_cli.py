@@ -14,8 +14,8 @@ import pytest
 import yaml
 from command_line import read_json
 
+from vsf_drake.files import resource
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.resources import resource
 from vsf_drake.schema import dump_yaml
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from made_contact import OF_THE_MODEL, OF_THE_TRIAL
 
+from vsf_drake.contact_file import model_with
 from vsf_drake.errors import InputError
-from vsf_drake.fitted_model import model_with
 from vsf_drake.model_file import FOAM_LOADS_N, foam_under_load, secant_stiffness
 from vsf_drake.parameters import BushingAxis, ContactZone, ModelParameters
 

@@ -22,7 +22,7 @@ from vsf_drake.npz_file import ALWAYS_BYTES, read_npz
 from vsf_drake.report.fit_output import read_fit
 from vsf_drake.report.report_folder import read_arrays
 from vsf_drake.simulation.archive import read_archive
-from vsf_drake.simulation.many.cache import WalkCache
+from vsf_drake.simulation.many.run import WalkCache
 
 HONEST = {
     "a": np.arange(24.0).reshape(2, 3, 4), "fortran": np.asfortranarray(np.eye(3)), "text": np.array(["ä", "b", ""]),

@@ -9,8 +9,8 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_data, yaml_load_file, yaml_load_typed
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.parameters import KeelParameters, ModelParameters, Subject
-from vsf_drake.resources import resource
 from vsf_drake.scenario import Scenario
 from vsf_drake.schema import dump_yaml, from_plain, load_yaml, to_plain
 

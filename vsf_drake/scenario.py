@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import user_path
+from vsf_drake.files import resource, user_path
 from vsf_drake.ground import Ground, check_ground, load_ground
 from vsf_drake.parameters import GRAVITY, SIDES, Subject
-from vsf_drake.resources import resource
 from vsf_drake.schema import check, choice, load_yaml, quantity
 
 KINDS = ("bench", "person", "leg")

@@ -28,7 +28,7 @@ from vsf_drake.analysis.comparison import walk_axes
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, FitNoise
 from vsf_drake.analysis.contact_fit.recordings import FORCES, SERIES
 from vsf_drake.analysis.contact_fit.solve import prior_samples
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N, find_stances
 from vsf_drake.motion.plates import PlateRecording

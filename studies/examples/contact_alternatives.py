@@ -21,13 +21,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from vsf_drake.files import replaced
+from vsf_drake.files import replaced, resource
 from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import CONTACTS
 from vsf_drake.report.style import label, log_scale, new_figure, save_figure, style
-from vsf_drake.resources import resource
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.contact_comparison import REFERENCE, WAYS, Comparison, Row, compare_contacts
 from vsf_drake.simulation.drop_and_press import Advance

@@ -31,12 +31,12 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
+from vsf_drake.files import resource
 from vsf_drake.laws.stick_slip import friction_coefficient
 from vsf_drake.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.report.style import label, new_figure, save_figure, style
-from vsf_drake.resources import resource
 
 LOAD_KG, PULL, MU_MEAN, MU_DEVIATION, MU_LEAST, KINETIC_SHARE = 40.0, 0.25, 0.30, 0.08, 0.05, 0.6
 DURATION_S, SEED = 0.3, 8

@@ -22,11 +22,11 @@ from pydrake.multibody.tree import PrismaticJoint, RevoluteSpring
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.report.style import label, new_figure, save_figure, style
-from vsf_drake.resources import resource
 
 LEG_JOINTS = ("hip_flexion", "knee_flexion")
 BEND_RAD, SPRING_NM_PER_RAD, DAMPING_NM_S_PER_RAD, DROP_M = 0.35, 300.0, 5.0, 0.03

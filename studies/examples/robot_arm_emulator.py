@@ -24,9 +24,9 @@ from pydrake.systems.framework import Context
 from robot_arm import ArmWithFoot, make_arm
 from scipy.interpolate import PchipInterpolator
 
+from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.report.style import condition_colour, condition_label, label, new_figure, save_figure, style
-from vsf_drake.resources import resource
 from vsf_drake.simulation.roll_over import RollOver
 
 FULCRUMS_M, DESIGN_M = (0.066, 0.108), 0.108

@@ -17,11 +17,11 @@ from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, Revolute
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
+from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.foot_wiring import WiredFoot
-from vsf_drake.resources import resource
 
 TRUNK_KG, TRUNK_SIZE_M, TRUNK_ABOVE_HIP_M = 50.0, (0.2, 0.3, 0.5), 0.3
 KNEE_RAD, ALIGNMENT_RAD = 0.15, 0.1

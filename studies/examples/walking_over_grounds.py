@@ -26,6 +26,7 @@ from grounds_figure import draw
 from pydrake.math import RotationMatrix
 
 from vsf_drake.contact_file import load_contact
+from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.json_file import write_json
 from vsf_drake.motion.fitted_trial import trial_with
@@ -34,9 +35,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report.style import save_figure
-from vsf_drake.resources import resource
-from vsf_drake.simulation.reference import ReferenceWalk
-from vsf_drake.simulation.walk_over_ground import walk_over
+from vsf_drake.simulation.walk_over_ground import ReferenceWalk, walk_over
 
 TRIAL, CONTACT = (f"data/reference_subject/exact/{name}.yaml" for name in ("medium_1", "contact"))
 """A right prosthesis, and a trial that the contact was not fitted to."""

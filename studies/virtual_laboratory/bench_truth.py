@@ -11,7 +11,7 @@ from pathlib import Path
 from virtual_laboratory.bench import LOADS_N, bench_device, forefoot_stiffness, heel_stiffness
 from virtual_laboratory.design import Design
 from virtual_laboratory.writing import NOTICE
-from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.files import replaced
 
 FULCRUMS_MM = (66, 87, 108, 129, 151)

@@ -23,8 +23,7 @@ from virtual_laboratory.dynamics import chain
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.stepping import measure, place, run, step
 from vsf_drake.parameters import SIDES, FootParameters, SocketParameters, Subject
-from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.plants.placement import FootPlacement
+from vsf_drake.plants.anthropometry import FootPlacement, scale_body
 
 STEP_S = 5e-4
 """Largest step: half of it changes the 40 Hz force by less than 0.2 % of body weight."""

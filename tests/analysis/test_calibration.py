@@ -11,9 +11,9 @@ import pytest
 from vsf_drake.analysis.bench_metrics import bench_table, displacement, stiffness
 from vsf_drake.analysis.calibration import calibrate_device, with_compliances
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.model_file import foam_under_load, load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.resources import resource
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 
 

@@ -13,13 +13,13 @@ from made_laboratory import MASS, Laboratory
 from vsf_drake.analysis.intake import IntakeOptions, gather, take_in, walk_names
 from vsf_drake.analysis.recording.examine import examine, weighed
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.pelvis_path import model_ankle
+from vsf_drake.motion.from_markers import model_ankle
+from vsf_drake.motion.markers.identity import PersonFacts
 from vsf_drake.motion.plates import os_to_world
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
-from vsf_drake.resources import resource
 
 PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.measured_bench import load_measured_bench
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import InputError
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 DATA = resource("data/reference_subject")
 HEAD = "fulcrum_mm,displacement_mm,load_n,repeat\n"

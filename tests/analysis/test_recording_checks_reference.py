@@ -14,10 +14,10 @@ from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.analysis.validation.study import embedded_contact
 from vsf_drake.analysis.validation.walks import walk_trial
 from vsf_drake.contact_file import load_contact
+from vsf_drake.files import resource
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.resources import resource
 
 SETTINGS = ("low", "medium", "high")
 

@@ -43,7 +43,7 @@ from pydrake.systems.framework import Context
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.socket import SocketHandles
+from vsf_drake.plants.person import SocketHandles
 
 DRIVEN = ("x", "y", "z", "yaw", "roll", "pitch")
 ARMATURE = 1e6

@@ -12,7 +12,7 @@ from mujoco_model import ARMATURE, DRIVEN, Contact, MujocoFoot, make_mujoco_foot
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.simulation.walk import Walk, Walker
 
 BALL_RADIUS_M = 1e-3

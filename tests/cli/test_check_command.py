@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from command_line import read_json
 
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 
 def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, trial_files):

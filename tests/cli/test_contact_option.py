@@ -11,10 +11,9 @@ from command_line import read_json
 from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.contact_file import save_contact
-from vsf_drake.files import sha256
+from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 
 TRIAL = resource("data/reference_subject/exact/high_1.yaml")
 SUBJECT = resource("data/reference_subject/subject.yaml")

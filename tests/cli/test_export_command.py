@@ -7,12 +7,11 @@ import yaml
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.files import sha256
+from vsf_drake.files import resource, sha256
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.parsed_foot import find_foot
-from vsf_drake.resources import resource
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.archive import RECORD_FILE
 

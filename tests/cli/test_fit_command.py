@@ -17,11 +17,11 @@ from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.cli import fit_run
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.files import resource
 from vsf_drake.report import fit_output
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_output import read_fit
 from vsf_drake.report.fit_page import fit_page
-from vsf_drake.resources import resource
 
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"

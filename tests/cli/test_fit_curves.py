@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 DATA = resource("data/reference_subject")
 LOW = DATA / "exact/low_1.yaml"

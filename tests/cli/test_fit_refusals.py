@@ -9,7 +9,7 @@ import pytest
 import yaml
 from sweep_files import copied
 
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 DATA = resource("data/reference_subject")
 LOW, HIGH = DATA / "exact/low_1.yaml", DATA / "exact/high_1.yaml"

@@ -8,7 +8,7 @@ from made_tuning import failed_table, made_table, small_table
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.cli import tune_run
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 LABORATORY = resource("data/reference_subject") / "laboratory"
 CONTACT = LABORATORY / "contact.yaml"

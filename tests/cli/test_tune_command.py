@@ -21,7 +21,7 @@ from sweep_files import copied
 from vsf_drake.analysis.tuning import level2
 from vsf_drake.cli import tune, tune_run
 from vsf_drake.errors import InputError
-from vsf_drake.resources import resource
+from vsf_drake.files import resource
 
 EMBEDDED = resource("data/reference_subject")
 LABORATORY = EMBEDDED / "laboratory"

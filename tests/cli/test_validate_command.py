@@ -15,9 +15,9 @@ from command_line import exit_code, read_json
 from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.errors import SimulationError
+from vsf_drake.files import resource
 from vsf_drake.report.pieces import Chapter, Text
 from vsf_drake.report.validation import chapters
-from vsf_drake.resources import resource
 
 EMBEDDED = resource("data/reference_subject")
 TRIAL = EMBEDDED / "laboratory" / "medium_2.yaml"

@@ -37,13 +37,12 @@ from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.keeping import SectionStore
 from vsf_drake.analysis.validation.study import Section
-from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
 from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
-from vsf_drake.files import sha256
+from vsf_drake.files import resource, sha256
 from vsf_drake.ground import load_ground
 from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
@@ -51,12 +50,11 @@ from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.formats.writers import write_forces_mot, write_trc
-from vsf_drake.motion.manifest import load_manifest
+from vsf_drake.motion.manifest import load_manifest, load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.stated_subject import load_stated_subject
 from vsf_drake.motion.storage import read_storage
-from vsf_drake.motion.subject_file import load_subject
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.report.fit_output import check_fit_folder, read_fit
 from vsf_drake.report.sweep_output import check_sweep_folder
 from vsf_drake.report.tuning.output import check_tuning_folder, read_tuning, remake_tuning
@@ -66,11 +64,10 @@ from vsf_drake.report.validation.output import (
     read_validation,
     remake_report,
 )
-from vsf_drake.resources import resource
 from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
-from vsf_drake.simulation.many.cache import WalkCache
 from vsf_drake.simulation.many.cases import Task
+from vsf_drake.simulation.many.run import WalkCache
 from vsf_drake.simulation.many.worker import Kind, Reply
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from made_person import Person, markers, poses, walking_angles
 
+from vsf_drake.motion.contacts import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.formats.writers import write_forces_mot, write_trc
-from vsf_drake.motion.kinematic_events import kinematic_stances
 from vsf_drake.motion.markers.schema import FootTrack
 
 MASS = 78.0

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from made_contact import CURVE, OF_THE_MODEL, OWN, made_contact
 
-from vsf_drake.contact_file import FittedSubject, load_contact, save_contact
+from vsf_drake.contact_file import FittedSubject, load_contact, model_with, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.fitted_model import model_with
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trajectory import window_bsplines
 from vsf_drake.motion.trial import load_trial
 
 SUBJECT = FittedSubject(mass_kg=80.0, stature_m=1.8, prosthetic_side="right")

@@ -12,12 +12,10 @@ from made_walk import ANGLES, FORCE_TIME, MASS, feet, plates, standing, walk
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.writers import write_forces_mot, write_trc
-from vsf_drake.motion.from_markers import PLACEHOLDER_KG, trial_from_recordings
+from vsf_drake.motion.from_markers import PLACEHOLDER_KG, model_ankle, trial_from_recordings
 from vsf_drake.motion.manifest import Window
-from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.pelvis_path import model_ankle
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_files import write_trial_files
+from vsf_drake.motion.markers.identity import PersonFacts
+from vsf_drake.motion.trial import load_trial, write_trial_files
 from vsf_drake.schema import dump_yaml
 
 PERSON = PersonFacts(mass_kg=MASS, stature_m=1.8, sex="male", prosthetic_side="right")

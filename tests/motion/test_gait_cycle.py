@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.gait_cycle import STANCE_SHARE, gait_phase, periodic_bsplines
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 
 STANCES = (Stance(0.3, 1.0), Stance(1.5, 2.25), Stance(2.65, 3.42))
 SPLINES = 8

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
-from vsf_drake.resources import resource
 
 EVERYTHING = """
 subject: subject.yaml

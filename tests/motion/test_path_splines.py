@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trajectory import window_bsplines
 
 START, END = 0.4, 1.9
 

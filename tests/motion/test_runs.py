@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.motion.runs import longest_run, runs
+from vsf_drake.motion.events import longest_run, runs
 
 
 def test_runs_are_the_true_stretches():

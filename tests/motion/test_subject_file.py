@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.subject_file import load_subject
+from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.parameters import Subject
 
 SUBJECT = {"mass_kg": 61.5, "stature_m": 1.6, "sex": "female", "prosthetic_side": "left", "prosthesis_length_m": 0.44,

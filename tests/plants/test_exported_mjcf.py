@@ -17,7 +17,7 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.foot_visuals import add_foot_visuals
-from vsf_drake.simulation.keel_statics import KeelStatics
+from vsf_drake.simulation.bench_stiffness import KeelStatics
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -24,6 +24,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import GRAVITY, FootParameters
@@ -31,8 +32,7 @@ from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.inertia import box
-from vsf_drake.resources import resource
-from vsf_drake.simulation.keel_statics import KeelStatics
+from vsf_drake.simulation.bench_stiffness import KeelStatics
 
 NOMINAL = FootParameters()
 UNUSUAL = replace(

@@ -16,7 +16,7 @@ from vsf_drake.ground import Ground, GroundPatch, ground_arrays
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants import add_foot, share_generalized_forces, share_spatial_forces, wire_foot
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.systems.fulcrum_command import FulcrumCommand
+from vsf_drake.systems.fulcrum import FulcrumCommand
 
 
 @pytest.fixture

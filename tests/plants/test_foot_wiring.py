@@ -11,11 +11,11 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot import sole_height
-from vsf_drake.resources import resource
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 FOOT = FootParameters()

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.station import make_station
-from vsf_drake.resources import resource
 from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
 from vsf_drake.schema import dump_yaml
 

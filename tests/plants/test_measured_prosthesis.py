@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.motion.markers.feet import prosthesis_of
+from vsf_drake.motion.markers.calibration import prosthesis_of
 from vsf_drake.motion.markers.frames import Anatomy
 from vsf_drake.motion.markers.schema import FootPoints
 from vsf_drake.parameters import ModelParameters, Subject

@@ -7,9 +7,9 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.files import resource
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.model_package import add_model_package
-from vsf_drake.resources import resource
+from vsf_drake.plants.station import add_model_package
 
 
 @pytest.fixture

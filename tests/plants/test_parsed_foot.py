@@ -18,8 +18,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.export import foot_sdf
-from vsf_drake.plants.model_package import add_model_package
 from vsf_drake.plants.parsed_foot import find_foot
+from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
 LEG = "package://vsf_drake/leg.urdf"

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from vsf_drake.plants.socket import SOCKET_COORDINATES
+from vsf_drake.plants.person import SOCKET_COORDINATES
 
 SIDES = ("right", "left")
 ANGLE = 0.2

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.parameters import FootParameters
+from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.plants.device import velocity_indices
 from vsf_drake.plants.foot import sole_height
-from vsf_drake.plants.roll_over_machine import MOUNT_COORDINATES, make_roll_over_machine
 
 FOOT = FootParameters()
 

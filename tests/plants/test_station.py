@@ -16,11 +16,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants import station as station_module
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.station import make_station
-from vsf_drake.resources import resource
 from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
 
 KINDS = ("bench", "person", "leg")

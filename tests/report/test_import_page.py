@@ -11,10 +11,10 @@ from page_reader import Balanced
 
 from vsf_drake.analysis.recording.check import MARKS
 from vsf_drake.analysis.recording.examine import examine
+from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.import_figures import angle_figure, floor_figure, force_figure, height_figure, residual_figure
 from vsf_drake.report.import_page import import_page, write_import_page
-from vsf_drake.resources import resource
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,9 @@ from differences import central, errors, exact_series, size
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.applied import AppliedTorques, torques_on_grid
 from vsf_drake.simulation.energy import INPUTS
 from vsf_drake.simulation.stepping.stepper import Stepper
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import AppliedTorques, Walker, torques_on_grid
 
 SWING = ("hip_flexion_l", "knee_angle_l", "ankle_angle_l")
 """Flexion of the leg that the made motion keeps in the air."""

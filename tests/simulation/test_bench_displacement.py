@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import brentq
 
 from vsf_drake.analysis.bench_metrics import bench_table, displacement, mid_range_displacement
+from vsf_drake.contact_file import model_with
 from vsf_drake.errors import SimulationError
-from vsf_drake.fitted_model import model_with
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness

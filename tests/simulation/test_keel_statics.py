@@ -11,7 +11,7 @@ from scipy.optimize import root
 from vsf_drake.errors import SimulationError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.keel_statics import KeelStatics
+from vsf_drake.simulation.bench_stiffness import KeelStatics
 
 FOOT = FootParameters()
 FULCRUMS = (0.066, 0.108, 0.151)

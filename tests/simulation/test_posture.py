@@ -9,7 +9,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.posture import ROTATIONS, TRANSLATIONS, Equilibrium, Posture
+from vsf_drake.simulation.standing import ROTATIONS, TRANSLATIONS, Equilibrium, Posture
 from vsf_drake.simulation.walk import Walker
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")

@@ -12,11 +12,10 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.reference import simulate_reference
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_notes import walk_notes
+from vsf_drake.simulation.walk import Walker, walk_notes
+from vsf_drake.simulation.walk_over_ground import simulate_reference
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 

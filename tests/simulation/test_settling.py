@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.motion.markers.settling import settling
+from vsf_drake.motion.markers.posture import settling
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.walk import Walker

@@ -9,7 +9,7 @@ from virtual_laboratory import bench_truth
 from virtual_laboratory.bench import LOADS_N
 from virtual_laboratory.prosthesis import Prosthesis
 
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.parameters import Subject
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "reference_subject"

@@ -9,12 +9,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from walking_over_grounds import CONTACT, EDGE_M, GROUNDS, SLOPE_DEG, STEP_M, TRIAL, in_ground, off, uphill, walk_on
 
 from vsf_drake.contact_file import load_contact
+from vsf_drake.files import resource
 from vsf_drake.ground import Ground
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.gait_over_ground import make_gait_over
-from vsf_drake.resources import resource
 
 PAPER_BW = 0.053
 """Body weights, root mean square, that McGeehan's model left in the very trial it was fitted to."""

@@ -10,7 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RigidTransform_, RollPitchYaw_, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity, SpatialVelocity_
 
-from vsf_drake.systems.shank_angle import ShankAngle
+from vsf_drake.systems.swing_controller import ShankAngle
 
 
 def angle(R_WB, w_WB_W=(0.0, 0.0, 0.0)):

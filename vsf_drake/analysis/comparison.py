@@ -12,9 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from vsf_drake.analysis.series import uniform_grid
-from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.events import Stance, find_stances, runs
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.runs import runs
 from vsf_drake.simulation.reactions import ReactionSensitivity
 from vsf_drake.simulation.results import WalkResult
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.motion.events import runs
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.runs import runs
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates

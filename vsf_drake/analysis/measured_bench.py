@@ -16,8 +16,7 @@ from pathlib import Path
 
 from vsf_drake.analysis.validation.bench_lines import Setting, settings_of
 from vsf_drake.analysis.validation.bench_statistics import up_to
-from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.bench_file import STIFFNESS_ABOVE_N, BenchMeasurement, load_bench_file
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchMeasurement, load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.text import as_label, text_lines
 

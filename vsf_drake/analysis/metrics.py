@@ -25,9 +25,8 @@ import numpy as np
 from vsf_drake.analysis.comparison import PERCENT, THRESHOLD_N, Comparison, Plate, StanceComparison, compare
 from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse
 from vsf_drake.json_file import plain
-from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.events import find_stances, runs
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.runs import runs
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 

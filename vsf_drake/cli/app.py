@@ -39,10 +39,9 @@ def target(out: Path, kind: str, **options: Any) -> Path:
 
 def model_of(path: Path | None, contact: Path | None = None) -> Any:
     """The model of a file, or the nominal one, with the fitted contact of another."""
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.fitted_model import model_with
+    from vsf_drake.contact_file import load_contact, model_with
+    from vsf_drake.files import resource
     from vsf_drake.model_file import load_model
-    from vsf_drake.resources import resource
 
     model = load_model(path or resource("models/nominal.yaml"))
     return model if contact is None else model_with(model, load_contact(contact).values, file=contact)

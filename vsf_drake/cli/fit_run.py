@@ -15,7 +15,7 @@ from vsf_drake.analysis.contact_fit.solve import FitProgress
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
 from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import CURVES
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.cli.fit_names import with_frozen
 from vsf_drake.errors import FitError, InputError, SimulationError

@@ -115,7 +115,7 @@ def finish(table: dict[str, Any]) -> None:
 def _list_markers(path: Path, **axes: str | None) -> None:
     """Labels and a started marker map, as YAML whose comments list the labels."""
     from vsf_drake.motion.formats.read import list_labels, read_trial
-    from vsf_drake.motion.markers.map_guess import suggest_map
+    from vsf_drake.motion.markers.maps import suggest_map
 
     labels = list_labels(path)
     if not labels:
@@ -131,8 +131,8 @@ def _list_markers(path: Path, **axes: str | None) -> None:
 
 def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str, float]]:
     """What is stated of the person, and the lengths that win over the markers."""
-    from vsf_drake.motion.markers.person_facts import PersonFacts
-    from vsf_drake.motion.stated_subject import load_stated_subject
+    from vsf_drake.motion.manifest import load_stated_subject
+    from vsf_drake.motion.markers.identity import PersonFacts
 
     given = {key: value for key, value in single.items() if value is not None}
     if subject is None:

@@ -13,7 +13,7 @@ from vsf_drake.cli.tune_options import TuneOptions
 from vsf_drake.cli.tune_run import Show, tune_trials, was_interrupted
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.table import rest_at, swept
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 
 _READ = 0.1
 """Share of the bar at which the trials are read."""

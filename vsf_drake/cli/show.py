@@ -26,9 +26,9 @@ def show(
         help="Write one page that opens without a network, with an animation instead of sliders, and end.")] = None,
 ) -> None:
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
-    from vsf_drake.motion.subject_file import load_subject
+    from vsf_drake.files import resource
+    from vsf_drake.motion.trial_record import load_subject
     from vsf_drake.report.show.serve import show_model, write_model_page
-    from vsf_drake.resources import resource
 
     if what == "person":
         person = load_subject(user_path(subject) if subject else resource("data/reference_subject/subject.yaml"))

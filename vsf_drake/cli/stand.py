@@ -30,7 +30,7 @@ def stand(
     from vsf_drake.contact_file import load_contact
     from vsf_drake.files import sha256
     from vsf_drake.motion.fitted_trial import check_person
-    from vsf_drake.motion.subject_file import load_subject
+    from vsf_drake.motion.trial_record import load_subject
     from vsf_drake.report.standing_output import write_standing
     from vsf_drake.simulation.standing import simulate_standing
 

@@ -60,7 +60,7 @@ def sweep(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
     from vsf_drake.simulation.many import WalkCase, simulate_many
-    from vsf_drake.simulation.walk_grid import MAX_STEP_S
+    from vsf_drake.simulation.walk import MAX_STEP_S
 
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")

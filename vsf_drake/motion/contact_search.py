@@ -12,7 +12,6 @@ from vsf_drake.motion.events import THRESHOLD_N, Stance, find_scuffs, find_stanc
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.markers.schema import FootTrack
 from vsf_drake.motion.plates import SIDES
-from vsf_drake.motion.polygons import inside
 
 FAR_M = 0.15
 """A centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide."""
@@ -246,3 +245,21 @@ def _carried_elsewhere(times: np.ndarray, side: str, load: Load, found: Sequence
         if item.load.plate is not load.plate and item.side == side:
             on |= (times >= item.load.start_s) & (times <= item.load.end_s)
     return on
+
+
+# Plates seen from above: convex quadrilaterals in the floor.
+
+
+def ring(corners_m: np.ndarray) -> np.ndarray:
+    """(4, 2) corners in the floor, anticlockwise seen from above, whatever order they came in."""
+    flat = np.asarray(corners_m, dtype=float)[:, :2]
+    centred = flat - flat.mean(axis=0)
+    return flat[np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))]
+
+
+def inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
+    """(n,) whether points (n, 2) lie within the plate."""
+    corners = ring(corners_m)
+    edges = np.roll(corners, -1, axis=0) - corners
+    apart = np.asarray(points, dtype=float)[:, None, :2] - corners[None]
+    return np.all(edges[None, :, 0] * apart[..., 1] - edges[None, :, 1] * apart[..., 0] >= 0.0, axis=1)

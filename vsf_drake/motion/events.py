@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 THRESHOLD_N = 20.0
 MINIMUM_S = 0.15
@@ -115,3 +116,17 @@ def _jumps(time_s: np.ndarray, force: np.ndarray, unloaded: int, way: int, most:
     """Whether the force changes faster beside the unloaded sample than a foot's does, `most` newtons a second."""
     apart = max(WITHIN_S, abs(time_s[unloaded + way] - time_s[unloaded]))
     return bool(np.interp(time_s[unloaded] + way * apart, time_s, force) > max(LEAST_JUMP_N, most * apart))
+
+
+# Unbroken stretches of frames or samples in which something is true.
+
+
+def runs(flags: ArrayLike) -> list[tuple[int, int]]:
+    """The stretches [start, stop) in which `flags` (n,) is True, in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.asarray(flags, dtype=bool), [False]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def longest_run(flags: ArrayLike) -> np.ndarray:
+    """Indices of the longest stretch in which `flags` (n,) is True, the first of equals; none if it never is."""
+    return np.arange(*max(runs(flags), key=lambda run: run[1] - run[0], default=(0, 0)))

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.contact_file import FittedContact, FittedTrial
+from vsf_drake.contact_file import FittedContact, FittedTrial, model_with
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.fitted_model import model_with
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.path_splines import window_bsplines
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trajectory import CoordinateTrajectory, window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check

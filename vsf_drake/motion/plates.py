@@ -11,7 +11,6 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import check_clock
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
-from vsf_drake.motion.floor_load import floor_load
 from vsf_drake.motion.storage import Storage
 from vsf_drake.parameters import GRAVITY
 
@@ -183,3 +182,26 @@ def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: floa
         raise InputError(f"a vertical force of {vertical[row]:.4g} N is {vertical[row] / weight:.1f} times the body "
                          f"weight of {mass_kg:g} kg", file=storage.path, where=storage.place(row, f"{prefix}_vy"),
                          right="Check the unit of the forces and the subject's mass_kg")
+
+
+# The same load wherever its moment was taken: to a force, a centre of pressure on the floor and a free moment.
+
+
+def floor_load(point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where on z = 0 a load has a moment about the vertical only, and that moment.
+
+    World frame W. With r = centre - point: torque = r x force + (0, 0, moment) and r_z = -point_z.
+
+    Args:
+        point: (n, 3) m.
+        force: (n, 3) N, vertical component not zero.
+        torque: (n, 3) N m about `point`.
+
+    Returns:
+        (n, 3) m, the centre of pressure with z = 0, and (n,) N m, the free moment, up +.
+    """
+    r_z = -point[:, 2]
+    r_x = (r_z * force[:, 0] - torque[:, 1]) / force[:, 2]
+    r_y = (torque[:, 0] + r_z * force[:, 1]) / force[:, 2]
+    moment = torque[:, 2] - (r_x * force[:, 1] - r_y * force[:, 0])
+    return np.column_stack([point[:, 0] + r_x, point[:, 1] + r_y, np.zeros(len(point))]), moment

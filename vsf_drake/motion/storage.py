@@ -17,8 +17,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
-from vsf_drake.motion.formats.labels import first_of_each
-from vsf_drake.motion.formats.text import Rows, as_label, text_lines
+from vsf_drake.motion.formats.text import Rows, as_label, first_of_each, text_lines
 
 MOST_ODDITIES = 10_000
 """Cells that hold no number and are remembered as they stand, for messages."""

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.formats.writers import write_forces_mot
 from vsf_drake.motion.from_markers import trial_from_recordings
-from vsf_drake.motion.kinematics import read_kinematics
-from vsf_drake.motion.manifest import ForceColumns, Manifest, load_manifest, named_file, to_si
+from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS, read_kinematics
+from vsf_drake.motion.manifest import ForceColumns, Manifest, load_manifest, load_stated_subject, named_file, to_si
 from vsf_drake.motion.markers.maps import SHIPPED, load_marker_map
-from vsf_drake.motion.plates import PlateRecording, assign_prefixes, read_plate
-from vsf_drake.motion.stated_subject import load_stated_subject
-from vsf_drake.motion.storage import read_storage
-from vsf_drake.motion.treadmill import on_the_belt
+from vsf_drake.motion.plates import SIDES, PlateRecording, assign_prefixes, read_plate
+from vsf_drake.motion.storage import read_storage, write_storage
 from vsf_drake.motion.trial_record import Trial, default_model
 from vsf_drake.motion.walk_mass import check_mass
-from vsf_drake.motion.window import trial_window
+from vsf_drake.motion.window import on_the_belt, trial_window
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.schema import load_yaml
 
@@ -140,3 +142,39 @@ def _read_plates(path: Path, manifest: Manifest, file: Path,
         notes.extend(more)
     notes += [f"There is no force plate for the {side} foot." for side in ("right", "left") if side not in plates]
     return plates, tuple(notes)
+
+
+# A trial written as OpenSim files: joint angles and ground reaction forces.
+
+
+def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
+    """Writes `<stem>_ik.mot` and `<stem>_grf.mot`, which a manifest takes as `kinematics` and `forces`.
+
+    Both are in OpenSim's frame (x forward, y up, z right). Angles are in degrees, with both ankles where the trial
+    comes from markers. Forces are ground_force_r_vx, ... with the centre of pressure on the floor, ground_force_r_px,
+    ..., and the free moment as the vertical torque, ground_torque_r_y; all zero where a foot is not loaded. What the
+    trial's belt carried stays carried: the files are those of a floor at rest.
+
+    Returns:
+        The names of the two files.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    folder = Path(folder)
+    names, values = list(trial.trajectory.names), trial.trajectory.values
+    if trial.tracked is not None:
+        more = [name for name in trial.tracked.names if name not in names]
+        extra = trial.tracked.values[:, [trial.tracked.names.index(name) for name in more]]
+        names, values = names + more, np.column_stack([values, extra])
+    shown = np.column_stack([column if name in PELVIS_TRANSLATIONS else np.degrees(column)
+                             for name, column in zip(names, values.T, strict=True)])
+    kinematics, forces = f"{stem}_ik.mot", f"{stem}_grf.mot"
+    label = "synthetic" if trial.synthetic else "from a recording"
+    write_storage(folder / kinematics, time_s=trial.trajectory.time_s, names=names, values=shown, in_degrees=True,
+                  title=f"{stem} joint angles, {label}")
+    plates = {side[0]: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
+              for side in SIDES if (plate := trial.plates.get(side)) is not None}
+    write_forces_mot(folder / forces, time_s=next(iter(trial.plates.values())).time_s, plates=plates,
+                     title=f"{stem} ground reaction forces, {label}")
+    return kinematics, forces

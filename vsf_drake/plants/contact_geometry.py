@@ -42,8 +42,7 @@ from pydrake.systems.framework import DiagramBuilder
 from vsf_drake.errors import InputError
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
-from vsf_drake.plants.contact_sites import ContactSites
-from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
 REFERENCE_LOAD_N = 50.0

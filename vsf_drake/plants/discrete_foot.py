@@ -24,8 +24,7 @@ from pydrake.systems.framework import Context
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum, secant_stiffness
 from vsf_drake.plants.contact_geometry import REFERENCE_LOAD_N
-from vsf_drake.plants.foot_checks import check_context
-from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_handles import FootHandles, check_context
 
 ROD_M = 10.0
 """Length of the rod that stands for the support's direction (a choice)."""

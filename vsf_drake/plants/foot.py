@@ -40,12 +40,17 @@ from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_foot, check_fulcrum
 from vsf_drake.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
-from vsf_drake.plants.contact_sites import ContactSites, zone_sites
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
-from vsf_drake.plants.foot_checks import check_context, check_place, checked_side
-from vsf_drake.plants.foot_handles import FULCRUM_M, FootHandles
-from vsf_drake.plants.inertia import box
-from vsf_drake.plants.joints import FORWARD, RIGHTWARD
+from vsf_drake.plants.foot_handles import (
+    FULCRUM_M,
+    ContactSites,
+    FootHandles,
+    check_context,
+    check_place,
+    checked_side,
+    zone_sites,
+)
+from vsf_drake.plants.inertia import FORWARD, RIGHTWARD, box
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
 """What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""

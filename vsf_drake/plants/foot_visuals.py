@@ -6,16 +6,23 @@ carriage with its roller under the keel are stand-ins.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Shape, Sphere
+from pydrake.common import MemoryFile
+from pydrake.geometry import Box, Cylinder, Ellipsoid, InMemoryMesh, Mesh, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
-from vsf_drake.plants.contact_sites import ContactSites
-from vsf_drake.plants.foot_checks import check_type
-from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.ground import Ground
+from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
+from vsf_drake.plants.ground_geometry import box_under
+from vsf_drake.plants.inertia import frustum_taper
+from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles, SocketHandles
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each 0 to 1."""
@@ -103,3 +110,136 @@ def _draw_carriage(plant: MultibodyPlant, foot: FootHandles) -> None:
     draw(plant, body, "roller", Cylinder(roller, width), CARRIAGE, (0.0, 0.0, -0.5 * keel.thickness_m - roller),
          RotationMatrix.MakeXRotation(0.5 * np.pi))
     draw(plant, body, "carriage", Box(0.02, width, 0.02), CARRIAGE, (0.0, 0.0, 0.02))
+
+
+# What the person and the prosthesis look like: visual shapes for a SceneGraph, without any role in the physics.
+#
+# Shapes follow the model where it has one (frusta, ellipsoid, contact spheres) and are plain stand-ins elsewhere (intact
+# foot). The prosthetic foot is drawn by `foot_visuals`.
+
+
+SKIN: Colour = (0.76, 0.58, 0.45, 1.0)
+TRUNK: Colour = (0.38, 0.46, 0.56, 1.0)
+SOCKET: Colour = (0.25, 0.30, 0.38, 0.55)
+METAL: Colour = (0.62, 0.64, 0.67, 1.0)
+
+_SIDES = 32
+_SOCKET_WALL_M = 0.006
+
+
+def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
+    """Gives the bodies of `person` shapes to be seen by.
+
+    Call it after `add_person` and before `plant.Finalize()` on a plant that is registered as a source of a SceneGraph.
+
+    Raises:
+        InputError: the plant is not registered, or is finalized.
+    """
+    check_drawable(plant, "add_visuals")
+    _draw_person(plant, person)
+    _draw_socket(plant, person.socket, person.body.residual_length, person.body.pylon_length)
+    add_foot_visuals(plant, person.foot)
+    draw_sites(plant, person.intact_sites, "intact_site_{}")
+
+
+def _draw_person(plant: MultibodyPlant, person: PersonHandles) -> None:
+    body = person.body
+    trunk_height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
+    draw(plant, person.pelvis, "trunk", Ellipsoid(pelvis_semi_axes(body)), TRUNK,
+         (body.hip_forward, 0.0, trunk_height))
+    thigh_taper, shank_taper = frustum_taper(body.table.thigh_center), frustum_taper(body.table.shank_center)
+    for name, segment in person.segments.items():
+        part, _, side = name.partition("_")
+        intact = side != person.subject.prosthetic_side
+        if part == "thigh":
+            draw(plant, segment, "thigh", frustum_shape(THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper,
+                                                        body.thigh_length_of(intact=intact)), SKIN)
+            draw(plant, segment, "hip", Sphere(THIGH_RADIUS_M), SKIN)
+        elif part == "shank":
+            length = body.shank_length if intact else body.residual_length
+            end = SHANK_RADIUS_M * (1 + (shank_taper - 1) * length / body.shank_length)
+            draw(plant, segment, "shank", frustum_shape(SHANK_RADIUS_M, end, length), SKIN)
+            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, THIGH_RADIUS_M * thigh_taper)), SKIN)
+        elif part == "foot":
+            _draw_intact_foot(plant, segment, person)
+
+
+def _draw_intact_foot(plant: MultibodyPlant, foot: RigidBody, person: PersonHandles) -> None:
+    """A low slab from heel to toe and an instep from the ankle to the ball of the foot."""
+    length, height = person.body.foot_length, person.body.ankle_height
+    sites = person.intact_sites
+    rear = float(np.min(sites.p_BS[:, 0] - sites.radius))
+    slab = 0.4 * height
+    draw(plant, foot, "sole", Box(length, 0.33 * length, slab), SKIN, (rear + 0.5 * length, 0.0, 0.5 * slab - height))
+    draw(plant, foot, "instep", Ellipsoid(0.36 * length, 0.14 * length, 0.55 * height), SKIN,
+         (rear + 0.36 * length, 0.0, -0.45 * height))
+
+
+def _draw_socket(plant: MultibodyPlant, socket: SocketHandles, residual_length: float, pylon_length: float) -> None:
+    radius = SOCKET_RADIUS_M + _SOCKET_WALL_M
+    height = 0.85 * residual_length
+    draw(plant, socket.socket, "socket", frustum_shape(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
+    draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, pylon_length), METAL,
+         (0.0, 0.0, -0.5 * pylon_length))
+
+
+def frustum_shape(proximal: float, distal: float, length: float) -> Mesh:
+    """A closed conical frustum that hangs from the origin along -z; radii and length in m."""
+    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_SIDES)])
+    slope = np.array([0.0, 0.0, (distal - proximal) / length])
+    lines = [_obj("v", p) for p in proximal * ring]
+    lines += [_obj("v", p) for p in distal * ring - [0.0, 0.0, length]]
+    lines += [_obj("vn", n) for n in ring + slope] + ["vn 0 0 1", "vn 0 0 -1"]
+    for i in range(1, _SIDES + 1):
+        j = i % _SIDES + 1
+        lines.append(f"f {i}//{i} {i + _SIDES}//{i} {j + _SIDES}//{j} {j}//{j}")
+    lines.append("f " + " ".join(f"{i}//{_SIDES + 1}" for i in range(1, _SIDES + 1)))
+    lines.append("f " + " ".join(f"{i}//{_SIDES + 2}" for i in range(2 * _SIDES, _SIDES, -1)))
+    text = "\n".join(lines) + "\n"
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text.encode(), ".obj", "frustum.obj")))
+
+
+def _obj(kind: str, vector: np.ndarray) -> str:
+    return " ".join([kind, *(f"{x:.6g}" for x in vector)])
+
+
+# What a station looks like: a SceneGraph connected with its plant, and the ground's plates.
+
+
+GROUND_COLOUR = (0.72, 0.70, 0.66, 1.0)
+_SHOWN_M, _THICKNESS_M = 3.0, 0.02
+
+
+def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+    """Adds `scene_graph` to `builder`, registers `plant` with it and connects the two both ways.
+
+    As AddMultibodyPlantSceneGraph does it, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call.
+
+    Args:
+        plant: in `builder` already, before its Finalize and before its shapes.
+        scene_graph: in no diagram yet.
+    """
+    builder.AddNamedSystem("scene_graph", scene_graph)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
+    builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(plant.get_source_id()))
+
+
+def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
+    """Gives the world a plate for each patch of `ground` (None: the plane z = 0).
+
+    A plate ends 3 m from the patch's point that is nearest to x = reference_x, y = 0.
+    """
+    for i, patch in enumerate((ground or Ground()).patches):
+        (from_x_m, to_x_m), (from_y_m, to_y_m) = (_shown(patch.from_x_m, patch.to_x_m, patch.reference_x_m),
+                                                  _shown(patch.from_y_m, patch.to_y_m, 0.0))
+        plate = replace(patch, from_x_m=from_x_m, to_x_m=to_x_m, from_y_m=from_y_m, to_y_m=to_y_m)
+        plant.RegisterVisualGeometry(plant.world_body(), *box_under(plate, _THICKNESS_M), f"ground_{i}_{patch.name}",
+                                     np.array(GROUND_COLOUR))
+
+
+def _shown(start: float, end: float, about: float) -> tuple[float, float]:
+    """From where to where (m) a patch from `start` to `end` is drawn."""
+    middle = min(max(about, start), end)
+    return max(start, middle - _SHOWN_M), min(end, middle + _SHOWN_M)

@@ -7,16 +7,24 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+)
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.device import SERVO_FREQUENCY
-from vsf_drake.plants.discrete_foot import grip_limit
-from vsf_drake.plants.foot_checks import check_type
-from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.discrete_foot import grip_limit, place_fulcrum, support_of
+from vsf_drake.plants.foot_handles import FootHandles, check_type
 from vsf_drake.plants.wiring import (
     check_open,
     check_port,
@@ -25,9 +33,9 @@ from vsf_drake.plants.wiring import (
     share_generalized_forces,
     share_spatial_forces,
 )
-from vsf_drake.systems.drake_reaction import DrakeReaction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
-from vsf_drake.systems.fulcrum_command import FulcrumCommand
+from vsf_drake.systems.fulcrum import FulcrumCommand
+from vsf_drake.systems.ground_reaction import DrakeReaction
 
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
 """Corners of the smooth law (choices)."""
@@ -250,3 +258,40 @@ def _contact_constants(foot: FootHandles, ground: Ground) -> dict[str, Any]:
         "threshold_velocity": friction.threshold_velocity_m_per_s,
         **ground_arrays(ground, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic),
     }
+
+
+# In plants with a time step: supports that follow their fulcrum positions while a Simulator runs.
+
+
+MOVED_M = 1e-9
+"""Travel below which a support stays."""
+
+
+def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
+    """Makes the supports of `feet` follow their fulcrum positions: sets the simulator's monitor.
+
+    In a plant with a time step a support has its place in the Context, so somebody must move it between steps. A
+    monitor of your own goes on working if it is set before this: it is called first, and what it returns counts.
+
+    Raises:
+        InputError: a foot is not what `wire_foot` returned, or not in a plant with a time step.
+    """
+    for wired in feet:
+        if not hasattr(wired, "command"):
+            raise InputError(f"is a {type(wired).__name__}", where="feet", right="Give what wire_foot returned")
+        support_of(wired.foot)
+    earlier = simulator.get_monitor()
+
+    def monitor(root: Context) -> EventStatus | None:
+        status = earlier(root) if earlier else None
+        for wired in feet:
+            own = wired.command.GetMyContextFromRoot(root)
+            wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
+            plant_context = plant.GetMyMutableContextFromRoot(root)
+            stands = plant.GetDistanceConstraintParams(plant_context, support_of(wired.foot)).p_BQ()[0]
+            if abs(wanted - stands) > MOVED_M:
+                place_fulcrum(plant, plant_context, wired.foot, wanted)
+        return status
+
+    simulator.set_monitor(monitor)
+    monitor(simulator.get_mutable_context())

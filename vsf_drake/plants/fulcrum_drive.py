@@ -17,13 +17,12 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ActuatorParameters
-from vsf_drake.plants.foot_checks import check_type
+from vsf_drake.plants.foot_handles import check_type
 from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.plants.wiring import check_port, connect_kinematics
 from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
-from vsf_drake.systems.shank_angle import ShankAngle
-from vsf_drake.systems.swing_controller import SwingController
+from vsf_drake.systems.swing_controller import ShankAngle, SwingController
 
 PERIOD_S = 5e-3
 """Sampling period of controller and recorder (a choice)."""

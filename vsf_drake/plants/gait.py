@@ -12,12 +12,10 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
-from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.device import DeviceSystems, add_device, servo, velocity_indices
-from vsf_drake.plants.illustration import add_visuals
-from vsf_drake.plants.person import PersonHandles, add_person
-from vsf_drake.plants.socket import SocketHandles
-from vsf_drake.plants.station_drawing import connect_scene_graph, draw_ground
+from vsf_drake.plants.foot_handles import ContactSites
+from vsf_drake.plants.foot_visuals import add_visuals, connect_scene_graph, draw_ground
+from vsf_drake.plants.person import PersonHandles, SocketHandles, add_person
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
 from vsf_drake.systems.bushing import SocketBushing
 from vsf_drake.systems.contact import KelvinVoigtContact

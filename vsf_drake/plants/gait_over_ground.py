@@ -18,8 +18,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
 from vsf_drake.plants.contact_geometry import dissipation
-from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.device import servo
+from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.foot_wiring import DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S, wire_foot
 from vsf_drake.plants.gait import add_person_plant, prescribed_coordinates, servo_inertia, socket_bushing
 from vsf_drake.plants.person import PersonHandles

@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, Out
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
-from vsf_drake.plants.foot_checks import check_type
+from vsf_drake.plants.foot_handles import check_type
 
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: Sequence[LeafSystem]) -> None:

@@ -11,8 +11,7 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.export import foot_mjcf, foot_sdf
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.archive import result_folder
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance, result_folder
 from vsf_drake.yaml_file import dump
 
 FORMATS = ("sdf", "mjcf", "both")

@@ -15,12 +15,10 @@ from vsf_drake.files import replaced
 from vsf_drake.json_file import write_json
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.plates import SIDES
-from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.motion.trial_files import write_trial_files
+from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
 from vsf_drake.report.import_page import write_import_page
 from vsf_drake.schema import dump_yaml, to_plain
-from vsf_drake.simulation.archive import check_target, result_folder
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import check_target, provenance, result_folder
 from vsf_drake.yaml_file import dump
 
 IMPORT, CHECK = "import", "check"

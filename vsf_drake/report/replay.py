@@ -27,8 +27,7 @@ from vsf_drake.model_file import check_model
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.plants.foot_visuals import SITE_NAME, SPHERE
-from vsf_drake.plants.illustration import add_visuals
+from vsf_drake.plants.foot_visuals import SITE_NAME, SPHERE, add_visuals
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.report.replay_frames import FULL_COLOUR_BW, ForceFrames, Frames, make_frames
 from vsf_drake.report.replay_page import RGB, finish_page

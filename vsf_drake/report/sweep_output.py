@@ -18,7 +18,7 @@ from vsf_drake.report.sweep_figure import sweep_figure
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.many import WalkOutcome
-from vsf_drake.simulation.many.keys import software
+from vsf_drake.simulation.many.cases import software
 from vsf_drake.simulation.results import result_folder
 from vsf_drake.simulation.variables import Variable
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -230,3 +233,17 @@ def _earlier(out: Path, kind: str, stale: Iterable[str] = ()) -> dict[str, str |
         names += [name for name in table["files"] if table["kind"] == kind
                   and Path(name).name == name and Path(name).suffix in _KINDS]
     return dict.fromkeys(names)
+
+
+# Which software made a result.
+
+
+def provenance(inputs: dict[str, str] | None = None, seed: int | None = None) -> dict:
+    """Versions, SHA-256 of the `inputs` by file name, and the seed, for a result's sidecar."""
+    return {"versions": dict(_versions()), "inputs_sha256": dict(inputs or {}), "seed": seed}
+
+
+@cache
+def _versions() -> dict[str, str]:
+    packages = ("vsf-drake", "drake", "numpy", "scipy", "numba")
+    return {name: version(name) for name in packages} | {"python": platform.python_version()}

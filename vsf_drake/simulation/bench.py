@@ -13,8 +13,8 @@ from vsf_drake.model_file import check_fulcrum, check_model, secant_stiffness
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import bench_mechanism
-from vsf_drake.simulation.provenance import provenance
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import Variable, shift_variable
 
 RATE_STEP_S = 1e-4

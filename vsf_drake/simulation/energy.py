@@ -26,8 +26,8 @@ import numpy as np
 from vsf_drake.laws.bushing import excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.simulation.stepping.dynamics import energies, inverse_dynamics, place, tree_arrays, work_space
-from vsf_drake.simulation.stepping.spatial import dot, plus, put, six
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.tree import dot, plus, put, six
 
 INPUTS = ("driver_work", "gravity_work", "carriage_work")
 STORED = ("kinetic", "keel_strain", "fulcrum_strain", "socket_strain", "contact_strain")

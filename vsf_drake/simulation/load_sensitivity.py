@@ -10,8 +10,8 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
-from vsf_drake.simulation.stepping.edit import Edit
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import Variable
 
 SOCKET = slice(-6, None)

@@ -5,17 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.roll_over_machine import MOUNT_COORDINATES, make_roll_over_machine
+from vsf_drake.plants.bench import MOUNT_COORDINATES, RollOverDiagram, make_roll_over_machine
 from vsf_drake.simulation.energy import energy_ledger
+from vsf_drake.simulation.mechanism import coordinate_limits, fulcrum_arrays, ground_sites, keel_springs
 from vsf_drake.simulation.reactions import foot_reaction
-from vsf_drake.simulation.roll_over_control import COARSE_STEPS, Following, follow_coarsely, smooth_path
-from vsf_drake.simulation.roll_over_mechanism import roll_over_mechanism
-from vsf_drake.simulation.roll_over_paths import line_of_force, mount_path
+from vsf_drake.simulation.roll_over_control import (
+    COARSE_STEPS,
+    Following,
+    follow_coarsely,
+    line_of_force,
+    mount_path,
+    smooth_path,
+)
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepping.tree import tree_of
 
 LONGEST_TRAVEL_M = 0.12
 """Travel after which a foot that does not bear the load has given way."""
@@ -199,3 +207,18 @@ class RollOver:
 def _lowered(top: float, travel: np.ndarray, pitch: float) -> np.ndarray:
     """(n, 3) the mount at one pitch, lowered by `travel` from the height `top`."""
     return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch)])
+
+
+# Reads a roll-over machine and its Context into the arrays of a `Mechanism`.
+
+
+def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism:
+    """The machine with the parameters in `context` (the diagram's)."""
+    plant, foot = machine.plant, machine.foot
+    own = plant.GetMyContextFromRoot(context)
+    springs, index = keel_springs(plant, foot, machine.device, context)
+    return Mechanism(
+        plant=plant, context=own, tree=tree_of(plant, own), sites=ground_sites(machine.ground, context),
+        site_bodies=np.array([int(body) for body in foot.sites.body_indices], dtype=np.int64), ground_height=0.0,
+        springs=springs, spring_index=index, **fulcrum_arrays(plant, foot, machine.device, context),
+        limits=coordinate_limits(plant.num_velocities(), keel=index))

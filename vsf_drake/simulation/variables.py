@@ -25,9 +25,9 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.contact_sites import ContactSites
+from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
-from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.ways import Edit
 
 OFFSETS = ("height", "fore_aft", "alignment")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")

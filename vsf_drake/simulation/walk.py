@@ -2,40 +2,51 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import check_fulcrum, check_model
+from vsf_drake.model_file import FOAM_LOADS_N, check_fulcrum, check_model, foam_under_load, secant_stiffness
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
-from vsf_drake.simulation.applied import AppliedTorques, torques_on_grid
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.courses import Course, course_motion, course_variables
 from vsf_drake.simulation.energy import energy_ledger
-from vsf_drake.simulation.load_sensitivity import check_differentiable_loads, load_sensitivity
+from vsf_drake.simulation.load_sensitivity import (
+    LoadSensitivity,
+    check_differentiable_loads,
+    load_sensitivity,
+    socket_wrench,
+)
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables, supported_over
-from vsf_drake.simulation.provenance import provenance
-from vsf_drake.simulation.reactions import foot_reaction, reaction_sensitivity
+from vsf_drake.simulation.reactions import (
+    LOADED_N,
+    FootReaction,
+    ReactionSensitivity,
+    foot_reaction,
+    reaction_sensitivity,
+)
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.start import start_state
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.carried import Carried
-from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Stepper
-from vsf_drake.simulation.variables import added, check_names, check_values
-from vsf_drake.simulation.walk_grid import fulcrum_on_grid, walk_grid
-from vsf_drake.simulation.walk_notes import walk_notes
-from vsf_drake.simulation.walk_run import Walk
+from vsf_drake.simulation.stepping.dynamics import Torques, no_torques
+from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
+from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepping.ways import Edit
+from vsf_drake.simulation.variables import added, check_names, check_number, check_values
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
+
 
 DEFAULT_STEP_S = 1e-3
 MOST_BYTES = 1e9
@@ -264,3 +275,288 @@ def simulate_trial(
     walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                        step_s=step_s, offsets=offsets, progress=progress)
     return walker.result(walk, trial, offsets)
+
+
+# Torques on the coordinates of a person that are not prescribed, with feedback of their motion.
+
+
+Sampled = np.ndarray | Callable[[np.ndarray], np.ndarray]
+"""Values at the instants of a run's grid: an array, one row for each step (a last row for the end of the last step may
+stand there and has no part), or a function of the times (n,) at which the n steps start."""
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedTorques:
+    """What a sampled controller applies to c free coordinates of a person, of whom f are free.
+
+    Over a step that starts at t it holds tau = feedforward(t) - gain(t) @ (state - reference(t)), with the state at t.
+    A state is the f positions (rad, m) and then the f velocities (rad/s, m/s) of the free anatomical coordinates, in
+    the order of `Walker.free`; socket and keel have no part in it.
+
+    Attributes:
+        names: the coordinates that are driven.
+        feedforward: (n, c) N m (N for translations), in the direction of the coordinate.
+        gain: (n, c, 2 f); None for no feedback.
+        reference: (n, 2 f); needed with a gain.
+    """
+
+    names: tuple[str, ...]
+    feedforward: Sampled
+    gain: Sampled | None = None
+    reference: Sampled | None = None
+
+
+def torques_on_grid(
+    applied: AppliedTorques | None, *, free: Sequence[str], coordinate_names: Sequence[str], moments: np.ndarray
+) -> Torques:
+    """The torques of a run on the grid `moments` (n + 1,), for the stepper.
+
+    Args:
+        free: the person's free coordinates. coordinate_names: all of the plant.
+
+    Raises:
+        InputError: a name is not free or comes twice, an array has another shape, or a number is not finite.
+    """
+    steps = len(moments) - 1
+    if applied is None:
+        return no_torques(steps)
+    if not isinstance(applied, AppliedTorques):
+        raise InputError(f"is a {type(applied).__name__}, no AppliedTorques", where="applied")
+    if isinstance(applied.names, str) or not applied.names:
+        raise InputError(f"{applied.names!r} is no list of names", where="applied.names",
+                         right="Name the driven coordinates")
+    for i, name in enumerate(applied.names):
+        if name not in free:
+            raise InputError(f"{name!r} is not a free coordinate", where="applied.names",
+                             right=f"Free are: {', '.join(free) or 'none; see Walker(free=...)'}")
+        if name in applied.names[:i]:
+            raise InputError(f"{name} stands twice", where="applied.names")
+    if (applied.gain is None) != (applied.reference is None):
+        raise InputError("feedback needs both a gain and a reference", where="applied.gain, applied.reference")
+    starts, driven = moments[:-1], len(applied.names)
+    sensed = () if applied.gain is None else tuple(free)
+    size = 2 * len(sensed)
+    gain, reference = np.zeros((steps, driven, 0)), np.zeros((steps, 0))
+    if sensed:
+        gain = _rows(applied.gain, starts, (driven, size), "applied.gain")
+        reference = _rows(applied.reference, starts, (size,), "applied.reference")
+    index = [np.array([coordinate_names.index(name) for name in names], dtype=np.int64)
+             for names in (applied.names, sensed)]
+    return Torques(coordinates=index[0], sensed=index[1], gain=gain, reference=reference,
+                   feedforward=_rows(applied.feedforward, starts, (driven,), "applied.feedforward"))
+
+
+def _rows(given: Sampled, starts: np.ndarray, shape: tuple[int, ...], where: str) -> np.ndarray:
+    steps = len(starts)
+    found = np.asarray(given(starts.copy()) if callable(given) else given)
+    if found.dtype.kind not in "iuf" or found.shape[1:] != shape or len(found) not in (steps, steps + 1):
+        raise InputError(f"has {found.dtype} numbers of shape {found.shape}", where=where,
+                         right=f"It must be {(steps, *shape)}, one row for each step")
+    found = np.ascontiguousarray(found[:steps], dtype=float)
+    if not np.isfinite(found).all():
+        row = int(np.argwhere(~np.isfinite(found))[0][0])
+        raise InputError(f"is not finite at {starts[row]:g} s", where=where)
+    return found
+
+
+# Where a run begins: the recording's pose, and at rest what the recording does not know.
+
+
+def start_state(
+    stepper: Stepper,
+    inputs: Inputs,
+    trajectory: CoordinateTrajectory,
+    *,
+    prescribed: Sequence[str],
+    free: Sequence[str],
+    initial: Mapping[str, float],
+    rate: np.ndarray,
+    edits: tuple[Edit, ...] = (),
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
+
+    Prescribed coordinates, and free ones that the recording knows, have its position and velocity.
+    Everything else (socket, keel, the free ones in `initial`) settles under its load with those held.
+
+    Args:
+        prescribed, free: names of the anatomical coordinates.
+        initial: first guess of free coordinates that are to settle, whatever the recording says.
+        rate: (prescribed,) what courses add to the recorded velocities (m/s, rad/s).
+        edits: P parameters by which q0 is differentiated; v0 depends on none but courses, by their rates.
+
+    Raises:
+        InputError: `initial` names a coordinate that is not free, or a free one is neither recorded nor in it.
+        SimulationError: settling diverges.
+    """
+    tree = stepper.mechanism.tree
+    for name in initial:
+        if name not in free:
+            raise InputError("is not a free coordinate", where=f"initial[{name!r}]",
+                             right=f"Free are: {', '.join(free)}")
+    recorded = [name for name in free if name not in initial]
+    unknown = [name for name in recorded if name not in trajectory.names]
+    if unknown:
+        raise InputError(f"the free coordinate {unknown[0]} has no start", where="initial",
+                         right="Give it there, or a recording that holds it")
+    known = [*prescribed, *recorded]
+    q, v, _ = trajectory.ordered(known).sample(float(inputs.time_s[0]))
+    rows = np.array([tree.index(name) for name in known], dtype=np.int64)
+    extra = rows[len(prescribed) :]
+    held = dataclasses.replace(
+        inputs, prescribed=np.concatenate([inputs.prescribed, extra]),
+        prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed) :]])[None, :])
+    q0 = np.zeros(tree.num_coordinates)
+    q0[held.prescribed] = held.prescribed_q[0]
+    for name, value in initial.items():
+        q0[tree.index(name)] = value
+    q0, rest_speed = stepper.settle(held, q0)
+    v0 = np.zeros_like(q0)
+    v0[rows] = v[0]
+    v0[rows[: len(prescribed)]] += rate
+    by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits, fulcrum=float(inputs.fulcrum[0]),
+                          ground=float(inputs.ground[0])) if edits else np.zeros((len(q0), 0))
+    return q0, v0, rest_speed, by
+
+
+# One run of a walking person, as the stepper left it.
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One run of a `Walker`, before it is packed as a result.
+
+    Attributes:
+        prosthetic, intact: resultants on the two feet.
+        commanded: (n, prescribed) the motion at the ends of the steps.
+        fulcrum_m: (n + 1,) from A, start included.
+        values: of the variables that were asked for. courses: the coordinate that each course changed, by variable.
+        sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
+        load_sensitivity: of `record.load`, the socket's wrench and the state to those variables; None unless asked for.
+        applied_names: the c driven coordinates of which `applied` holds the torques.
+        rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
+    """
+
+    mechanism: Mechanism
+    record: Record
+    prosthetic: FootReaction
+    intact: FootReaction
+    sensitivity: ReactionSensitivity | None
+    commanded: np.ndarray
+    fulcrum_m: np.ndarray
+    values: Mapping[str, float]
+    courses: Mapping[str, str]
+    step_s: float
+    wall_s: float
+    compile_s: float
+    rest_speed: float
+    load_sensitivity: LoadSensitivity | None = None
+    applied_names: tuple[str, ...] = ()
+
+    @property
+    def applied(self) -> np.ndarray:
+        """(n, c) torques (N m, or N) that were applied to free coordinates over each step."""
+        return self.record.applied
+
+    @property
+    def socket_wrench(self) -> np.ndarray:
+        """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
+        return socket_wrench(self.mechanism, self.record)
+
+
+# The instants of a walk's steps, and what a caller gives on them.
+
+
+MAX_STEP_S = 0.01
+MOST_STEPS = 10_000_000
+"""Longer walks are mistakes in a unit."""
+
+
+def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, float]:
+    """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float.
+
+    Raises:
+        InputError: a number is not finite or makes no sense.
+    """
+    start_s, end_s, step_s = (check_number(value, where) for value, where in
+                              ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s")))
+    if not 0.0 < step_s <= MAX_STEP_S:
+        raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
+                         right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
+    if not 0.0 < end_s - start_s <= MOST_STEPS * step_s:
+        raise InputError(f"{start_s:g} to {end_s:g} s is no time to walk", where="start_s, end_s")
+    steps = max(1, round((end_s - start_s) / step_s))
+    moments = start_s + step_s * np.arange(steps + 1)
+    moments[-1] = min(moments[-1], end_s)
+    return moments, step_s
+
+
+def fulcrum_on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
+    """Positions (n,) at the moments (n,)."""
+    given = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m)
+    if given.dtype.kind not in "iuf" or given.shape not in ((), moments.shape) or not np.isfinite(given).all():
+        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times",
+                         where="fulcrum_m", right="Give a finite number (m), or a function with one for each time")
+    return np.broadcast_to(given.astype(float), moments.shape)
+
+
+# What a reader of a walk's numbers has to know about the run.
+
+
+PLAUSIBLE_PEAK_BW = (0.6, 2.5)
+"""Peak vertical force of walking, in body weights, with a wide margin."""
+FOAM_AGREEMENT = 0.05
+"""Share by which the foam may differ between bench and walk before a note says so (a choice)."""
+AT_REST = 1e-5
+"""Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
+
+
+def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
+    """Sentences on convergence, plausibility and the start of `walk`."""
+    notes, record = [], walk.record
+    unconverged, refined = np.count_nonzero(~record.converged), np.count_nonzero(record.parts > 1)
+    if unconverged:
+        notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
+    if refined:
+        notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
+    notes += implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg)
+    notes += _too_deep(walk, model)
+    if walk.prosthetic.grf_W[0, 2] > LOADED_N:
+        notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
+                     "equilibrium and without shear: its first hundredths of a second are not the recording's.")
+    foam = foam_under_load(model.foot)
+    bench = model.foot.series_stiffness_n_per_m, model.foot.series_exponent
+    walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
+    if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT:
+        notes.append(f"The forefoot's spheres have {1e-3 * walk_k:.1f} N/mm where the bench's foam has "
+                     f"{1e-3 * bench_k:.1f}: this model walks on another foam than it is tested with.")
+    if walk.rest_speed > AT_REST:
+        notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
+    return notes
+
+
+def _too_deep(walk: Walk, model: ModelParameters) -> list[str]:
+    """A sentence for each foot that goes deeper into the ground than what its contact stands for is thick."""
+    count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
+    notes = []
+    for foot, own, limit, what in (
+            ("prosthetic", depth[:, :count], model.foot.foam_thickness_m, "the foam under the keel is thick"),
+            ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)),
+             "the radius of its largest contact sphere is")):
+        deepest = own.max(axis=1, initial=0.0)
+        if deepest.max() > limit:
+            at = "already at the start" if deepest[0] > limit else (
+                f"first at {walk.record.time_s[int(np.argmax(deepest > limit))]:.3f} s")
+            notes.append(
+                f"The {foot} foot goes {1e3 * deepest.max():.0f} mm into the ground ({at}), more than the "
+                f"{1e3 * limit:.0f} mm that {what}: its forces there mean nothing. The recorded path of the pelvis, "
+                "the subject's lengths and the ground do not fit together.")
+    return notes
+
+
+def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
+    """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
+    peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
+    if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
+        return []
+    return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
+            "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]

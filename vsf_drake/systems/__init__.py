@@ -15,8 +15,7 @@ from vsf_drake.systems.fulcrum import FulcrumSupport, FulcrumSupport_
 from vsf_drake.systems.fulcrum_actuator import FulcrumActuator, FulcrumActuator_
 from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
 from vsf_drake.systems.keel import KeelElasticity, KeelElasticity_
-from vsf_drake.systems.shank_angle import ShankAngle, ShankAngle_
-from vsf_drake.systems.swing_controller import SwingController, SwingController_
+from vsf_drake.systems.swing_controller import ShankAngle, ShankAngle_, SwingController, SwingController_
 from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
 
 __all__ = [

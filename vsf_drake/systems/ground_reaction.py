@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import GeometryId
+from pydrake.multibody.plant import ContactResults_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake.systems._lifetime import PEERS
+from vsf_drake.systems._lifetime import PEERS, Collectable
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, cross, declare_body_poses, level_reaction
 
@@ -112,3 +115,101 @@ def GroundReaction_(T):
 
 
 GroundReaction = GroundReaction_[float]
+
+
+# What a force plate would measure under a foot whose contact is Drake's own.
+
+
+@TemplateSystem.define("DrakeReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+def DrakeReaction_(T):
+    class Impl(Collectable, LeafSystem_[T]):
+        """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
+
+        The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
+        hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the level
+        plane through the mean of what is touched, weighted by the size of the forces: on level ground that is its
+        surface; on a slope cop is where the force crosses that plane.
+
+        No geometry query is needed: contact results hold points, forces and bodies, and of a hydroelastic contact the
+        geometries. In a plant with a time step they are those of the last step, so before the first all is zero.
+
+        .. pydrake_system::
+
+            name: DrakeReaction
+            input_ports:
+            - contact_results
+            output_ports:
+            - grf
+            - cop
+            - free_moment
+
+        Inputs: contact_results, of the plant. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,)
+        N m about +z_W, on the foot. Without load all three are zero.
+
+        Wiring: `wire_foot` does it. contact_results from MultibodyPlant.
+
+        Args:
+            body_indices: the foot's bodies.
+            geometry_ids: the collision geometries on them.
+        """
+
+        __slots__ = (PEERS, "_results_port")
+
+        def _construct(
+            self,
+            *,
+            body_indices: Sequence[int],
+            geometry_ids: Iterable[GeometryId],
+            converter=None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            self._bodies = frozenset(int(i) for i in body_indices)
+            self._geometries = frozenset(_number(id) for id in geometry_ids)
+            self._arguments = {"body_indices": list(body_indices), "geometry_ids": self._geometries}
+            self._results_port = self.DeclareAbstractInputPort(
+                "contact_results", AbstractValue.Make(ContactResults_[T]()))
+            self._reaction = self._declare_cached("reaction", self._calc_reaction, {self.all_input_ports_ticket()})
+            for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
+                self._declare_value(name, size, partial(self._part, i))
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def _part(self, i: int, context) -> np.ndarray:
+            return self._reaction.Eval(context)[i]
+
+        def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
+            for point, touched, force, moment in self._contacts(self._results_port.Eval(context)):
+                F, M = F + force, M + moment + cross(point, force)
+                weight = np.sqrt(force @ force)
+                size, height = size + weight, height + weight * touched[2]
+            return level_reaction(F, M, height / size if F[2] > 0 else height)
+
+        def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+            """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
+            for i in range(results.num_point_pair_contacts()):
+                info = results.point_pair_contact_info(i)
+                on_A, on_B = int(info.bodyA_index()) in self._bodies, int(info.bodyB_index()) in self._bodies
+                if on_A != on_B:
+                    force, pair = info.contact_force(), info.point_pair()
+                    yield (info.contact_point(), pair.p_WCa if on_B else pair.p_WCb, force if on_B else -force,
+                           np.zeros(3))
+            for i in range(results.num_hydroelastic_contacts()):
+                info = results.hydroelastic_contact_info(i)
+                surface, F_Ac_W = info.contact_surface(), info.F_Ac_W()
+                on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
+                if on_M != on_N:
+                    sign = 1.0 if on_M else -1.0
+                    centroid = surface.centroid()
+                    yield centroid, centroid, sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
+
+    return Impl
+
+
+def _number(geometry_id: GeometryId | int) -> int:
+    """An id without what it comes from: those that a plant hands out keep the plant alive."""
+    return geometry_id if isinstance(geometry_id, int) else geometry_id.get_value()
+
+
+DrakeReaction = DrakeReaction_[float]

@@ -16,8 +16,8 @@ from vsf_drake.analysis.contact_fit.scores import Assessment, LeftOut
 from vsf_drake.analysis.contact_fit.table import RIGHT_WITHIN_M, assess, bench_score, sweep_fulcrum
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 
 SETTINGS = {"low_1": 0.066, "low_2": 0.066, "medium_1": 0.108, "high_1": 0.151}
 

@@ -9,8 +9,8 @@ import pytest
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, solve
 from vsf_drake.analysis.contact_fit.problem import SOLVERS
 from vsf_drake.analysis.contact_fit.solve import Search
+from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 from vsf_drake.simulation.walk import Walker
 
 

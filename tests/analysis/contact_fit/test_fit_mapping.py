@@ -16,7 +16,7 @@ from vsf_drake.analysis.contact_fit.standard import (
 )
 from vsf_drake.errors import InputError
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
-from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trajectory import window_bsplines
 
 ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")
 LABELS = ("soft", "stiff", "third")

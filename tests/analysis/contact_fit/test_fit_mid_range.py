@@ -15,8 +15,8 @@ from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.contact_fit.table import bench_score, failed_table
 from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import load_measured_bench
-from vsf_drake.fitted_model import model_with
-from vsf_drake.resources import resource
+from vsf_drake.contact_file import model_with
+from vsf_drake.files import resource
 from vsf_drake.simulation.bench import run_bench
 
 FREE = ("contact.forefoot.force", "contact.forefoot.exponent", "contact.heel.force", "contact.heel_posterior.rise",

@@ -12,9 +12,8 @@ from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, s
 from vsf_drake.analysis.contact_fit.solve import Search, run_searches, uncertainty
 from vsf_drake.analysis.contact_fit.standard import standard_parameters
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.contact_file import load_contact, save_contact
+from vsf_drake.contact_file import load_contact, model_with, save_contact
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.fitted_model import model_with
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker, simulate_trial

@@ -13,10 +13,10 @@ from made_fit import failed_fit, made_fit
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
 from vsf_drake.analysis.contact_fit.solution import curve_rows
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
-from vsf_drake.bench_file import load_bench_file
+from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import FitError
+from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 from vsf_drake.simulation.walk import Walker
 
 DATA = resource("data/reference_subject")

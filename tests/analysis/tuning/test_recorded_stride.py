@@ -14,11 +14,11 @@ from vsf_drake.analysis.tuning.recorded_stride import prosthetic_stance_only, re
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.plates import GRAVITY, PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.resources import resource
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 

@@ -10,10 +10,10 @@ import pytest
 
 from vsf_drake.analysis.validation.bench_lines import Machine
 from vsf_drake.analysis.validation.bench_section import load_points, rates, small_load_stiffness
+from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, overhung_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S
-from vsf_drake.resources import resource
 
 FULCRUMS = (0.066, 0.151)
 

@@ -11,7 +11,7 @@ from made_standing import EVEN, FLEXED, assert_truth, calibrated, standing
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.markers.handedness import NOTE, prepared
+from vsf_drake.motion.markers.frames import NOTE, prepared
 from vsf_drake.motion.markers.maps import load_marker_map
 
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates
-from vsf_drake.plants.socket import SOCKET_COORDINATES
+from vsf_drake.plants.person import PELVIS_COORDINATES, SOCKET_COORDINATES, leg_coordinates
 from vsf_drake.report.frames.coordinate_table import foot_effects, with_table
 from vsf_drake.report.frames.foot_frames_drawing import foot_frames_figure
 from vsf_drake.report.frames.foot_positions import DrawnFoot

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.simulation.many import cache as cache_module
+from vsf_drake.simulation.many import run as cache_module
 from vsf_drake.simulation.many import simulate_many
 
 

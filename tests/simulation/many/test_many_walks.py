@@ -58,7 +58,7 @@ def test_outcomes_come_in_the_order_of_the_cases_whatever_finishes_first(monkeyp
         finished.append(i)
         return worker.Reply(worker.Kind.DONE, arrays={"time_s": np.array([float(i)])})
 
-    monkeypatch.setattr("vsf_drake.simulation.many.dispatch.run_task", run)
+    monkeypatch.setattr("vsf_drake.simulation.many.run.run_task", run)
     with ThreadPoolExecutor(4) as threads:
         outcomes = simulate_many(sweep(4), keep=["time_s"], executor=threads)
     assert finished == [3, 2, 1, 0]
@@ -207,7 +207,7 @@ def started(monkeypatch):
             sizes.append(workers)
             super().__init__(1)
 
-    monkeypatch.setattr("vsf_drake.simulation.many.executors.ProcessWorkers", Counted)
+    monkeypatch.setattr("vsf_drake.simulation.many.processes.ProcessWorkers", Counted)
     return sizes
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.many import grid_values, sample_values
-from vsf_drake.simulation.stepping.edit import Edit
+from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import Variable
 
 VARIABLES = {

@@ -15,7 +15,7 @@ import vsf_drake
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.simulation.many import WalkCase, cases, keys, simulate_many, worker
+from vsf_drake.simulation.many import WalkCase, cases, simulate_many, worker
 from vsf_drake.simulation.many.cases import Planner
 
 PACKAGE = Path(vsf_drake.__file__).parent
@@ -78,8 +78,9 @@ def test_whatever_changes_the_numbers_changes_the_key(monkeypatch, trial):
     plan = Planner(("grf_W",))
     found = [plan.task(case).key for case in (WalkCase(trial=trial), *changed(trial))]
     found.append(Planner(("grf_W", "time_s")).task(WalkCase(trial=trial)).key)
-    for name in keys.software():
-        monkeypatch.setattr(cases, "software", lambda name=name: keys.software() | {name: "another"})
+    real = cases.software()
+    for name in real:
+        monkeypatch.setattr(cases, "software", lambda name=name: real | {name: "another"})
         found.append(plan.task(WalkCase(trial=trial)).key)
     assert len(set(found)) == len(found)
 
@@ -99,16 +100,16 @@ def test_what_does_not_change_the_numbers_does_not_change_the_key(trial):
 
 
 def test_a_changed_law_changes_the_digest_of_the_sources(tmp_path):
-    for part in keys.SOURCES:
+    for part in cases.SOURCES:
         for file in [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.py"):
             target = tmp_path / file.relative_to(PACKAGE)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(file.read_bytes())
-    made = sources_sha256(PACKAGE, keys.SOURCES)
-    assert sources_sha256(tmp_path, keys.SOURCES) == made == keys.software()["sources_sha256"]
+    made = sources_sha256(PACKAGE, cases.SOURCES)
+    assert sources_sha256(tmp_path, cases.SOURCES) == made == cases.software()["sources_sha256"]
     law = tmp_path / "laws" / "kelvin_voigt.py"
     law.write_text(law.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert sources_sha256(tmp_path, keys.SOURCES) != made
+    assert sources_sha256(tmp_path, cases.SOURCES) != made
 
 
 IMPORTED = """
@@ -124,10 +125,10 @@ def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers(t
     """Reading recordings makes the trajectory, whose numbers are in the key themselves."""
     done = subprocess.run([sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True, cwd=tmp_path)
     files = done.stdout.split()
-    covered = [PACKAGE / part for part in keys.SOURCES]
+    covered = [PACKAGE / part for part in cases.SOURCES]
     beside = [PACKAGE / name for name in (
-        "__init__.py", "errors.py", "files.py", "yaml_file.py", "json_file.py", "npz_file.py", "resources.py", "motion",
-        "bench_file.py", "contact_file.py")]
+        "__init__.py", "errors.py", "files.py", "yaml_file.py", "json_file.py", "npz_file.py", "motion",
+        "bench_curves.py", "contact_file.py")]
     assert len(files) > 30
     for file in map(Path, files):
         assert any(file == part or part in file.parents for part in covered + beside), file

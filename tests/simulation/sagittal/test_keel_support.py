@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsf_drake.simulation.sagittal.contact_spheres import IMAGINARY_STEP, Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.smooth_laws import IMAGINARY_STEP, Smoothing
-from vsf_drake.simulation.sagittal.support import SUPPORT_WIDTH
+from vsf_drake.simulation.sagittal.model import SUPPORT_WIDTH
 
 
 def turns(model, count, seed):

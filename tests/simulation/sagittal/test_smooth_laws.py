@@ -8,14 +8,14 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
 from vsf_drake.laws.smooth_contact import rounded_positive_part
-from vsf_drake.simulation.sagittal.smooth_laws import (
+from vsf_drake.simulation.sagittal.contact_spheres import (
     IMAGINARY_STEP,
     Smoothing,
     friction_coefficient,
     normal_force,
     positive_part_integral,
 )
-from vsf_drake.simulation.sagittal.springs import STOP_WIDTH, TENSION_WIDTH, spring_forces
+from vsf_drake.simulation.sagittal.model import STOP_WIDTH, TENSION_WIDTH, spring_forces
 
 X = np.linspace(-3.0, 3.0, 6001)
 LAW = {"stiffness": 3e4, "exponent": 1.3, "damping": 300.0, "full_damping_depth": 1e-3}

@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.courses import Course, course_variables
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.carried import Carried
-from vsf_drake.simulation.stepping.room import split_coordinates
+from vsf_drake.simulation.stepping.assembly import split_coordinates
+from vsf_drake.simulation.stepping.sensitivity import Carried
 from vsf_drake.simulation.stepping.ways import make_ways
 from vsf_drake.simulation.walk import Walker
 

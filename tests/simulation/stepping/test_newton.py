@@ -12,7 +12,7 @@ from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForc
 
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, find_sites
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, TOLERANCE, find_sites, split_coordinates, step_room
 from vsf_drake.simulation.stepping.dynamics import (
     energies,
     inverse_dynamics,
@@ -21,9 +21,7 @@ from vsf_drake.simulation.stepping.dynamics import (
     tree_arrays,
     work_space,
 )
-from vsf_drake.simulation.stepping.linear import copy
-from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, tangent_matrix
-from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
+from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, copy, tangent_matrix
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 from vsf_drake.simulation.stepping.support import find_support
 

@@ -15,7 +15,7 @@ from differences import central, errors, exact_series, size
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.stepping.carried import rest_sensitivity
+from vsf_drake.simulation.stepping.sensitivity import rest_sensitivity
 from vsf_drake.simulation.walk import Walker
 
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
-from vsf_drake.simulation.stepping import spatial
+from vsf_drake.simulation.stepping import tree
 
 TRIALS = 50
 TOLERANCE = 1e-13
@@ -53,38 +53,38 @@ def close(found, wanted):
 
 def test_crosses_are_their_matrices(rng):
     for a, b in rng.normal(size=(TRIALS, 2, 6)):
-        close(spatial.cross_motion(tuple(a), tuple(b)), crm(a) @ b)
-        close(spatial.cross_force(tuple(a), tuple(b)), -crm(a).T @ b)
+        close(tree.cross_motion(tuple(a), tuple(b)), crm(a) @ b)
+        close(tree.cross_force(tuple(a), tuple(b)), -crm(a).T @ b)
 
 
 def test_a_motion_crossed_with_itself_is_nothing(rng):
     for a in rng.normal(size=(TRIALS, 6)):
-        np.testing.assert_allclose(spatial.cross_motion(tuple(a), tuple(a)), 0.0, atol=1e-15)
+        np.testing.assert_allclose(tree.cross_motion(tuple(a), tuple(a)), 0.0, atol=1e-15)
 
 
 def test_products_with_a_matrix_of_a_row_are_numpys(rng):
     K, a = rng.normal(size=(4, 6, 6)), rng.normal(size=6)
     for b in range(4):
-        close(spatial.times(K, b, tuple(a)), K[b] @ a)
-        close(spatial.transposed_times(K, b, tuple(a)), K[b].T @ a)
+        close(tree.times(K, b, tuple(a)), K[b] @ a)
+        close(tree.transposed_times(K, b, tuple(a)), K[b].T @ a)
 
 
 def test_rows_are_read_written_and_added_to_where_they_are(rng):
     rows, a, b = rng.normal(size=(3, 6)), rng.normal(size=6), rng.normal(size=6)
     before = rows.copy()
-    assert spatial.six(rows, 1) == tuple(rows[1])
-    spatial.put(rows, 1, tuple(a))
-    spatial.add(rows, 1, tuple(b))
+    assert tree.six(rows, 1) == tuple(rows[1])
+    tree.put(rows, 1, tuple(a))
+    tree.add(rows, 1, tuple(b))
     np.testing.assert_array_equal(rows[1], a + b)
     np.testing.assert_array_equal(rows[[0, 2]], before[[0, 2]])
-    close(spatial.plus(tuple(a), tuple(b), -2.5), a - 2.5 * b)
-    assert spatial.dot(tuple(a), tuple(b)) == pytest.approx(a @ b, rel=1e-14)
+    close(tree.plus(tuple(a), tuple(b), -2.5), a - 2.5 * b)
+    assert tree.dot(tuple(a), tuple(b)) == pytest.approx(a @ b, rel=1e-14)
 
 
 def test_momentum_is_the_inertia_matrix_times_the_motion(rng):
     for _ in range(TRIALS):
         rows, a = np.array([np.zeros(10), random_inertia(rng)]), rng.normal(size=6)
-        close(spatial.inertia_times(rows, 1, tuple(a)), inertia_matrix(rows[1]) @ a)
+        close(tree.inertia_times(rows, 1, tuple(a)), inertia_matrix(rows[1]) @ a)
 
 
 def test_inertia_moves_with_its_body(rng):
@@ -92,7 +92,7 @@ def test_inertia_moves_with_its_body(rng):
     for _ in range(TRIALS):
         X_WB, rows, out = random_pose(rng), np.array([np.zeros(10), random_inertia(rng)]), np.zeros((2, 10))
         R, p = X_WB.rotation().matrix(), X_WB.translation()
-        spatial.inertia_in_world(rows, 1, np.array([np.eye(3), R]), np.array([np.zeros(3), p]), out)
+        tree.inertia_in_world(rows, 1, np.array([np.eye(3), R]), np.array([np.zeros(3), p]), out)
         X = np.block([[R.T, np.zeros((3, 3))], [-R.T @ skew(p), R.T]])
         close(inertia_matrix(out[1]), X.T @ inertia_matrix(rows[1]) @ X)
         np.testing.assert_array_equal(out[0], 0.0)

@@ -10,7 +10,7 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.keel_statics import KeelStatics
+from vsf_drake.simulation.bench_stiffness import KeelStatics
 from vsf_drake.simulation.walk import Walker
 
 FOOT = FootParameters()

@@ -22,7 +22,7 @@ from vsf_drake.analysis.contact_fit.parameters import (
 from vsf_drake.analysis.contact_fit.standard import PATH_COEFFICIENTS, REFERENCE_DEPTH_M
 from vsf_drake.errors import InputError
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
-from vsf_drake.motion.path_splines import window_bsplines
+from vsf_drake.motion.trajectory import window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.courses import Course
 from vsf_drake.simulation.variables import Variable

@@ -32,8 +32,7 @@ from vsf_drake.analysis.contact_fit.paper_objective import PaperObjective, Paper
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.fields import number, whole
-from vsf_drake.simulation.many.keys import digest
+from vsf_drake.simulation.many.cases import digest, number, whole
 from vsf_drake.simulation.walk import Walker
 
 __all__ = ["PaperFit", "PaperOptions", "fit_like_the_paper"]

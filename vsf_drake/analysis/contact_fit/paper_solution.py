@@ -12,12 +12,12 @@ from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.analysis.contact_fit.paper import PaperFit, PaperOptions, fit_like_the_paper
 from vsf_drake.analysis.contact_fit.recordings import RESULTANT, check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.terms import bench_of
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 

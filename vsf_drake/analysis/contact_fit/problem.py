@@ -33,7 +33,7 @@ from vsf_drake.analysis.contact_fit.recordings import (
 )
 from vsf_drake.analysis.contact_fit.standard import standard_parameters
 from vsf_drake.analysis.contact_fit.terms import BenchTerms, Term, TrialTerms
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.walk import Walker

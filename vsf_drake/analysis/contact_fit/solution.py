@@ -16,13 +16,13 @@ from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameter
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
 from vsf_drake.analysis.contact_fit.solve import FitProgress, Search, Uncertainty, run_searches, search, uncertainty
 from vsf_drake.analysis.contact_fit.terms import Term
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve, variable_unit
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.gait_cycle import periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 
 JOINT = "joint"

@@ -30,12 +30,12 @@ from vsf_drake.analysis.contact_fit.scores import (
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, curve_rows, joint_rows, paper_rows
 from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.json_file import plain
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 
 FIT = "fit"

@@ -11,7 +11,7 @@ from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivi
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.recordings import COP, FORCES, RESULTANT, FitNoise
-from vsf_drake.bench_file import BenchMeasurement
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.bench_stiffness import BenchStiffness

@@ -22,15 +22,15 @@ from vsf_drake.analysis.recording.foot import (
 )
 from vsf_drake.analysis.recording.foot_checks import clearance, depth, foot_checks, touch_down
 from vsf_drake.analysis.recording.marker_checks import high_content
+from vsf_drake.motion.contacts import kinematic_stances, walking_direction
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
-from vsf_drake.motion.markers.handedness import NOTE
+from vsf_drake.motion.markers.frames import NOTE
 from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
 from vsf_drake.motion.plates import SIDES, PlateRecording, os_to_world
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.treadmill import on_the_belt
 from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.window import on_the_belt
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
 

@@ -11,16 +11,15 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.analysis.recording.check import Check, overall
 from vsf_drake.motion.contacts import Contact
-from vsf_drake.motion.events import Stance
+from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
-from vsf_drake.motion.runs import longest_run
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.foot import set_mount, sole_height
+from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.person import PersonHandles, add_person
 
 FLAT_RAD = np.radians(1.5)

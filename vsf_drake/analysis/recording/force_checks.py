@@ -8,10 +8,9 @@ import numpy as np
 
 from vsf_drake.analysis.recording.check import FITTED_LAG_BW_PER_S, Check, grade
 from vsf_drake.analysis.recording.foot import FootMotion
-from vsf_drake.motion.events import Stance
+from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.plates import PlateRecording
-from vsf_drake.motion.runs import longest_run
 from vsf_drake.parameters import GRAVITY
 
 MASS = (0.03, 0.10)

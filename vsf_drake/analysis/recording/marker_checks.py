@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vsf_drake.analysis.recording.check import FITTED_HIP_BW_PER_DEG, Check, at_most, grade, worst
+from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.schema import Gap
-from vsf_drake.motion.runs import longest_run
 
 RESIDUAL_M = (0.010, 0.020)
 """Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics

@@ -8,8 +8,8 @@ import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_curves import BodyPoints
 from vsf_drake.errors import InputError
+from vsf_drake.motion.contacts import kinematic_stances, walking_direction
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.kinematic_events import kinematic_stances, walking_direction
 from vsf_drake.motion.markers.schema import FootTrack
 from vsf_drake.motion.measured import TOLERANCE_S, WIDEN_S
 from vsf_drake.motion.trial_record import Trial

@@ -20,8 +20,7 @@ from vsf_drake.analysis.validation.bench_statistics import (
     rising,
     up_to,
 )
-from vsf_drake.bench_curves import BenchCurves, MeasuredCurve
-from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchCurves, MeasuredCurve
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM, Bench

@@ -14,7 +14,7 @@ from vsf_drake.analysis.validation.study import Study
 from vsf_drake.json_file import plain
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 
 
 def validation_content(

@@ -25,10 +25,8 @@ from vsf_drake.simulation.energy import central, contact_terms, spring_loss, spr
 from vsf_drake.simulation.reactions import FootReaction, sum_sites
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.dynamics import place, tree_arrays, work_space
-from vsf_drake.simulation.stepping.spatial import dot, inertia_in_world, inertia_times, plus, put, six
-from vsf_drake.simulation.stepping.tree import Tree
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_run import Walk
+from vsf_drake.simulation.stepping.tree import Tree, dot, inertia_in_world, inertia_times, plus, put, six
+from vsf_drake.simulation.walk import Walk, Walker
 
 HEIGHT = "pelvis_ty"
 MOST_WALKS = 8

@@ -16,7 +16,7 @@ from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, read_json, write_json
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.keys import digest, software
+from vsf_drake.simulation.many.cases import digest, software
 
 PACKAGE = Path(__file__).resolve().parents[2]
 

@@ -19,7 +19,7 @@ from vsf_drake.analysis.comparison import (
 )
 from vsf_drake.analysis.validation.roll_over_shape import mean_moment_arm, shape_numbers
 from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
-from vsf_drake.bench_file import STIFFNESS_ABOVE_N
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.parameters import GRAVITY, FootParameters
@@ -27,8 +27,7 @@ from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
 from vsf_drake.simulation.roll_over import RollOver, RollOverRun
-from vsf_drake.simulation.roll_over_control import Following
-from vsf_drake.simulation.roll_over_paths import in_mount_frame
+from vsf_drake.simulation.roll_over_control import Following, in_mount_frame
 
 WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effective_foot_length_ratio",
           "mean_moment_arm_m", "arc_rms_m", "centre_forward_m", "centre_up_m")

@@ -28,7 +28,7 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import ProcessWorkers, SweepProgress, WalkCase, WalkOutcome, simulate_many
-from vsf_drake.simulation.many.executors import cores
+from vsf_drake.simulation.many.processes import cores
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walker
 

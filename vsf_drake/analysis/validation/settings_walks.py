@@ -41,7 +41,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
-from vsf_drake.simulation.many.executors import chosen
+from vsf_drake.simulation.many.processes import chosen
 
 STEP_S = 2e-3
 KEEP = ("time_s", "grf_W", "cop_W", "energy_j")

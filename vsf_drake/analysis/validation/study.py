@@ -18,12 +18,11 @@ from vsf_drake.analysis.validation.walks import ValidatedWalk, walk_trial
 from vsf_drake.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.contact_file import FittedContact, load_contact
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import sha256
+from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.resources import resource
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
+from vsf_drake.motion.formats.recording import RawMarkers, RawTrial
 
 AXES = "xyz"
 TRAVEL_M = 0.5

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,17 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import even_rate
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.cortex import read_cortex
-from vsf_drake.motion.formats.csv_table import read_csv
 from vsf_drake.motion.formats.force_tables import PlateColumns, Table, find_plates, read_load
-from vsf_drake.motion.formats.raw import RawForces, RawPlate, RawTrial
-from vsf_drake.motion.formats.units import LENGTHS_M, length_factor
+from vsf_drake.motion.formats.recording import RawForces, RawPlate, RawTrial
+from vsf_drake.motion.formats.text import (
+    LENGTHS_M,
+    as_label,
+    first_of_each,
+    fitted_rows,
+    length_factor,
+    moment_factor,
+    text_lines,
+)
 from vsf_drake.motion.storage import read_storage
 
 FARTHEST_M = 20.0
@@ -107,3 +115,162 @@ def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] |
     if median > FARTHEST_M or (unit < 1.0 and median < NEAREST_M * unit):
         return row, name, median
     return None
+
+
+# Force files of Motion Analysis Cortex (.forces): N, mm, and N mm for the free moment about the vertical.
+#
+# No unit stands in the file. That MZ is the free moment at the centre of pressure in N mm is the reading under which a
+# walking foot has the few N m that it should have.
+
+
+LENGTH_M = 1e-3
+_HEADER_LINES = 50
+
+
+def read_cortex(path: Path) -> tuple[Table, float, None]:
+    """The table and its rate (1/s); the file has no clock.
+
+    Raises:
+        InputError: labels or rate are missing, a row does not fit, samples are missing.
+    """
+    lines = text_lines(path)
+    head, labels = _read_header(lines, path)
+    try:
+        rate, samples = float(head["samplerate"]), float(head.get("numberofsamples", "nan"))
+    except (KeyError, ValueError):
+        raise InputError("there is no SampleRate", file=path, where="header") from None
+    if not 0.0 < rate < 1e6:
+        raise InputError(f"a SampleRate of {rate:g} makes no sense", file=path, where="header")
+    table, places = fitted_rows(lines, labels, path, "\t")
+    if samples > len(table):
+        raise InputError(f"the header says {samples:.0f} samples, the file has {len(table)}", file=path,
+                         where="NumberOfSamples", right="Is the file truncated?")
+    wrong = np.diff(table[:, 0]) != 1.0
+    if len(table) < 2 or wrong.any():
+        where = f"line {places[int(np.argmax(wrong)) + 1]}" if len(table) > 1 else None
+        raise InputError("samples are missing or out of order", file=path, where=where,
+                         right="Their numbers must follow each other")
+    columns = {label: table[:, i] for i, label in enumerate(labels) if i}
+    return Table(path, columns, places, LENGTH_M), rate, None
+
+
+def _read_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict[str, str], list[str]]:
+    """The keys (lower case) with their values, and the labels."""
+    head: dict[str, str] = {}
+    for number, line in lines:
+        if line.startswith("#"):
+            labels = [as_label(cell) for cell in line.lstrip("#").rstrip().split("\t")]
+            if len(labels) < 2 or len(set(labels)) < len(labels) or "" in labels:
+                raise InputError("a label is empty or stands twice", file=path, where=f"line {number}")
+            return head, labels
+        key, _, value = line.partition("=")
+        head[key.strip().lower()] = value.strip()
+        if number > _HEADER_LINES:
+            break
+    raise InputError("there is no line of labels that begins with #Sample", file=path)
+
+
+# Force tables as comma-, semicolon- or tab-separated text, with a row of labels and perhaps one of units.
+#
+# Between semicolons numbers may have decimal commas, as spreadsheets of many countries write them.
+
+
+_TIME = re.compile(r"time|t", re.IGNORECASE)
+_UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
+_FORCES = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3}
+_TIMES = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
+_PREAMBLE = 50
+"""Lines that may stand above the labels."""
+
+
+def read_csv(path: Path) -> tuple[Table, np.ndarray, list[str]]:
+    """The table, (n,) s, its times, and notes. What the file states a unit for comes back in SI.
+
+    Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them.
+
+    Raises:
+        InputError: there is no row of labels that begins with time, a column has no label, a row does not fit, a cell
+            is no number (a decimal comma among them), or positions are in several units.
+    """
+    lines: Iterator[tuple[int, str]] = text_lines(path)
+    labels, separator, number = _find_labels(lines, path)
+    units: list[str] = [""] * len(labels)
+    for i, label in enumerate(labels):
+        if found := _UNIT.match(label):
+            labels[i], units[i] = found.group(1).strip(), found.group(2)
+    if "" in labels:
+        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}")
+    first = next((pair for pair in lines if pair[1].strip(separator + " ")), None)
+    if first is not None:
+        cells = [cell.strip().strip('"') for cell in first[1].split(separator)]
+        if all(_is_unit(cell) for cell in cells):
+            units = [cell or unit for cell, unit in zip(cells + [""] * len(labels), units, strict=False)]
+        else:
+            lines = itertools.chain([first], lines)
+    table, places = fitted_rows(_with_points(lines, path) if separator == ";" else lines, labels, path, separator)
+    if not len(table):
+        raise InputError("there are no rows of numbers", file=path)
+    notes: list[str] = []
+    columns = {}
+    lengths = set()
+    for i in first_of_each(labels, notes, what="column", empty=lambda i: not np.isfinite(table[:, i]).any()):
+        label = labels[i]
+        factor, length = _factor(units[i], path, label)
+        columns[label] = table[:, i] * factor
+        if length is not None:
+            lengths.add(length)
+    time = columns.pop(labels[0])
+    return Table(path, columns, places, 1.0 if lengths else None), time, notes
+
+
+def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
+    """The lines with decimal points for decimal commas.
+
+    Raises:
+        InputError: the file has commas and points, so that it is not told which of them is decimal.
+    """
+    commas = points = False
+    for number, line in lines:
+        commas, points = commas or "," in line, points or "." in line
+        if commas and points:
+            raise InputError("numbers have commas and points", file=path, where=f"line {number}",
+                             right="Numbers need a decimal point, not a comma, and no mark at thousands")
+        yield number, line.replace(",", ".")
+
+
+def _find_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:
+    for number, line in lines:
+        for separator in ("\t", ";", ","):
+            cells = [as_label(cell).strip('"').strip() for cell in line.split(separator)]
+            bare = _UNIT.sub(r"\1", cells[0])
+            if len(cells) > 3 and _TIME.fullmatch(bare):
+                while not cells[-1]:
+                    cells.pop()
+                return cells, separator, number
+        if number > _PREAMBLE:
+            break
+    raise InputError("there is no row of labels that begins with time", file=path,
+                     right="The first column must be time, the cells separated by comma, semicolon or tab")
+
+
+def _is_unit(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return len(cell) <= 12 and not any(c.isdigit() for c in cell)
+    return False
+
+
+def _factor(unit: str, path: Path, label: str) -> tuple[float, float | None]:
+    """SI units in the stated one, and metres where it is one of length or moment."""
+    plain = unit.strip().lower()
+    for table in (_FORCES, _TIMES):
+        if plain in table:
+            return table[plain], None
+    for length in (length_factor(plain), moment_factor(plain)):
+        if length is not None:
+            return length, length
+    if plain and label.lower() != "time":
+        raise InputError(f"the unit {unit!r} is unknown", file=path, where=f"column {label}",
+                         right="Use s, N, m, mm, Nm or Nmm")
+    return 1.0, None

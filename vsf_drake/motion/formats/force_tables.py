@@ -20,7 +20,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.raw import RawPlate
+from vsf_drake.motion.formats.recording import RawPlate
 from vsf_drake.motion.plates import torque_names
 
 LARGEST_N = 20_000.0

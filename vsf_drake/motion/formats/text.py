@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,110 @@ def fitted_rows(lines: Iterator[tuple[int, str]], labels: list[str], path: Path,
                              where=f"line {number}", right=right)
         rows.append(numbers(cells, labels, path, number), number)
     return rows.finished()
+
+
+# Labels of markers: a subject's prefix taken away, each label once; lists short enough to read.
+
+
+MOST_LISTED = 20
+"""A message that names more labels is not read."""
+
+
+def listed(labels: Sequence[str], *, most: int = MOST_LISTED) -> str:
+    """The labels, or the first of them and how many there are more; "none" without any."""
+    if len(labels) <= most:
+        return ", ".join(labels) or "none"
+    return f"{', '.join(labels[:most])} and {len(labels) - most} more"
+
+
+def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
+    """The labels without the one subject name ("Anna:LASI") that they share, and a note where there was one."""
+    named = [label.split(":", 1) for label in labels if ":" in label]
+    prefixes = {prefix for prefix, _ in named}
+    if len(prefixes) != 1 or any(not rest.strip() for _, rest in named):
+        return labels, []
+    prefix = prefixes.pop()
+    short = [label.removeprefix(f"{prefix}:") for label in labels]
+    if len(set(short)) != len(set(labels)):
+        return labels, []
+    return short, [f"The labels' prefix {prefix}: was taken away."]
+
+
+def first_of_each(labels: list[str], notes: list[str], *, what: str = "label",
+                  empty: Callable[[int], bool] = lambda i: False) -> list[int]:
+    """Which of the labels to read: each once, the first that is not `empty`, and a note on what was left out."""
+    kept: dict[str, int] = {}
+    doubled: dict[str, int] = {}
+    for i, label in enumerate(labels):
+        if label in kept:
+            doubled[label] = doubled.get(label, 1) + 1
+        if label not in kept or (empty(kept[label]) and not empty(i)):
+            kept[label] = i
+    notes += [f"The {what} {label} stands {'twice' if times == 2 else f'{times} times'}: the first that holds anything "
+              f"was used (column {kept[label] + 1} of {len(labels)})." for label, times in doubled.items()]
+    return sorted(kept.values())
+
+
+# Units that laboratory files state, as factors to SI.
+
+
+LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
+"""Metres in each unit of length."""
+_LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
+         "inch": "in", "inches": "in"}
+SHORTEST_CUT = 4
+"""Letters to which programs cut a unit that they keep in a field of fixed width: "mete", "mill"."""
+
+
+def length_factor(unit: str) -> float | None:
+    """Metres in a unit of length as files spell it; None for an unknown or empty one."""
+    plain = unit.strip().lower().strip("[]().\0 ")
+    cut = {unit for word, unit in _LONG.items() if len(plain) >= SHORTEST_CUT and word.startswith(plain)}
+    plain = _LONG.get(plain.removesuffix("s"), cut.pop() if len(cut) == 1 else plain)
+    return LENGTHS_M.get(plain)
+
+
+def moment_factor(unit: str) -> float | None:
+    """N m in a unit such as "Nmm", "N.m", "N*mm" or "N-m"; None for anything else."""
+    found = re.fullmatch(r"n(?:ewton)?\s*[.*·\-\s]?\s*(\w+)", unit.strip().lower().strip("[]()\0 "))
+    return length_factor(found.group(1)) if found else None
+
+
+def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) -> float:
+    """Metres in the unit that the caller demands, or else the file states.
+
+    Raises:
+        InputError: the caller's unit is unknown; or the file's is unknown or missing and the caller gives none.
+    """
+    if wanted is not None:
+        factor = length_factor(wanted)
+        if factor is None:
+            raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
+                             right=f"Use one of {', '.join(LENGTHS_M)}")
+        return factor
+    factor = length_factor(stated)
+    if factor is None:
+        what = f"the unit {stated!r} is unknown" if stated.strip() else "no unit of length is stated"
+        raise InputError(what, file=path, where=where,
+                         right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}")
+    return factor
+
+
+# Large arrays a piece at a time, so that no step needs a second array of their size.
+
+
+PIECE = 1 << 18
+"""Numbers at a time (2 MB)."""
+
+
+def pieces(rows: int, width: int = 3) -> Iterator[slice]:
+    """Slices that cover `rows` rows of `width` numbers."""
+    step = max(1, PIECE // width)
+    for first in range(0, rows, step):
+        yield slice(first, min(first + step, rows))
+
+
+def turn(vectors: np.ndarray, rotation: np.ndarray) -> None:
+    """Rotates vectors (n, 3) in place by a (3, 3) matrix."""
+    for piece in pieces(len(vectors)):
+        vectors[piece] = vectors[piece] @ rotation.T

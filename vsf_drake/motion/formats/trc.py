@@ -11,11 +11,17 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.clock import even_rate
-from vsf_drake.motion.formats.labels import first_of_each, without_prefix
-from vsf_drake.motion.formats.pieces import pieces
-from vsf_drake.motion.formats.raw import RawMarkers, RawTrial
-from vsf_drake.motion.formats.text import Rows, as_label, numbers, text_lines
-from vsf_drake.motion.formats.units import file_length_factor
+from vsf_drake.motion.formats.recording import RawMarkers, RawTrial
+from vsf_drake.motion.formats.text import (
+    Rows,
+    as_label,
+    file_length_factor,
+    first_of_each,
+    numbers,
+    pieces,
+    text_lines,
+    without_prefix,
+)
 
 MOST_MARKERS = 20_000
 LARGEST = 1e9

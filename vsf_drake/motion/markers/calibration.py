@@ -7,23 +7,27 @@ markers' places in them averaged. That is doubtful and says so.
 from __future__ import annotations
 
 import dataclasses
+from itertools import combinations, pairwise
+from pathlib import Path
 
 import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.feet import foot_points, prosthesis_of
-from vsf_drake.motion.markers.frames import Anatomy, find_anatomy
-from vsf_drake.motion.markers.handedness import NOTE, right_handed
-from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
-from vsf_drake.motion.markers.joint_centres import HIP_METHODS
+from vsf_drake.motion.markers.frames import NOTE, Anatomy, facing, find_anatomy, right_handed, typical
+from vsf_drake.motion.markers.identity import PersonFacts, body_mass, check_facts, stature
+from vsf_drake.motion.markers.joint_centres import COORDINATES, HIP_METHODS, coordinates_of, joint_angles
 from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
-from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
-from vsf_drake.motion.markers.posture import Posture, find_posture
+from vsf_drake.motion.markers.posture import (
+    MID_FULCRUM_M,
+    Posture,
+    find_posture,
+    forefoot_labels,
+    measured_under,
+    settling,
+)
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
-from vsf_drake.motion.markers.settling import MID_FULCRUM_M, measured_under, settling
-from vsf_drake.motion.markers.standing_checks import check_labels, check_proportions
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
 
 UNEQUAL = 0.05
@@ -174,3 +178,255 @@ def _differences(lengths: dict[str, float]) -> tuple[str, ...]:
     return tuple(
         f"Right and left {name.replace('_', ' ')} differ: {1e3 * right:.0f} and {1e3 * left:.0f} mm."
         for name, right, left in _pairs(lengths) if abs(right - left) > UNEQUAL * max(right, left))
+
+
+# The sole of a foot from its markers, and how a prosthesis stands under its knee.
+
+
+BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
+"""Heel to metatarsal head (second, first, fifth) / foot length, where no marker is on the toe's tip: typical of adults'
+feet, a choice, unverified."""
+SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38
+"""Shod feet of children and adults (a choice)."""
+OVER_M = 0.05
+"""Farther ahead of the ankle or behind it the hip is not in standing: of a walk, such frames count (a choice)."""
+_FOOT = FootParameters()
+
+
+def foot_points(
+    side: str, segment: SegmentMarkers, found: FoundMarkers, person: PersonFacts, ankle_height: float
+) -> FootPoints:
+    """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot.
+
+    The heel's rearmost point lies one marker radius and base plate ahead of the heel marker's centre. The tip is below
+    the marker on it, else as far ahead as `BALL_RATIO` says.
+
+    Raises:
+        InputError: the foot is of nobody's length.
+    """
+    def at(role: str) -> np.ndarray | None:
+        label = found.roles.get(f"{role}_{side}")
+        return segment.p_BM[segment.labels.index(label)] if label in segment.labels else None
+
+    heel = at("heel")
+    assert heel is not None
+    rear = heel[0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
+    tip = at("toe_tip")
+    if tip is not None:
+        length = tip[0] - rear
+    else:
+        roles = ("toe",) if at("toe") is not None else ("met1", "met5")
+        length = float(np.mean([(at(role)[0] - rear) / BALL_RATIO[role] for role in roles]))
+    if not SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M:
+        raise InputError(f"heel and forefoot markers make the {side} foot {length:.3f} m long",
+                         where=f"markers {', '.join(segment.labels)}",
+                         right="Check the labels of heel and toe and the unit of the markers' file")
+    return FootPoints(p_FHeel=np.array([rear, heel[1], -ankle_height]),
+                      p_FToe=np.array([rear + length, heel[1], -ankle_height]))
+
+
+def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
+    """`Subject`'s fields on the prosthesis, from frames in which its sole is flat on the floor (medians).
+
+    Of a walk, the frames in which the hip is above the foot count: the nearest to standing that it has.
+    The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
+    ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
+    """
+    R_WS, p_WS = anatomy.R_W[f"shank_{side}"], anatomy.p_W[f"shank_{side}"]
+    R_WF, p_WF = anatomy.R_W[f"foot_{side}"], anatomy.p_W[f"foot_{side}"]
+    heel = p_WF + R_WF @ points.p_FHeel
+    down, normal = -R_WS[..., :, 2], R_WF[..., :, 2]
+    length = np.sum((heel - p_WS) * normal, axis=-1) / np.sum(down * normal, axis=-1)
+    end = heel + R_WF @ np.array([_FOOT.pylon_x_m, 0.0, _FOOT.build_height_m])
+    place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
+    angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
+    ahead = np.abs(np.sum((anatomy.p_W[f"thigh_{side}"] - p_WF) * R_WF[..., :, 0], axis=-1))
+    like_standing = ahead < OVER_M
+    outward = -1.0 if side == "right" else 1.0
+    values = {
+        "prosthesis_length_m": length, "prosthesis_fore_aft_m": place[:, 0],
+        "prosthesis_lateral_m": outward * place[:, 1], "prosthesis_alignment_rad": angles[:, 0],
+        "prosthesis_inversion_rad": angles[:, 1], "prosthesis_toe_out_rad": -angles[:, 2]}
+    return {name: float(np.nanmedian(value[like_standing] if like_standing.any() else value))
+            for name, value in values.items()}
+
+
+# Whether the markers of a standing trial are where their labels say: exchanged ones show by geometry.
+
+
+ASTRAY_M = 0.05
+"""A marker that is this much nearer to another thigh or shank than to its own is on the other one (a choice)."""
+SAME_PLACE_M = 1e-3
+"""No two markers are nearer to each other than their own size; a millimetre is the same one twice."""
+ASKEW_RAD = np.radians(45.0)
+"""The lines over both ASIS and over both PSIS are nearly parallel, and the former nearly level (a choice)."""
+LEAST_RATIO, MOST_RATIO = 0.65, 1.6
+"""Thigh / shank; people have about 0.8 to 1.1 (de Leva 1996: 0.84 women, 0.96 men), prosthetic shanks aside (a
+choice)."""
+_RIGHT = "Check the labels of these markers, or the marker map"
+
+
+def check_labels(posture: Posture, found: FoundMarkers, file: str | Path) -> None:
+    """Refuses exchanged labels.
+
+    Forward is from the back of the pelvis to the ASIS, up is up, left follows. Over the frames of a walk the medians
+    count.
+
+    Raises:
+        InputError: feet point backwards, left is not left of right, a leg's joints are not one below the other, a
+            medial marker is outside a lateral one, or a marker lies on another segment.
+    """
+    _Checker(posture, found, file).run()
+
+
+class _Checker:
+    def __init__(self, posture: Posture, found: FoundMarkers, file: str | Path) -> None:
+        self.points, self.roles, self.found, self.file = posture.points, found.roles, found, file
+        self.places()
+        front = self.middle("asis")
+        self.forward = facing(front, self.middle("psis") if "psis_right" in self.roles and "psis_left" in self.roles
+                              else self.at("sacrum"))
+        self.left = np.cross([0.0, 0.0, 1.0], self.forward)
+
+    def at(self, role: str) -> np.ndarray:
+        return self.points[self.roles[role]]
+
+    def middle(self, role: str) -> np.ndarray:
+        return 0.5 * (self.at(f"{role}_right") + self.at(f"{role}_left"))
+
+    def forefoot(self, side: str) -> np.ndarray:
+        return np.mean([self.points[label] for label in forefoot_labels(self.found, side)], axis=0)
+
+    def refuse(self, what: str, labels: list[str], right: str = _RIGHT) -> None:
+        raise InputError(what, file=self.file, where=f"markers {', '.join(labels)}", right=right)
+
+    def run(self) -> None:
+        self.pelvis()
+        self.facing()
+        self.sides()
+        self.heights()
+        self.medial()
+        self.segments()
+
+    def places(self) -> None:
+        labels = [label for label in dict.fromkeys(self.roles.values()) if label in self.points]
+        for a, b in combinations(labels, 2):
+            apart = np.linalg.norm(self.points[a] - self.points[b], axis=1)
+            apart = apart[np.isfinite(apart)]
+            if len(apart) and np.median(apart) < SAME_PLACE_M:
+                self.refuse("lie in the same place", [a, b], "Each marker has one label; look for a doubled trajectory")
+
+    def pelvis(self) -> None:
+        across = self.at("asis_left") - self.at("asis_right")
+        slope = float(np.nanmedian(np.arcsin(np.abs(across[:, 2]) / np.linalg.norm(across, axis=1))))
+        if slope > ASKEW_RAD:
+            self.refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} "
+                        "degrees", [self.roles[f"asis_{side}"] for side in SIDES])
+        roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
+        if any(role not in self.roles for role in roles):
+            return
+        front = self.at("asis_left") - self.at("asis_right")
+        back = self.at("psis_left") - self.at("psis_right")
+        lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
+        cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
+        if abs(cosine) < np.cos(ASKEW_RAD):
+            self.refuse(f"the line over both ASIS and that over both PSIS make an angle of "
+                        f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged",
+                        [self.roles[role] for role in roles])
+
+    def facing(self) -> None:
+        ahead = {}
+        for side in SIDES:
+            ahead[side] = typical(self.forefoot(side) - self.at(f"heel_{side}"), self.forward)
+        backwards = [side for side in SIDES if ahead[side] < 0]
+        if len(backwards) == len(SIDES):
+            labels = [self.roles[role] for role in ("asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
+                      if role in self.roles]
+            self.refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of "
+                        "both feet)", labels)
+        for side in backwards:
+            self.refuse("the foot points backwards: heel and toe seem exchanged",
+                        [self.roles[f"heel_{side}"], *forefoot_labels(self.found, side)])
+        for side in SIDES:
+            heel, ankle = self.at(f"heel_{side}"), self.at(f"ankle_lateral_{side}")
+            along = facing(self.forefoot(side), heel)
+            if typical(ankle - heel, along) < 0:
+                self.refuse("the ankle is behind the heel",
+                            [self.roles[f"ankle_lateral_{side}"], self.roles[f"heel_{side}"]])
+            if typical(self.forefoot(side) - ankle, along) < 0:
+                self.refuse("the ankle is ahead of the forefoot",
+                            [self.roles[f"ankle_lateral_{side}"], *forefoot_labels(self.found, side)])
+
+    def sides(self) -> None:
+        pairs = [role.removesuffix("_right") for role in self.roles if role.endswith("_right")]
+        pairs = [role for role in pairs if f"{role}_left" in self.roles and self.seen(role)]
+        wrong = [role for role in pairs
+                 if typical(self.at(f"{role}_left") - self.at(f"{role}_right"), self.left) < 0]
+        if wrong:
+            self.refuse("left and right seem exchanged",
+                        [self.roles[f"{role}_{side}"] for role in wrong for side in SIDES])
+
+    def seen(self, role: str) -> bool:
+        return all(self.roles[f"{role}_{side}"] in self.points for side in SIDES)
+
+    def heights(self) -> None:
+        for side in SIDES:
+            chain = [f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")]
+            for upper, lower in pairwise(chain):
+                if typical(self.at(upper) - self.at(lower), np.array([0.0, 0.0, 1.0])) < 0:
+                    self.refuse(f"the {_words(upper)} is below the {_words(lower)}",
+                                [self.roles[upper], self.roles[lower]])
+
+    def medial(self) -> None:
+        for side, out in (("right", -1.0), ("left", 1.0)):
+            pairs = ("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")
+            for medial, lateral in ((f"{inner}_{side}", f"{outer}_{side}") for inner, outer in pairs):
+                if medial in self.roles and lateral in self.roles and typical(
+                        self.at(lateral) - self.at(medial), out * self.left) < 0:
+                    self.refuse(f"the {_words(medial)} is outside the {_words(lateral)}",
+                                [self.roles[medial], self.roles[lateral]])
+
+    def segments(self) -> None:
+        """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
+        lines, spans = {}, {}
+        for side in SIDES:
+            knee, ankle = (self.at(f"{joint}_lateral_{side}") for joint in ("knee", "ankle"))
+            names = [self.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
+            spans |= {f"thigh_{side}": names[:2], f"shank_{side}": names[1:]}
+            lines |= {f"thigh_{side}": (self.at(f"asis_{side}"), knee), f"shank_{side}": (knee, ankle)}
+        for segment in lines:
+            for label in self.found.segments[segment]:
+                if label not in self.points:
+                    continue
+                away = {name: float(np.nanmedian(_distance(self.points[label], *line))) for name, line in lines.items()}
+                nearest = min(away, key=lambda name: away[name])
+                if away[segment] > away[nearest] + ASTRAY_M:
+                    self.refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
+                                f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+                                list(dict.fromkeys((label, *spans[segment]))),
+                                f"Check {label} and the markers that span this segment")
+
+
+def check_proportions(lengths_m: dict[str, float], found: FoundMarkers, file: str | Path) -> None:
+    """Refuses a thigh far too short or too long for its shank: a knee or ankle marker is not at its joint.
+
+    Raises:
+        InputError: names hip, knee and ankle markers.
+    """
+    for side in SIDES:
+        thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
+        if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:
+            labels = [found.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
+            raise InputError(f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
+                             "to nobody", file=file, where=f"markers {', '.join(labels)}", right=_RIGHT)
+
+
+def _words(role: str) -> str:
+    name, side = role.rsplit("_", 1)
+    return f"{side} {name.replace('_', ' ')}"
+
+
+def _distance(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n,) m from a point to the straight line from a to b."""
+    part = np.clip(np.sum((point - a) * (b - a), axis=1) / np.sum((b - a) ** 2, axis=1), 0.0, 1.0)
+    return np.linalg.norm(point - a - part[:, None] * (b - a), axis=1)

@@ -11,8 +11,8 @@ from pydrake.math import RigidTransform
 
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.export.markup import document, element, number, numbers
 from vsf_drake.plants.export.rigid_foot import NAME, Link, RigidFoot, rigid_foot
+from vsf_drake.plants.export.sdf import document, element, number, numbers
 
 REACH_M = 1.0
 """Length (m) of the tendon that is the support: its upper end strays x (m) along the keel as the keel bends, which

@@ -16,11 +16,10 @@ from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import add_contact_geometry
-from vsf_drake.plants.contact_sites import ContactSites
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 from vsf_drake.plants.foot_visuals import add_foot_visuals
-from vsf_drake.plants.joints import RIGHTWARD
+from vsf_drake.plants.inertia import RIGHTWARD
 
 NAME = "vsf"
 """Of the exported model, and what the names of its frame, mount and carriage begin with."""

@@ -15,7 +15,7 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_wiring import wire_foot
-from vsf_drake.plants.joints import FORWARD, UPWARD
+from vsf_drake.plants.inertia import FORWARD, UPWARD
 from vsf_drake.report.frames.foot_positions import DrawnFoot, FootPositions, foot_positions
 from vsf_drake.simulation.keel_shape import keel_shape
 

@@ -15,9 +15,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_visuals import Colour, add_foot_visuals, draw
-from vsf_drake.plants.illustration import METAL, add_visuals
-from vsf_drake.plants.joints import UPWARD
+from vsf_drake.plants.foot_visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
+from vsf_drake.plants.inertia import UPWARD
 from vsf_drake.plants.person import add_person
 from vsf_drake.report.show.controls import FULCRUM, LOAD, Control, foot_controls, joint_controls, keel_controls
 from vsf_drake.simulation.keel_shape import KeelShape, keel_shape

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import io
+import json
 import time
-from collections.abc import Iterable
+import zipfile
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vsf_drake.errors import InputError
-from vsf_drake.simulation.many.cache import WalkCache
-from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep
-from vsf_drake.simulation.many.dispatch import dispatch
-from vsf_drake.simulation.many.executors import checked, chosen
+from vsf_drake.files import replaced, user_path
+from vsf_drake.npz_file import read_npz
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep, digest
 from vsf_drake.simulation.many.outcomes import WalkOutcome
+from vsf_drake.simulation.many.processes import WorkerStartError, checked, chosen
 from vsf_drake.simulation.many.progress import Report, SweepProgress, reporting
-from vsf_drake.simulation.many.worker import Kind, Reply
+from vsf_drake.simulation.many.worker import Kind, Reply, run_task
 
 TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
 """What a sweep reads of a trial."""
@@ -49,7 +57,7 @@ def simulate_many(
             more than a second to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each.
             It also keeps every walk out of this process, should one be able to kill it. A `ThreadPoolExecutor` starts
             at once and is nearly as fast, but what kills a thread kills the sweep.
-        cache: folder of finished walks, see `vsf_drake.simulation.many.cache`.
+        cache: folder of finished walks, see `vsf_drake.simulation.many.run`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
 
@@ -163,3 +171,172 @@ def _checked(cases: Iterable[WalkCase]) -> list[WalkCase]:
             raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
                              right="Give what load_trial() returns")
     return found
+
+
+# Finished walks on disk, each under the hash of everything that its numbers depend on.
+#
+# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what made them and the
+# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none, whenever
+# the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
+
+
+ABOUT = "about.json"
+LASTING = (Kind.DONE, Kind.FAILED)
+"""Replies worth keeping: a simulation that failed will fail again; a machine may not."""
+
+
+class WalkCache:
+    """A folder of finished walks.
+
+    Args:
+        folder: created if needed.
+
+    Raises:
+        InputError: it cannot be.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        if not isinstance(folder, (str, Path)):
+            raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
+        self.folder = user_path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot be a folder ({error.strerror})", file=self.folder, where="cache") from None
+
+    def path(self, key: str) -> Path:
+        """Where the walk with that key is, or would be."""
+        return self.folder / key[:2] / f"{key}.npz"
+
+    def read(self, key: str) -> tuple[Reply | None, str]:
+        """The reply that was kept, or None; and a sentence if there is an entry that cannot be trusted."""
+        path = self.path(key)
+        if not path.exists():
+            return None, ""
+        try:
+            return _decoded(path, key), ""
+        except Exception as error:  # a damaged file can make its readers raise anything
+            return None, f"Its cache entry was damaged ({error}); it was computed anew."
+
+    def write(self, task: Task, reply: Reply) -> None:
+        """Keeps `reply`, if it is worth keeping.
+
+        Raises:
+            InputError: the disk is full or the folder cannot be written.
+        """
+        if reply.kind not in LASTING:
+            return
+        path = self.path(task.key)
+        try:
+            path.parent.mkdir(exist_ok=True)
+            with replaced(path, "wb", lasting=True) as stream:
+                stream.write(_encoded(task, reply))
+        except (OSError, InputError) as error:
+            cause = error.strerror if isinstance(error, OSError) else error.what
+            raise InputError(f"a finished walk cannot be kept ({cause})", file=self.folder, where="cache",
+                             right="Make room and run the same again: it goes on from what is there") from None
+
+
+def _encoded(task: Task, reply: Reply) -> bytes:
+    about: dict[str, Any] = {
+        "key": task.key, "kind": reply.kind.value, "failure": reply.text, "columns": to_plain(reply.columns),
+        "unconverged_steps": reply.unconverged_steps, "refined_steps": reply.refined_steps, "wall_s": reply.wall_s,
+        "notes": list(reply.notes),
+        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep),
+                      **to_plain({name: value for name, value in task.options.items() if not callable(value)})},
+        "software": task.software}
+    about["content_sha256"] = digest(about, reply.arrays)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, array in reply.arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
+        archive.writestr(ABOUT, json.dumps(about, indent=1))
+    return buffer.getvalue()
+
+
+def _decoded(path: Path, key: str) -> Reply:
+    arrays = read_npz(path)
+    about = json.loads(arrays.pop(ABOUT))
+    expected = about.pop("content_sha256")
+    if digest(about, arrays) != expected or about["key"] != key:
+        raise ValueError("its SHA-256 differs")
+    return Reply(Kind(about["kind"]), text=about["failure"], arrays=arrays,
+                 columns={name: tuple(names) for name, names in about["columns"].items()},
+                 unconverged_steps=about["unconverged_steps"], refined_steps=about["refined_steps"],
+                 wall_s=about["wall_s"], notes=tuple(about["notes"]))
+
+
+# Keeps an executor busy with tasks, hands back replies as they come, and tries once more what a machine lost.
+
+
+ATTEMPTS = 2
+"""How often a task is tried whose worker dies under it."""
+LOOK_EVERY_S = 0.2
+"""How often to look for tasks that were cancelled from outside: nobody tells."""
+
+
+def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int) -> Iterator[tuple[Task, Reply]]:
+    """Yields each task with its reply, in the order in which they finish.
+
+    Workers get persons and recordings only when they ask for them: once each, not once a task. Close it (it is a
+    generator) to call off what has not been started.
+
+    Args:
+        parts: persons and recordings by key.
+        most: how many tasks to keep submitted.
+
+    Raises:
+        WorkerStartError: no worker can be started.
+    """
+    queue = deque(tasks)
+    tried: dict[str, int] = {}
+    running: dict[Future[Reply], Task] = {}
+    closed = ""
+    try:
+        while queue or running:
+            while queue and len(running) < most and not closed:
+                task = queue.popleft()
+                try:
+                    running[executor.submit(run_task, task)] = task
+                except RuntimeError as error:  # broken or shut down; it was given, so it is not ours to replace
+                    closed = f"the executor takes no more work ({error})"
+                    queue.appendleft(task)
+            if closed:
+                while queue:
+                    yield queue.popleft(), Reply(Kind.MACHINE, closed)
+            for future in _finished(running):
+                task = running.pop(future)
+                reply = _reply(future)
+                if reply.kind is Kind.MISSING:
+                    queue.appendleft(replace(task, parts={key: parts[key] for key in (task.person, task.motion)}))
+                    continue
+                tried[task.key] = tried.get(task.key, 0) + (reply.kind is Kind.MACHINE)
+                if reply.kind is Kind.MACHINE and tried[task.key] < ATTEMPTS:
+                    queue.append(task)
+                    continue
+                times = f" (tried {tried[task.key]} times)" if reply.kind is Kind.MACHINE else ""
+                yield task, replace(reply, text=reply.text + times)
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _finished(running: Mapping[Future[Reply], Task]) -> list[Future[Reply]]:
+    """Those that are done, at least one if any runs. `wait` alone misses what a shutdown has cancelled, for ever."""
+    while True:
+        done = [future for future in running if future.done()]
+        if done or not running:
+            return done
+        wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
+
+
+def _reply(future: Future[Reply]) -> Reply:
+    try:
+        return future.result()
+    except WorkerStartError:
+        raise
+    except CancelledError:
+        return Reply(Kind.MACHINE, "the executor cancelled it")
+    except Exception as error:  # of the executor: a killed worker, a broken pool, a lost connection
+        return Reply(Kind.MACHINE, f"{type(error).__name__}: {error}")

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.simulation.many.cases import ARRAYS, Task
-from vsf_drake.simulation.many.keys import software
+from vsf_drake.simulation.many.cases import ARRAYS, Task, software
 from vsf_drake.simulation.walk import Walker
 
 MOST_PARTS = 256

@@ -15,23 +15,22 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.schema import check
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.contact_spheres import (
+    Smoothing,
     joined,
     merged_spheres,
     normal_and_friction,
+    positive_part_integral,
     sole,
     touch,
     wrenches,
 )
-from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion
-from vsf_drake.simulation.sagittal.planar_tree import planar_tree
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
-from vsf_drake.simulation.sagittal.springs import spring_forces
-from vsf_drake.simulation.sagittal.support import Support
+from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, planar_tree
 from vsf_drake.simulation.variables import added, check_values
 from vsf_drake.simulation.walk import Walker
 
@@ -147,3 +146,95 @@ class SagittalModel:
         """(12, ...) of the springs' forces: a keel so much thicker."""
         keel = thickness * thickness * thickness
         return np.stack([np.ones_like(keel)] * len(SOCKET) + [keel] * (len(self.quasi_static) - len(SOCKET)))
+
+
+# The fulcrum under the keel, as a function of the keel's turns: the pair of forces moves nothing else.
+#
+#     A                P        K: x along the undeformed keel, z up
+#     o====o====o===o==^=o==o   joints o turn the toe up, one after the other; P at the fulcrum's position
+#
+# The force goes from one rigid piece to the next over SUPPORT_WIDTH on both sides of the joint between them, so that
+# everything has a derivative by the fulcrum's position. There the deflection is off from the stepper's by at most 0.087
+# of that width times the joint's turn.
+
+
+SUPPORT_WIDTH = 4e-3
+"""m; a choice: half the shortest distance of two joints is 11.6 mm."""
+
+
+class Support:
+    """A two-sided stiff support of a chain whose pieces begin at `starts` (K,) m from A.
+
+    Args:
+        stiffness, damping: N/m, N s/m.
+        signs: (K,) of the joints' coordinates, 1 where positive ones lift the toe.
+    """
+
+    def __init__(self, starts: np.ndarray, signs: np.ndarray, stiffness: float, damping: float) -> None:
+        self.starts, self.signs, self.stiffness, self.damping = starts, signs, stiffness, damping
+
+    def deflection(self, w: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Height (...) of P over the undeformed keel (m) at the turns w (K, ...), and (K, ...) its derivatives by w."""
+        tall = (-1, *(1,) * (w.ndim - 1))
+        starts, signs = self.starts.reshape(tall), self.signs.reshape(tall)
+        angle = np.cumsum(signs * w, axis=0)
+        c, s = np.cos(angle), np.sin(angle)
+        lengths = np.diff(starts, axis=0)
+        zero = np.zeros_like(c[:1])
+        x = np.concatenate([zero, np.cumsum(lengths * c[:-1], axis=0)])
+        z = np.concatenate([zero, np.cumsum(lengths * s[:-1], axis=0)])
+        along = position - starts
+        past = np.concatenate([zero + 1.0, _blend(along[1:] / SUPPORT_WIDTH), zero])
+        share = past[:-1] - past[1:]
+        # Of all beyond a joint: their share, and where they bear.
+        ahead = np.cumsum((share * (x + along * c))[::-1], axis=0)[::-1]
+        return (share * (z + along * s)).sum(axis=0), signs * (ahead - past[:-1] * x)
+
+    def load(self, w: np.ndarray, u: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(K, ...) N m that the joints must give against the support, (...) J stored in it, the deflection's (K, ...)
+        derivatives by w."""
+        deflection, by = self.deflection(w, position)
+        force = self.stiffness * deflection + self.damping * (by * u).sum(axis=0)
+        return force * by, 0.5 * self.stiffness * deflection * deflection, by
+
+
+def _blend(s: np.ndarray) -> np.ndarray:
+    """0 below -1, 1 above 1, between them the cubic with level ends."""
+    t = 0.5 * (s + 1.0)
+    return np.where(s.real <= -1.0, 0.0, np.where(s.real >= 1.0, 1.0, t * t * (3.0 - 2.0 * t)))
+
+
+# Springs of socket and keel with smooth corners: the bushing's law with its stops, and the keel's joints.
+
+
+STOP_WIDTH = 0.1
+"""Of a stop's corner, in its limit; a choice."""
+TENSION_WIDTH = 2e-4
+"""m (or rad) over which the socket goes from its stiffness in compression to that in tension; a choice."""
+UNLIMITED = 1e29
+
+
+def spring_forces(
+    rows: np.ndarray, w: np.ndarray, u: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (k, ...) of the springs on their coordinates, and the energy (k, ...) in each.
+
+    Args:
+        rows: (k, 6) as the stepper's, see `stepping.assembly.SPRING_COLUMNS`; the law is that of `laws.bushing`.
+        w, u: (k, ...) displacements and rates. scale: (k, ...) of the forces.
+    """
+    tail = (-1, *(1,) * (w.ndim - 1))
+    elastic, drag = rows[:, 1].reshape(tail) * w, 1.0 * u
+    energy = 0.5 * elastic * w
+    for i, (stiff, negative, _, limit, rate_limit, stop) in enumerate(rows):
+        if stiff != negative:
+            elastic[i] += (stiff - negative) * rounded_positive_part(w[i], TENSION_WIDTH)
+            energy[i] += (stiff - negative) * positive_part_integral(w[i], TENSION_WIDTH)
+        if limit < UNLIMITED:
+            for sign, k in ((1.0, stop * stiff), (-1.0, stop * negative)):
+                elastic[i] += sign * k * rounded_positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
+                energy[i] += k * positive_part_integral(sign * w[i] - limit, STOP_WIDTH * limit)
+        if rate_limit < UNLIMITED:
+            for sign in (1.0, -1.0):
+                drag[i] += sign * stop * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
+    return -scale * (elastic + rows[:, 2].reshape(tail) * drag), scale * energy

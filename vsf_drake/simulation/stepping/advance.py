@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.simulation.stepping.linear import copy
-from vsf_drake.simulation.stepping.newton import step
+from vsf_drake.simulation.stepping.dynamics import Torques, differentiate_torques, sample_torques
+from vsf_drake.simulation.stepping.newton import copy, step
 from vsf_drake.simulation.stepping.sensitivity import carry, write_state
-from vsf_drake.simulation.stepping.torques import Torques, differentiate_torques, sample_torques
 
 LEVELS = 5
 """How often a step is halved before it is accepted without convergence: down to 1/32."""

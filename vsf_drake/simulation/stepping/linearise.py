@@ -10,10 +10,14 @@ over all that a joint carries. The derivatives by the end velocity of free ones 
 
 from __future__ import annotations
 
+import math
+
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.scalar import spring_force
-from vsf_drake.simulation.stepping.contact_tangent import add_site_tangents
-from vsf_drake.simulation.stepping.spatial import (
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, site_tangent
+from vsf_drake.simulation.stepping.newton import EXACT
+from vsf_drake.simulation.stepping.support import add_support_tangent
+from vsf_drake.simulation.stepping.tree import (
     cross_force,
     cross_motion,
     dot,
@@ -24,7 +28,6 @@ from vsf_drake.simulation.stepping.spatial import (
     times,
     transposed_times,
 )
-from vsf_drake.simulation.stepping.support import add_support_tangent
 from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES
 
 NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -207,3 +210,182 @@ def _springs(h, forces, split, ways, q0, v, tangent):
                 q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
                 s[k, 3], s[k, 4], s[k, 5])
             tangent.E[i, ways.spring_parameter[e]] -= force
+
+
+# How the ground's wrenches change with displacements of the bodies and with the contact's parameters, compiled.
+#
+# A body displaced by s and whose end velocity changes by u, both motions about W's origin, changes the wrench on it by
+# P s - K u, with the change that s itself makes in the velocity of its points inside P. `assembly.tangents` gives K.
+# The measured wrench takes the contact points where they are at the end of the step, and has matrices of its own.
+
+
+_CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
+            "threshold_velocity")
+RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(SITE_COLUMNS.index, _CHANGED)
+"""Columns of a site that parameters change."""
+
+
+@internal
+def add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
+    """Composites of P and of the measured wrench, and what parameters change directly."""
+    contact, moving = room.contact, split.moving
+    tangent.dT[:] = 0.0
+    for m in range(links.shape[0]):
+        b = links[m, 2]
+        tangent.touched[b] = False
+        tangent.out_shift[b, :, :] = 0.0
+        tangent.out_K[b, :, :] = 0.0
+    tangent.touched[0] = False
+    for k in range(moving.shape[0]):
+        b = links[moving[k], 2]
+        tangent.shift[b, :, :] = 0.0
+        tangent.dF[b, :, :] = 0.0
+    for a in range(contact.near[-1]):
+        s = contact.near[a]
+        if split.site_moves[s] and sites[s, 1] > 0.0:
+            _site(h, s, forces, ways, room, tangent, sites)
+            tangent.touched[forces.site_bodies[s]] = True
+    for m in range(links.shape[0] - 1, -1, -1):
+        parent, b = links[m, 1], links[m, 2]
+        if not tangent.touched[b]:
+            continue
+        tangent.touched[parent] = True
+        for i in range(6):
+            for j in range(6):
+                tangent.out_shift[parent, i, j] += tangent.out_shift[b, i, j]
+                tangent.out_K[parent, i, j] += tangent.out_K[b, i, j]
+        if split.body_moves[parent]:
+            for i in range(6):
+                for j in range(6):
+                    tangent.shift[parent, i, j] += tangent.shift[b, i, j]
+            for p in range(tangent.dF.shape[1]):
+                for i in range(6):
+                    tangent.dF[parent, p, i] += tangent.dF[b, p, i]
+
+
+@internal
+def _wrench(x, y, z, fx, fy, fz):
+    return y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz
+
+
+@internal
+def _site(h, s, forces, ways, room, tangent, sites):
+    """One loaded site: six unit displacements, six unit velocities, and its parameters."""
+    contact, b = room.contact, forces.site_bodies[s]
+    radius = forces.sites[s, 3]
+    V = contact.V
+    wx, wy, wz = V[b, 0], V[b, 1], V[b, 2]
+    fn, fx, fy, vx, vy = sites[s, 1], sites[s, 2], sites[s, 3], sites[s, 5], sites[s, 6]
+    x, y, top = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2]
+    z = top - radius
+    vz = V[b, 5] + wx * y - wy * x
+    ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
+    by_depth = contact.elastic[s]
+    xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+    # Velocity of the sphere's centre, and where the contact point is at the end of the step.
+    ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
+    x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
+    measured = ways.measured[s]
+    for i in range(6):
+        sx, sy, sz = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        lx, ly, lz = 1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0
+        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x e_z).
+        cx, cy, cz = lx + sy * top - sz * y, ly + sz * x - sx * top, lz + sx * y - sy * x
+        ux = sy * vz - sz * vy + radius * (wz * sx)
+        uy = sz * vx - sx * vz + radius * (wz * sy)
+        uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
+        gx = -(xx * ux + xy * uy + xz * uz) + ratio * vx * by_depth * cz
+        gy = -(xy * ux + yy * uy + yz * uz) + ratio * vy * by_depth * cz
+        gz = -zz * uz - by_depth * cz
+        moment = _wrench(x, y, z, gx, gy, gz)
+        tangent.shift[b, 0, i] += moment[0] + cy * fn - cz * fy
+        tangent.shift[b, 1, i] += moment[1] + cz * fx - cx * fn
+        tangent.shift[b, 2, i] += moment[2] + cx * fy - cy * fx
+        tangent.shift[b, 3, i] += gx
+        tangent.shift[b, 4, i] += gy
+        tangent.shift[b, 5, i] += gz
+        if measured:
+            _add_measured(tangent.out_shift, b, i, x1, y1, z1, gx, gy, gz, fx, fy, fn,
+                          cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz)
+            # Velocity u of the body: -K u, and the point's way over the step.
+            ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
+            gx, gy, gz = -(xx * ux + xy * uy + xz * uz), -(xy * ux + yy * uy + yz * uz), -zz * uz
+            _add_measured(tangent.out_K, b, i, x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
+                          -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz)
+    for e in range(ways.edit_start[s], ways.edit_start[s + 1]):
+        p, column, unit = ways.edit_parameter[e], ways.edit_column[e], ways.edit_unit[e]
+        cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if column == RISE:
+            R = room.motion.R
+            cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
+            ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+            gx = -(xx * ux + xy * uy + xz * uz) + ratio * vx * by_depth * cz
+            gy = -(xy * ux + yy * uy + yz * uz) + ratio * vy * by_depth * cz
+            gz = -zz * uz - by_depth * cz
+        elif column >= MU_STATIC:
+            change = -unit * fn * _friction_change(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
+            gx, gy, gz = change * vx, change * vy, 0.0
+        else:
+            gz = unit * _normal_change(forces.sites, s, column, sites[s, 0], sites[s, 4])
+            gx, gy = -ratio * vx * gz, -ratio * vy * gz
+        wrench = _wrench(x, y, z, gx, gy, gz)
+        tangent.dF[b, p, 0] += wrench[0] + cy * fn - cz * fy
+        tangent.dF[b, p, 1] += wrench[1] + cz * fx - cx * fn
+        tangent.dF[b, p, 2] += wrench[2] + cx * fy - cy * fx
+        tangent.dF[b, p, 3] += gx
+        tangent.dF[b, p, 4] += gy
+        tangent.dF[b, p, 5] += gz
+        if measured:
+            px, py, pz = cx + h * ux, cy + h * uy, cz + h * uz
+            wrench = _wrench(x1, y1, z1, gx, gy, gz)
+            tangent.dT[p, 0] += wrench[0] + py * fn - pz * fy
+            tangent.dT[p, 1] += wrench[1] + pz * fx - px * fn
+            tangent.dT[p, 2] += wrench[2] + px * fy - py * fx
+            tangent.dT[p, 3] += gx
+            tangent.dT[p, 4] += gy
+            tangent.dT[p, 5] += gz
+
+
+@internal
+def _add_measured(matrix, b, i, x, y, z, gx, gy, gz, fx, fy, fz, px, py, pz):
+    """Adds to column i the wrench of a changed force g at (x, y, z) and of the force f at a point moved by p."""
+    matrix[b, 0, i] += y * gz - z * gy + py * fz - pz * fy
+    matrix[b, 1, i] += z * gx - x * gz + pz * fx - px * fz
+    matrix[b, 2, i] += x * gy - y * gx + px * fy - py * fx
+    matrix[b, 3, i] += gx
+    matrix[b, 4, i] += gy
+    matrix[b, 5, i] += gz
+
+
+@internal
+def _normal_change(site, s, column, depth, rate):
+    """Derivative of the normal force by one of its constants."""
+    stiffness, exponent, damping, full = site[s, 4], site[s, 5], site[s, 6], site[s, 7]
+    if column == STIFFNESS:
+        return depth**exponent
+    if column == EXPONENT:
+        return stiffness * depth**exponent * math.log(depth)
+    if rate <= 0.0:
+        return 0.0
+    u = min(depth / full, 1.0)
+    if column == DAMPING:
+        return u * u * (3.0 - 2.0 * u) * rate
+    return -6.0 * u * (1.0 - u) * u / full * damping * rate
+
+
+@internal
+def _friction_change(site, s, column, speed):
+    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (see `forces.friction_per_speed`)."""
+    mu_static, mu_kinetic, threshold = site[s, 8], site[s, 9], site[s, 10]
+    if speed <= threshold:
+        if column == MU_STATIC:
+            return 1.0 / threshold
+        return -mu_static / (threshold * threshold) if column == THRESHOLD else 0.0
+    if speed >= 1.5 * threshold:
+        return 1.0 / speed if column == MU_KINETIC else 0.0
+    share = (speed - threshold) / (0.5 * threshold)
+    if column == MU_STATIC:
+        return (1.0 - share) / speed
+    if column == MU_KINETIC:
+        return share / speed
+    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)

@@ -14,12 +14,18 @@ which that happens is not differentiated, its step is.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.errors import InputError
 from vsf_drake.laws.compiled import internal
-from vsf_drake.simulation.stepping.linear import solve_columns
-from vsf_drake.simulation.stepping.linearise import linearise
-from vsf_drake.simulation.stepping.load_tangent import add_load_changes
-from vsf_drake.simulation.stepping.newton import EXACT, tangent_matrix
-from vsf_drake.simulation.stepping.spatial import plus, six, times
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, Forces, Split, split_coordinates, step_room
+from vsf_drake.simulation.stepping.dynamics import tree_arrays
+from vsf_drake.simulation.stepping.linearise import NONE, linearise, row_wrenches, way_wrenches
+from vsf_drake.simulation.stepping.newton import EXACT, solve_columns, step, tangent_matrix
+from vsf_drake.simulation.stepping.tree import Tree, add, dot, plus, six, times
+from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways, make_ways, tangent_room
 
 
 @internal
@@ -123,3 +129,157 @@ def write_state(k, torques, split, ways, tangent, changes):
         c = torques.coordinates[i]
         for p in range(ways.unit.shape[1]):
             changes.load[k, c, p] = tangent.torque[split.place[c], p]
+
+
+# How the loads that hold prescribed coordinates change with the parameters, compiled.
+#
+# The load of a coordinate is S . f - S . F, with f the wrench that accelerates all that it carries and F the ground's on
+# that. A way below it changes f and F (`linearise.way_wrenches`), about the world's origin by the same in all
+# joints below: these changes add up from the toes to the pelvis. A way that carries the coordinate turns S too; what
+# that changes is the row that a free coordinate would have (`linearise.row_wrenches`).
+
+
+@internal
+def add_load_changes(h, part, tree, split, ways, room, tangent, load):
+    """Adds `part` of the derivatives of the loads over one step to load (n, P); free coordinates' rows stay.
+
+    Between the solution of the step's sensitivities, end velocities in `tangent.rhs`, and the update of q and v.
+    """
+    own, below, links, P = tangent.own, tangent.below, tree.links, ways.unit.shape[1]
+    below[:, :, :] = 0.0
+    _way_changes(h, split.free.shape[0], ways, room, tangent)
+    for m in range(links.shape[0] - 1, -1, -1):
+        parent, b, c = links[m, 1], links[m, 2], links[m, 3]
+        moves = split.body_moves[b]
+        if c >= 0 and split.place[c] < 0:
+            for p in range(P):
+                for i in range(6):
+                    load[c, p] += part * room.motion.S[c, i] * below[b, p, i]
+            if moves:
+                _add_row(h, part, c, b, split.free.shape[0], ways, room, tangent, load)
+        for p in range(P):
+            for i in range(6):
+                below[parent, p, i] += below[b, p, i] + own[b, p, i]
+        if moves and not split.body_moves[parent]:
+            for p in range(P):
+                for i in range(6):
+                    below[parent, p, i] -= tangent.dF[b, p, i]
+
+
+@internal
+def _way_changes(h, nf, ways, room, tangent):
+    """Writes what the ways of each body change in the wrench through the joint under it to `tangent.own`."""
+    motion, contact, own = room.motion, room.contact, tangent.own
+    own[:, :, :] = 0.0
+    for j in range(ways.body.shape[0]):
+        b = ways.body[j]
+        by_q, by_v, momentum, by_end = way_wrenches(
+            b, six(tangent.S, j), six(tangent.rate, j), six(tangent.second, j), six(tangent.end, j), motion.composite,
+            motion.f, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
+        if j < nf:
+            for p in range(ways.unit.shape[1]):
+                dq, dv, end = tangent.q[j, p], tangent.v[j, p], tangent.rhs[j, p]
+                add(own[b], p, plus(plus(plus(plus(NONE, by_q, dq), by_v, dv), momentum, (end - dv) / h), by_end, end))
+        else:
+            for e in range(ways.start[j], ways.start[j + 1]):
+                p = ways.parameter[e]
+                add(own[b], p, plus(NONE, by_q, tangent.q[j, p]))
+
+
+@internal
+def _add_row(h, part, c, b, nf, ways, room, tangent, load):
+    """Adds what ways that carry the coordinate c, or move it, and parameters change in its own load."""
+    motion, contact = room.motion, room.contact
+    S = six(motion.S, c)
+    by_rate, by_second, by_shift, by_end = row_wrenches(
+        b, S, motion.composite, contact.F, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
+    for p in range(ways.unit.shape[1]):
+        load[c, p] -= part * dot(S, six(tangent.dF[b], p))
+    for j in range(ways.body.shape[0]):
+        if not ways.carries[j, b]:
+            continue
+        S_j, rate = six(tangent.S, j), six(tangent.rate, j)
+        by_q = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j)) + dot(by_end, six(tangent.end, j))
+                - dot(by_shift, S_j))
+        if j < nf:
+            mass = dot(by_second, S_j) / h
+            by_v = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass
+            by_end_v = mass + dot(by_end, S_j)
+            for p in range(ways.unit.shape[1]):
+                load[c, p] += part * (by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end_v * tangent.rhs[j, p])
+        else:
+            for e in range(ways.start[j], ways.start[j + 1]):
+                p = ways.parameter[e]
+                load[c, p] += part * by_q * tangent.q[j, p]
+
+
+# Parameters whose sensitivities a run carries along, and how the state at its start depends on them.
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """P parameters.
+
+    Attributes:
+        edits: what a unit of each adds.
+        measured: (S,) bool, the sites whose resultant wrench is differentiated.
+        loads: whether derivatives of loads and state are left too; not for edits of a coordinate.
+        q0: (n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates.
+    """
+
+    edits: tuple[Edit, ...]
+    measured: np.ndarray
+    q0: np.ndarray
+    loads: bool = False
+
+    def prepare(self, tree: Tree, forces: Forces, split: Split, steps: int) -> tuple[Ways, Tangent]:
+        """Arrays for compiled code, at the start of a run of so many steps.
+
+        Raises:
+            ValueError: a course is not on the grid of the run, or loads are asked for and a coordinate moves.
+        """
+        for edit in self.edits:
+            if self.loads and edit.coordinate is not None:
+                raise ValueError(f"loads are not differentiated by shifts of {edit.coordinate}")
+            if edit.course is not None and len(edit.course) != steps + 1:
+                raise ValueError(f"a course has {len(edit.course)} instants, the run {steps + 1}")
+        ways = make_ways(tree, forces, split, self.edits, measured=self.measured)
+        tangent = tangent_room(tree, split, ways)
+        tangent.q[: len(split.free)] = self.q0[split.free]
+        return ways, tangent
+
+
+def rest_sensitivity(
+    tree: Tree, forces: Forces, prescribed: np.ndarray, q: np.ndarray, edits: tuple[Edit, ...], *, fulcrum: float,
+    ground: float
+) -> np.ndarray:
+    """(n, P) derivatives of a rest position by the parameters, from the linearised balance of forces.
+
+    Args:
+        prescribed: indices of the coordinates that are held.
+        q: (n,) coordinates at rest.
+        fulcrum: its position (m from A). ground: its height (m).
+
+    Raises:
+        InputError: no force holds one of the coordinates at rest, so that its rest has no derivative.
+    """
+    h, split = 1e-3, split_coordinates(tree, forces, prescribed)
+    room, arrays = step_room(tree, forces, split), tree_arrays(tree)
+    ways = make_ways(tree, forces, split, edits, measured=np.zeros(len(forces.sites), dtype=bool))
+    tangent = tangent_room(tree, split, ways)
+    end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
+    step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
+         end, v, np.zeros_like(q), sites, support)
+    tangent_matrix(h, arrays, forces, split, room, EXACT, sites)
+    linearise(h, arrays, forces, split, ways, room, tangent, q, v, sites, support)
+    count = len(split.free)
+    by = np.zeros((len(q), len(edits)))
+    try:
+        by[split.free] = -np.linalg.solve(tangent.Gq[:, :count], tangent.Gq[:, count:] @ ways.unit[count:] + tangent.E)
+    except np.linalg.LinAlgError:
+        loose = split.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
+        raise InputError(f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
+                         where="with_respect_to", right="Let the recording say where it starts") from None
+    shifted = ways.coordinate[count:] >= 0
+    np.add.at(by, ways.coordinate[count:][shifted], ways.unit[count:][shifted])
+    return by

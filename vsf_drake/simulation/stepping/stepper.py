@@ -16,20 +16,27 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import SimulationError
-from vsf_drake.simulation.stepping.advance import Drive, Rows, advance
-from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS, Forces
-from vsf_drake.simulation.stepping.carried import Carried
-from vsf_drake.simulation.stepping.drake_dynamics import advance_with_drake
-from vsf_drake.simulation.stepping.dynamics import tree_arrays
-from vsf_drake.simulation.stepping.edit import Edit
-from vsf_drake.simulation.stepping.record import Record, cut_record, empty_record
-from vsf_drake.simulation.stepping.room import TOLERANCE, split_coordinates, step_room
-from vsf_drake.simulation.stepping.torques import Torques, no_torques
+from vsf_drake.simulation.stepping.advance import PARTS, Drive, Rows, advance, diverged, next_piece, piece
+from vsf_drake.simulation.stepping.assembly import (
+    SITE_COLUMNS,
+    SITE_RECORD,
+    SPRING_COLUMNS,
+    TOLERANCE,
+    Forces,
+    Room,
+    Split,
+    split_coordinates,
+    step_room,
+)
+from vsf_drake.simulation.stepping.dynamics import Torques, TreeArrays, no_torques, sample_torques, tree_arrays
+from vsf_drake.simulation.stepping.newton import step
+from vsf_drake.simulation.stepping.sensitivity import Carried
 from vsf_drake.simulation.stepping.tree import Tree, tree_of
-from vsf_drake.simulation.stepping.ways import Changes
+from vsf_drake.simulation.stepping.ways import Changes, Edit
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""
@@ -236,3 +243,105 @@ def drive_of(inputs: Inputs) -> Drive:
     return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
                  ground_rate=np.gradient(ground, time_s),
                  torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
+
+
+# The same steps with mass matrix, Coriolis and gravity terms from Drake: slower, and independent of `dynamics`.
+
+
+def advance_with_drake(
+    plant: MultibodyPlant, context: Context, first: int, last: int, tree: TreeArrays, forces: Forces, split: Split,
+    room: Room, drive: Drive, max_speed: float, q: np.ndarray, v: np.ndarray, rows: Rows
+) -> tuple[int, int]:
+    """As `advance.advance`; the state in the plant's `context` is overwritten."""
+    own = MultibodyForces(plant)
+    q_next, load = np.zeros(len(split.prescribed)), np.zeros_like(q)
+    for k in range(first, last):
+        done, size = 0, PARTS
+        rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
+        rows.load[k] = 0.0
+        sample_torques(k, drive.torques, q, v, room.applied, rows.applied[k])
+        while done < PARTS:
+            h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
+            plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
+            plant.CalcForceElementsContribution(context, own)
+            M = np.ascontiguousarray(plant.CalcMassMatrix(context))
+            C = plant.CalcInverseDynamics(context, np.zeros_like(v), own)
+            q0, v0 = q.copy(), v.copy()
+            iterations, converged = step(
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v,
+                load, rows.sites[k], rows.support[k])
+            share = size / PARTS
+            done, size, accepted = next_piece(done, size, converged)
+            rows.iterations[k] += iterations
+            if accepted:
+                rows.parts[k] += 1
+                rows.converged[k] &= converged
+                rows.load[k] += share * load
+            else:
+                q[:], v[:] = q0, v0
+        rows.q[k], rows.v[k] = q, v
+        coordinate = diverged(q, v, max_speed)
+        if coordinate >= 0:
+            return k, coordinate
+    return -1, -1
+
+
+# What a run of the stepper leaves.
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a run leaves: one row for the end of each step.
+
+    Attributes:
+        q0, v0: state at the start. q, v, load: (n, coordinates); load drives the coordinates, on average over the
+            step: it holds the prescribed ones, and is what was applied to the others.
+        sites: (n, S, 9) columns SITE_RECORD.
+        fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
+        iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
+        converged (n,): whether all of its pieces did.
+        wrench_by: (n, 6, P) derivatives by the `carried` parameters of the measured sites' wrench, moment about W's
+            origin at the ground's height, then force; P = 0 without.
+        applied: (n, c) torques on free coordinates.
+        load_by, q_by, v_by: (n, coordinates, P) derivatives of load, q and v; (0, coordinates, P) if not asked for.
+    """
+
+    time_s: np.ndarray
+    q0: np.ndarray
+    v0: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    load: np.ndarray
+    sites: np.ndarray
+    fulcrum: np.ndarray
+    iterations: np.ndarray
+    parts: np.ndarray
+    converged: np.ndarray
+    wrench_by: np.ndarray
+    applied: np.ndarray
+    load_by: np.ndarray
+    q_by: np.ndarray
+    v_by: np.ndarray
+
+    def site(self, column: str) -> np.ndarray:
+        """(n, S) column of the sites' record by its name."""
+        return self.sites[:, :, SITE_RECORD.index(column)]
+
+
+def empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, carried: Carried | None) -> Record:
+    """Room for a run from q0, v0 with so many sites."""
+    steps, n, P = len(drive.time_s) - 1, len(q0), 0 if carried is None else len(carried.edits)
+    state = (steps if carried is not None and carried.loads else 0, n, P)
+    return Record(
+        time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
+        v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, sites, len(SITE_RECORD))),
+        fulcrum=np.zeros((steps, 3)), iterations=np.zeros(steps, dtype=np.int64),
+        parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
+        wrench_by=np.zeros((steps, 6, P)), applied=np.zeros((steps, len(drive.torques.coordinates))),
+        load_by=np.zeros(state), q_by=np.zeros(state), v_by=np.zeros(state))
+
+
+def cut_record(record: Record, steps: int) -> Record:
+    """The first steps of a record."""
+    rows = {name: value[:steps] for name, value in vars(record).items() if name not in ("q0", "v0")}
+    return Record(q0=record.q0, v0=record.v0, **rows)

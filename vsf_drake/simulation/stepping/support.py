@@ -14,7 +14,7 @@ keel gives way as if the support did by up to 0.175 w times the turn of the join
 from __future__ import annotations
 
 from vsf_drake.laws.compiled import internal
-from vsf_drake.simulation.stepping.spatial import cross_motion, dot, plus, put, six
+from vsf_drake.simulation.stepping.tree import cross_motion, dot, plus, put, six
 
 NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -8,13 +8,12 @@ move the same prescribed coordinate share its way: constant shifts, and courses 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.stepping.assembly import Forces
-from vsf_drake.simulation.stepping.edit import Edit
-from vsf_drake.simulation.stepping.room import Split
+from vsf_drake.simulation.stepping.assembly import Forces, Split
 from vsf_drake.simulation.stepping.tree import Tree
 
 UNRELATED, CARRIES, CARRIED = 0, 1, 2
@@ -227,3 +226,29 @@ def _carriers(parent_of: np.ndarray) -> np.ndarray:
             above = int(parent_of[above])
             found[b, above] = True
     return found
+
+
+# How a parameter enters the arrays that a run works on.
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`.
+
+    Attributes:
+        sites (S, 11), springs (k, 6), fulcrum (2,): to the arrays of those names; None for nothing.
+        mount: (3,) to height (m), fore-aft (m) and alignment (rad) of the foot under the pylon.
+        fulcrum_shift: m, to the fulcrum's position.
+        coordinate: name of the prescribed coordinate that shifts, or None.
+        course: (n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift.
+        course_rate: of `course` at the start (1/s).
+    """
+
+    sites: np.ndarray | None = None
+    springs: np.ndarray | None = None
+    fulcrum: np.ndarray | None = None
+    mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    fulcrum_shift: float = 0.0
+    coordinate: str | None = None
+    course: np.ndarray | None = None
+    course_rate: float = 0.0

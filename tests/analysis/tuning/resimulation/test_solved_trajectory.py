@@ -11,8 +11,8 @@ from made_sagittal import embedded_walker, loaded_motion
 from vsf_drake.analysis.collocation.grid import Grid, Layout
 from vsf_drake.analysis.tuning.resimulation import design_values
 from vsf_drake.analysis.tuning.resimulation.feedback import solved_trajectory
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 
 def solution(periodic=True):

@@ -16,8 +16,7 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.person import PELVIS_COORDINATES
 from vsf_drake.simulation.reactions import sum_sites
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_run import Walk
+from vsf_drake.simulation.walk import Walk, Walker
 
 
 @dataclass(frozen=True, eq=False)

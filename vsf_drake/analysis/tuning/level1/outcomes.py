@@ -19,8 +19,7 @@ from vsf_drake.analysis.validation.energy_section import stance_energy
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_run import Walk
+from vsf_drake.simulation.walk import Walk, Walker
 
 RISE = (0.2, 0.8)
 

@@ -26,7 +26,7 @@ from vsf_drake.analysis.tuning.level1.uncertainty import Difference, Draw, Fulcr
 from vsf_drake.errors import FitError
 from vsf_drake.json_file import plain
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.provenance import provenance
+from vsf_drake.simulation.archive import provenance
 
 AT_BOUND = 1e-3
 """Share of a bound's width within which a variable counts as on the bound."""

@@ -25,9 +25,9 @@ from vsf_drake.analysis.collocation.grid import Grid, Layout
 from vsf_drake.analysis.collocation.problem import Convex, Curve, Residuals
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SOCKET, SagittalModel
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 POSITIVE, NEGATIVE = 0.25, 1.2
 """Efficiencies of positive and negative muscle work (Margaria's), here of joints."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from vsf_drake.analysis.collocation.grid import METHODS
 from vsf_drake.errors import InputError
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.model import DESIGN
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 COSTS = ("joint_load", "metabolic", "push_off", "tracking")
 WEIGHTED = "weighted"

@@ -18,8 +18,8 @@ from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.plants.anthropometry import scale_body
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.model import SagittalModel
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 from vsf_drake.simulation.walk import Walker
 
 Progress = Callable[[str, float, Iteration | None], None]

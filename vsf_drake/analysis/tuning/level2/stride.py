@@ -17,9 +17,9 @@ from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, 
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.errors import SimulationError
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
-from vsf_drake.simulation.sagittal.smooth_laws import Smoothing
 
 MM = 1e-3
 OWN = np.array([np.nan, 1.0, 0.0, 1.0])

@@ -28,13 +28,11 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import foot_reaction
 from vsf_drake.simulation.sagittal.model import DESIGN, sagittal_coordinates
-from vsf_drake.simulation.stepping.assembly import SITE_RECORD
-from vsf_drake.simulation.stepping.dynamics import tree_arrays
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_room
+from vsf_drake.simulation.stepping.dynamics import Torques, tree_arrays
 from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import FLAT, step, tangent_matrix
-from vsf_drake.simulation.stepping.room import split_coordinates, step_room
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
-from vsf_drake.simulation.stepping.torques import Torques
 from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
