@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.cli.sweep_axes import MANY, MOST, axis, check_count, fulcrum_positions
+from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, fulcrum_positions
 from vsf_drake.errors import InputError
 
 

@@ -16,7 +16,7 @@ from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.errors import SimulationError
 from vsf_drake.files import resource
-from vsf_drake.report.pieces import Chapter, Text
+from vsf_drake.report.page import Chapter, Text
 from vsf_drake.report.validation import chapters
 
 EMBEDDED = resource("data/reference_subject")

@@ -6,8 +6,8 @@ import pytest
 from browser import chromium, look
 from page_reader import Balanced
 
-from vsf_drake.report.chapter_page import cell, chapter_page
-from vsf_drake.report.pieces import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Text
+from vsf_drake.report.chapter_files import cell, chapter_page
+from vsf_drake.report.page import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Text
 from vsf_drake.report.style import label, new_figure, style
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")

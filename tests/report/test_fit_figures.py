@@ -7,14 +7,17 @@ import pytest
 from made_fit import ODD, failed_fit, made_curves, made_fit, made_parameter, made_trial, paper_fit
 from matplotlib.colors import to_rgb
 
-from vsf_drake.report.fit_bench_figure import fit_bench_figure
-from vsf_drake.report.fit_error_figure import fit_error_figure
-from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_knowledge_figure import fit_correlation_figure
-from vsf_drake.report.fit_parameter_figure import MOST_ROWS, fit_parameter_figure
-from vsf_drake.report.fit_search_figure import fit_search_figure
-from vsf_drake.report.fit_sweep_figure import fit_sweep_figure
-from vsf_drake.report.fit_trial_figure import fit_trial_figure
+from vsf_drake.report.fit_figures import (
+    MOST_ROWS,
+    fit_bench_figure,
+    fit_correlation_figure,
+    fit_error_figure,
+    fit_figures,
+    fit_parameter_figure,
+    fit_search_figure,
+    fit_sweep_figure,
+    fit_trial_figure,
+)
 from vsf_drake.report.style import save_figure
 
 JOINT = ["errors", "sweep", "trial_1_soft", "trial_2_stiff", "trial_3__b_odd__b___x____", "bench", "parameters",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from made_fit import failed_fit, made_fit
 
-from vsf_drake.cli.fit_screen import print_fit
-from vsf_drake.report.fit_bench_figure import fit_bench_figure
+from vsf_drake.cli.fit import print_fit
+from vsf_drake.report.fit_figures import fit_bench_figure
 from vsf_drake.report.fit_page import fit_page
 
 MID_RANGE = {"uncertainty_mm": 0.5, "measured_mm": [31.0, 9.5], "model_mm": [31.25, 9.0], "heel_measured_mm": 5.0,

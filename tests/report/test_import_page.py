@@ -14,7 +14,7 @@ from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.import_figures import angle_figure, floor_figure, force_figure, height_figure, residual_figure
-from vsf_drake.report.import_page import import_page, write_import_page
+from vsf_drake.report.import_outputs import import_page, write_import_page
 
 
 @pytest.fixture(scope="module")

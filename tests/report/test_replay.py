@@ -21,8 +21,7 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.foot_visuals import SPHERE
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.report import replay
-from vsf_drake.report.replay import LOADED, write_replay
-from vsf_drake.report.replay_frames import make_frames
+from vsf_drake.report.replay import LOADED, make_frames, write_replay
 from vsf_drake.report.show.serve import open_meshcat
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import load_walk, save_walk

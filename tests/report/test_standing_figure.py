@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.sweep_table import standing_table
-from vsf_drake.report.standing_figure import standing_figure
-from vsf_drake.report.standing_output import write_standing
+from vsf_drake.report.standing_output import standing_figure, write_standing
 from vsf_drake.simulation.standing_result import Standing
 
 STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0

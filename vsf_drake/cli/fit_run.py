@@ -17,7 +17,7 @@ from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
-from vsf_drake.cli.fit_names import with_frozen
+from vsf_drake.cli.fit import with_frozen
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import sha256
 from vsf_drake.json_file import read_json, write_json

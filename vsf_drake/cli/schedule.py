@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from vsf_drake.cli.app import INTERRUPTED, Contact, app, console, errors, file_of, progress
-from vsf_drake.cli.tune import Cost, Joints, Level, Quick, Range, Weights
-from vsf_drake.cli.tune_options import TuneOptions, read_names, read_weights
+from vsf_drake.cli.tune import Cost, Joints, Level, Quick, Range, TuneOptions, Weights, read_names, read_weights
 from vsf_drake.errors import FitError
 from vsf_drake.files import user_path
 
@@ -44,9 +43,9 @@ def schedule(
 
     listed = read_tasks(tasks)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.cli.schedule_run import check_resolution, tune_tasks
-    from vsf_drake.cli.tune_screen import say, warn
-    from vsf_drake.report.tuning.schedule_chapters import schedule_words
+    from vsf_drake.cli.tune import say, warn
+    from vsf_drake.cli.tune_run import check_resolution, tune_tasks
+    from vsf_drake.report.tuning.chapters import schedule_words
     from vsf_drake.report.tuning.schedule_output import PAGE, TABLE, check_schedule_folder, write_schedule
 
     out, contact = user_path(out), file_of(contact)

@@ -15,7 +15,7 @@ from vsf_drake.analysis.series import rmse
 from vsf_drake.analysis.validation import walking_ensembles as module
 from vsf_drake.analysis.validation.walking_ensembles import QUICK_POSITIONS, sweep_entry, sweep_study
 from vsf_drake.analysis.validation.walking_section import walking_section
-from vsf_drake.report.validation.walking import text as walking_text
+from vsf_drake.report.validation import walking_chapter as walking_text
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.walk import Walker
 

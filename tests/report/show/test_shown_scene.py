@@ -15,8 +15,18 @@ from pydrake.geometry import Meshcat
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.report.show.scene import platen_travel
-from vsf_drake.report.show.serve import KINDS, gate, make_scene, open_meshcat
-from vsf_drake.report.show.viewer import RESET, RISE, STOP, SUPPORT, Viewer, frame_button
+from vsf_drake.report.show.serve import (
+    KINDS,
+    RESET,
+    RISE,
+    STOP,
+    SUPPORT,
+    Viewer,
+    frame_button,
+    gate,
+    make_scene,
+    open_meshcat,
+)
 from vsf_drake.simulation.keel_shape import keel_shape
 
 MODEL = ModelParameters()

@@ -13,7 +13,7 @@ from page_reader import Balanced
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.schedule_chapters import schedule_words
+from vsf_drake.report.tuning.chapters import schedule_words
 from vsf_drake.report.tuning.schedule_figure import policy_figure, schedule_curves_figure, telling
 from vsf_drake.report.tuning.schedule_output import check_schedule_folder, remake_schedule, write_schedule
 from vsf_drake.report.tuning.words import HARDLY

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from made_tuning import BEST_MM, cost_of, failed_table, made_arrays, made_stride_arrays, made_stride_table, made_table
 
-from vsf_drake.report.tuning.choices_figure import excess
-from vsf_drake.report.tuning.cost_curve_figure import cost_curve_figure
-from vsf_drake.report.tuning.motion_figure import root_mean_squares
-from vsf_drake.report.tuning.outcomes_figure import outcomes_figure
-from vsf_drake.report.tuning.table import cost_at
-from vsf_drake.report.tuning.words import HARDLY, alarm_of, answer, first_line, title_of
-from vsf_drake.report.tuning.words_of_figures import cost_alt, tasks_words
+from vsf_drake.report.tuning.choices_figure import cost_alt, excess, outcomes_figure, tasks_words
+from vsf_drake.report.tuning.figures import cost_curve_figure, root_mean_squares
+from vsf_drake.report.tuning.words import HARDLY, alarm_of, answer, cost_at, first_line, title_of
 
 
 def matters(value):

@@ -14,12 +14,11 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import embedded_bench
 from vsf_drake.analysis.validation.bench_section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.report.chapter_page import cell, chapter_page
-from vsf_drake.report.pieces import Bullets, Grid, Missing, Picture, Text
+from vsf_drake.report.chapter_files import cell, chapter_page
+from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.bench.agreement_figure import bench_agreement_figure
-from vsf_drake.report.validation.bench.chapter import bench_chapter
-from vsf_drake.report.validation.bench.sentences import result_text
+from vsf_drake.report.validation.bench_chapter import bench_chapter, result_text
+from vsf_drake.report.validation.bench_figures import bench_agreement_figure
 
 CURVES = load_bench_curves(embedded_bench())
 

@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 from made_energy import saved_energy
 
-from vsf_drake.report.pieces import Bullets, Grid, Missing, Picture, Text
-from vsf_drake.report.validation.energy.chapter import energy_chapter
+from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text
+from vsf_drake.report.validation.energy_chapter import energy_chapter
 
 
 @cache

@@ -12,8 +12,8 @@ import pytest
 from made_roll_over import embedded_roll_over
 
 from vsf_drake.json_file import plain
-from vsf_drake.report.pieces import Grid, Missing, Picture, Text
-from vsf_drake.report.validation.roll_over.chapter import roll_over_chapter
+from vsf_drake.report.page import Grid, Missing, Picture, Text
+from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 
 
 @cache

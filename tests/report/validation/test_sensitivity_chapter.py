@@ -9,11 +9,16 @@ from typing import Any
 import pytest
 from matplotlib.colors import to_hex
 
-from vsf_drake.report.pieces import Bullets, Chapter, Grid, Missing, Picture, Text
-from vsf_drake.report.validation.sensitivity.chapter import sensitivity_chapter
-from vsf_drake.report.validation.sensitivity.indices_figure import indices_figure
-from vsf_drake.report.validation.sensitivity.screening_figure import MOST, screening_figure
-from vsf_drake.report.validation.sensitivity.words import GROUPS, MAIN, OUTPUTS
+from vsf_drake.report.page import Bullets, Chapter, Grid, Missing, Picture, Text
+from vsf_drake.report.validation.sensitivity_chapter import (
+    GROUPS,
+    MAIN,
+    MOST,
+    OUTPUTS,
+    indices_figure,
+    screening_figure,
+    sensitivity_chapter,
+)
 
 NAMES = [f"{group} {n}" for group in GROUPS for n in (1, 2, 3)]
 

@@ -11,9 +11,8 @@ from made_study_walk import with_walks
 
 from vsf_drake.analysis.validation import settings_section as settings
 from vsf_drake.analysis.validation.settings_section import answer, settings_section
-from vsf_drake.report.pieces import Bullets, Grid, Heading, Missing, Picture, Text
-from vsf_drake.report.validation.settings.chapter import settings_chapter
-from vsf_drake.report.validation.settings.words import energy_words
+from vsf_drake.report.page import Bullets, Grid, Heading, Missing, Picture, Text
+from vsf_drake.report.validation.settings_chapter import energy_words, settings_chapter
 
 
 def saved(section):

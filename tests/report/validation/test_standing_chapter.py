@@ -8,9 +8,9 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation.standing import standing_section
-from vsf_drake.report.chapter_page import cell
-from vsf_drake.report.pieces import Grid, Picture, Text
-from vsf_drake.report.validation.standing_chapter import standing_chapter
+from vsf_drake.report.chapter_files import cell
+from vsf_drake.report.page import Grid, Picture, Text
+from vsf_drake.report.validation.chapters import standing_chapter
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.report.pieces import Chapter, Column, Grid, Picture, Text
+from vsf_drake.report.page import Chapter, Column, Grid, Picture, Text
 from vsf_drake.report.style import label, new_figure, style
 from vsf_drake.report.validation import chapters
 from vsf_drake.report.validation.output import (

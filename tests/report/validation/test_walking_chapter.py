@@ -14,13 +14,12 @@ from made_study_walk import with_plate, with_walks
 
 from vsf_drake.analysis.validation.walking_ensembles import PUBLISHED
 from vsf_drake.analysis.validation.walking_section import walking_section
-from vsf_drake.report.chapter_page import cell
-from vsf_drake.report.pieces import Bullets, Grid, Picture, Text
+from vsf_drake.report.chapter_files import cell
+from vsf_drake.report.page import Bullets, Grid, Picture, Text
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.walking import text as walking_text
-from vsf_drake.report.validation.walking.chapter import walking_chapter
-from vsf_drake.report.validation.walking.errors_figure import walk_errors_figure
-from vsf_drake.report.validation.walking.grids import table_3
+from vsf_drake.report.validation import walking_chapter as walking_text
+from vsf_drake.report.validation.walking_chapter import table_3, walking_chapter
+from vsf_drake.report.validation.walking_figures import walk_errors_figure
 
 
 def saved(section):
@@ -59,7 +58,7 @@ def chapter_of_one():
 
 
 def test_chapter_is_made_without_drake():
-    code = ("import sys, vsf_drake.report.validation.walking.chapter, vsf_drake.report.validation.standing_chapter; "
+    code = ("import sys, vsf_drake.report.validation.walking_chapter, vsf_drake.report.validation.chapters; "
             "sys.exit(any(name.startswith('pydrake') for name in sys.modules))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -10,8 +10,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from vsf_drake.report.show import overlay
-from vsf_drake.report.show.controls import LOAD
-from vsf_drake.report.show.scene import Scene
+from vsf_drake.report.show.scene import LOAD, Scene
 
 _FIELD_OF_VIEW_DEG, _ASPECT = 35.0, 1.6
 _TRIAD_M = {"foot": 0.05, "bench": 0.05, "person": 0.12}

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.report.style import NEUTRAL, condition_colour, label, new_figure, style
-from vsf_drake.report.tuning.cost_curve_figure import FULCRUM, mark_origin
+from vsf_drake.report.tuning.figures import FULCRUM, mark_origin
 
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
 _TITLES = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}

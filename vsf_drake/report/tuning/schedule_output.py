@@ -13,8 +13,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.json_file import plain, write_json
 from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.report_folder import check_report_folder, read_table
-from vsf_drake.report.tuning.schedule_chapters import (
+from vsf_drake.report.style import check_report_folder, read_table
+from vsf_drake.report.tuning.chapters import (
     schedule_alarm,
     schedule_chapters,
     schedule_first_line,

@@ -8,7 +8,7 @@ import pytest
 from vsf_drake.analysis.tuning.level1 import solve, tuning_arrays, tuning_table
 from vsf_drake.analysis.tuning.level1.search import search
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.report.tuning.table import KEYS, check_tuning_table
+from vsf_drake.report.tuning.words import KEYS, check_tuning_table
 
 QUICK = {"sweep_mm": 5.0}
 

@@ -1,0 +1,258 @@
+"""Predicted walks beside recorded ones, as figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, condition_colour, label, new_figure, style
+
+# Where on the curve model and plate differ: mean differences over stance, with the regions that the test found.
+
+
+_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
+
+
+def main_group(table: Mapping[str, Any]) -> int | str:
+    """The group of all walks; the only condition where there is one only."""
+    return "all" if any(d["group"] == "all" for d in table["differences"]) else 0
+
+
+def difference_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
+    """A panel a quantity: conditions in colour, all walks black with their band, regions marked below."""
+    group = main_group(table)
+    shown = [name for name in NAMES if has_curves(arrays, group, name)]
+    down = -(-len(shown) // 2)
+    with style():
+        figure = new_figure(10.5, 0.9 + 2.1 * down)
+        panels = figure.subplots(down, 2, sharex=True, squeeze=False).ravel()
+        for axes, name in zip(panels, shown, strict=False):
+            _panel(axes, table, arrays, name, group)
+        for axes in panels[len(shown):]:
+            axes.set_axis_off()
+        for axes in panels[max(0, len(shown) - 2):len(shown)]:
+            axes.set_xlabel("measured stance (%)")
+            axes.tick_params(labelbottom=True)
+        panels[0].set_xlim(0.0, 100.0)
+        handles = _handles(table, group)
+        if len(shown) % 2:
+            panels[len(shown)].legend(handles=handles, loc="center")
+        else:
+            figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        if table["synthetic"]:
+            figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def _panel(axes: Axes, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], name: str, group: Any) -> None:
+    own = next(d for d in table["differences"] if d["group"] == group and d["quantity"] == name)
+    curve = {key: np.asarray(arrays[f"group_{group}_{name}_difference_{key}"], dtype=float)
+             for key in ("mean", "low", "high")}
+    axes.axhline(0.0, color="0.6", linewidth=0.8)
+    for region in own["regions"]:
+        axes.axvspan(region["start_percent"], region["end_percent"], color="0.88", linewidth=0.0, zorder=0)
+        axes.plot([region["start_percent"], region["end_percent"]], [0.02, 0.02], color="0.1", linewidth=4.0,
+                  solid_capstyle="butt", transform=axes.get_xaxis_transform())
+    axes.fill_between(PERCENT, curve["low"], curve["high"], color=NEUTRAL, alpha=0.35, linewidth=0.0)
+    if group == "all":
+        for i, condition in enumerate(table["conditions"]):
+            if has_curves(arrays, i, name):
+                axes.plot(PERCENT, np.asarray(arrays[f"group_{i}_{name}_difference_mean"], dtype=float), linewidth=1.3,
+                          color=condition_colour(1e-3 * condition["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)])
+    axes.plot(PERCENT, curve["mean"], color="black", linewidth=2.0)
+    title = NAMES[name][0]
+    label(axes, x="", y=f"model less plate ({table['units'][name]})", title=title[0].upper() + title[1:])
+
+
+def _handles(table: Mapping[str, Any], group: Any) -> list[Artist]:
+    count = max((d["n"] for d in table["differences"] if d["group"] == group), default=0)
+    own = [d for d in table["differences"] if d["group"] == group]
+    found: list[Artist] = [Line2D([], [], color="black", linewidth=2.0,
+                                  label=f"mean of {count} walk{'s' * (count != 1)}")]
+    if any(d["method"] for d in own):
+        found.append(Patch(facecolor=NEUTRAL, alpha=0.4, label="its pointwise 95 % bootstrap band"))
+        found.append(Line2D([], [], color="0.1", linewidth=4.0, label="they differ (α = 0.05)"))
+    if group == "all":
+        found += [Line2D([], [], color=condition_colour(1e-3 * c["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)],
+                         linewidth=1.3, label=f"fulcrum {c['fulcrum_mm']:g} mm")
+                  for i, c in enumerate(table["conditions"])]
+    return found
+
+
+# Curves over stance per condition, as in the paper's Figures 5 to 7: experiment solid, simulation dashed.
+
+
+PERCENT = np.linspace(0.0, 100.0, 101)
+NAMES = {
+    "resultant": ("resultant force", "resultant\nforce (BW)"), "vertical": ("vertical force", "vertical\nforce (BW)"),
+    "fore_aft": ("fore-aft force (forward +)", "fore-aft\nforce (BW)"),
+    "medio_lateral": ("medio-lateral force (left +)", "medio-lateral\nforce (BW)"),
+    "impulse": ("impulse of the resultant", "impulse of the\nresultant (BW s)"),
+    "cop": ("centre of pressure, fore-aft", "centre of pressure,\nahead of the plate's\nrearmost (foot lengths)"),
+    "free_moment": ("free moment (up +)", "free moment\n(N m)")}
+"""Quantities by key: how a sentence calls them, and the label of their axis."""
+
+
+def ensemble_figure(
+    table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], quantities: Sequence[str], conditions: Sequence[int]
+) -> Figure:
+    """A row a quantity, a column a condition (indices in `table["conditions"]`); both must be among the arrays."""
+    with style():
+        figure = new_figure(10.5 if len(conditions) > 1 else 6.0, 0.7 + 2.1 * len(quantities))
+        panels = figure.subplots(len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False)
+        bands = False
+        for column, group in enumerate(conditions):
+            condition = table["conditions"][group]
+            for row, name in enumerate(quantities):
+                axes = panels[row, column]
+                bands |= _draw(axes, arrays, f"group_{group}_{name}", condition_colour(1e-3 * condition["fulcrum_mm"]))
+                n = _count(table, group, name)
+                head = f"{heading(condition)}, {n} walk{'s' * (n != 1)}" if row == 0 else ""
+                label(axes, x="measured stance (%)" if row == len(quantities) - 1 else "",
+                      y=NAMES[name][1] if column == 0 else "", title=head)
+        panels[0, 0].set_xlim(0.0, 100.0)
+        figure.legend(handles=_handles_of_ensemble_figure(table["synthetic"], bands), loc="outside lower center", ncols=4)
+        figure.draw_without_rendering()
+    return figure
+
+
+def heading(condition: Mapping[str, Any]) -> str:
+    """A condition's name in a title."""
+    position = f"fulcrum {condition['fulcrum_mm']:g} mm"
+    return f"{condition['name']}: {position}" if condition["name"] else position
+
+
+def has_curves(arrays: Mapping[str, np.ndarray], group: int | str, quantity: str) -> bool:
+    """Whether there is anything to draw of a quantity in a group."""
+    curve = arrays.get(f"group_{group}_{quantity}_measured_mean")
+    return curve is not None and bool(np.isfinite(np.asarray(curve, dtype=float)).any())
+
+
+def _draw(axes: Axes, arrays: Mapping[str, np.ndarray], key: str, colour: Any) -> bool:
+    """Whether there is a band."""
+    axes.axhline(0.0, color="0.75", linewidth=0.7)
+    if f"{key}_measured_mean" not in arrays:
+        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
+        return False
+    found = {name: np.asarray(arrays[f"{key}_{name}"], dtype=float)
+             for name in ("measured_mean", "measured_sd", "model_mean", "model_sd")}
+    band = bool(np.isfinite(found["measured_sd"]).any())
+    if band:
+        low, high = (found["measured_mean"] + sign * found["measured_sd"] for sign in (-1.0, 1.0))
+        axes.fill_between(PERCENT, low, high, color=colour, alpha=0.22, linewidth=0.0)
+        for sign in (-1.0, 1.0):
+            axes.plot(PERCENT, found["model_mean"] + sign * found["model_sd"], color=colour, linewidth=0.8,
+                      linestyle=":")
+    axes.plot(PERCENT, found["measured_mean"], color=colour, **MEASURED)
+    axes.plot(PERCENT, found["model_mean"], color=colour, **SIMULATED)
+    return band
+
+
+def _count(table: Mapping[str, Any], group: int, name: str) -> int:
+    return next((len(d["labels"]) for d in table["differences"] if d["group"] == group and d["quantity"] == name), 0)
+
+
+def _handles_of_ensemble_figure(synthetic: bool, bands: bool) -> list[Artist]:
+    measured = "plate (SYNTHETIC)" if synthetic else "plate"
+    found: list[Artist] = [Line2D([], [], color=NEUTRAL, label=f"{measured}, mean", **MEASURED),
+                           Line2D([], [], color="0.2", label="simulated, mean", **SIMULATED)]
+    if bands:
+        found += [Patch(facecolor=NEUTRAL, alpha=0.3, linewidth=0.0, label=f"{measured}, ± SD"),
+                  Line2D([], [], color="0.2", linewidth=0.8, linestyle=":", label="simulated, ± SD")]
+    return found
+
+
+# Errors of every walk beside the null model and the paper's errors.
+
+
+MOST_NAMED = 24
+"""Walks that the axis has room to name."""
+
+
+def walk_errors_figure(table: Mapping[str, Any]) -> Figure:
+    """Resultant, centre of pressure, impulse and times; a place on the axis a walk, by fulcrum position."""
+    rows: Sequence[Mapping[str, Any]] = table["rows"]
+    paper = table["paper"]
+    with style():
+        figure = new_figure(10.5, 6.6)
+        panels = figure.subplots(2, 2, sharex=True)
+        _errors(panels[0, 0], rows, "grf_rmse_bw", 100.0)
+        _errors(panels[0, 1], rows, "cop_rmse_fl", 100.0)
+        _errors(panels[1, 0], rows, "impulse_rmse_bws", 1.0)
+        for place, row in enumerate(rows):
+            if row["null_model_grf_rmse_bw"] is not None:
+                panels[0, 0].plot(place, 100.0 * row["null_model_grf_rmse_bw"], marker="x", color="0.1", markersize=6)
+        for axes, key in ((panels[0, 0], "grf_rmse_bw"), (panels[0, 1], "cop_rmse_fl")):
+            for condition in table["conditions"]:
+                own = [i for i, row in enumerate(rows) if row["fulcrum_mm"] == condition["fulcrum_mm"]]
+                if condition["paper"]:
+                    level = 100.0 * condition["paper"][key]
+                    axes.plot([own[0] - 0.4, own[-1] + 0.4], [level, level], color=NEUTRAL, linewidth=2.2, alpha=0.7)
+        panels[1, 0].axhspan(*paper["impulse_rmse_bws"], color=NEUTRAL, alpha=0.2, linewidth=0.0)
+        _times(panels[1, 1], rows)
+        label(panels[0, 0], x="", y="RMS error (% BW)", title="Resultant force")
+        label(panels[0, 1], x="", y="RMS error (% foot length)", title="Centre of pressure, fore-aft")
+        label(panels[1, 0], x="walk", y="RMS error (BW s)", title="Impulse of the resultant")
+        label(panels[1, 1], x="walk", y="model less plate (ms)", title="Times (late +)")
+        named = len(rows) <= MOST_NAMED
+        for axes in panels.ravel():
+            axes.set_xlim(-0.6, len(rows) - 0.4)
+        for axes in panels[1]:
+            axes.set_xticks(range(len(rows)), [row["label"] if named else "" for row in rows],
+                            rotation=35 if len(rows) > 3 else 0, ha="right" if len(rows) > 3 else "center")
+        for axes in panels.ravel()[:3]:
+            axes.set_ylim(bottom=-0.03 * axes.get_ylim()[1])
+        figure.legend(handles=_handles_of_errors_figure(table), loc="outside lower center", ncols=4)
+        if table["synthetic"]:
+            figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def _errors(axes: Axes, rows: Sequence[Mapping[str, Any]], key: str, scale: float) -> None:
+    for place, row in enumerate(rows):
+        if row[key] is not None:
+            colour = condition_colour(1e-3 * row["fulcrum_mm"])
+            axes.plot(place, scale * row[key], marker="o", markersize=7, color=colour, markeredgewidth=1.5,
+                      markerfacecolor=_fill(row, colour))
+    if all(row[key] is None for row in rows):
+        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
+
+
+def _times(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
+    axes.axhline(0.0, color="0.75", linewidth=0.7)
+    for place, row in enumerate(rows):
+        colour = condition_colour(1e-3 * row["fulcrum_mm"])
+        for key, marker, shift in (("heel_strike_error_s", "v", -0.18), ("toe_off_error_s", "^", 0.0),
+                                   ("stance_error_s", "s", 0.18)):
+            if row[key] is not None:
+                axes.plot(place + shift, 1e3 * row[key], marker=marker, markersize=6, color=colour,
+                          markerfacecolor=_fill(row, colour))
+
+
+def _fill(row: Mapping[str, Any], colour: Any) -> Any:
+    """Open for what the fit has not seen."""
+    return "white" if row["role"] == "held out" else colour
+
+
+def _handles_of_errors_figure(table: Mapping[str, Any]) -> list[Artist]:
+    rows = table["rows"]
+    found: list[Artist] = [
+        Line2D([], [], color="0.2", marker="o", linestyle="", markersize=7, label=f"{role} walk",
+               markerfacecolor="white" if role == "held out" else "0.2") for role in
+        dict.fromkeys(row["role"] for row in rows)]
+    if any(row["null_model_grf_rmse_bw"] is not None for row in rows):
+        found.append(Line2D([], [], color="0.1", marker="x", linestyle="", label="null model"))
+    if any(condition["paper"] for condition in table["conditions"]):
+        found.append(Line2D([], [], color=NEUTRAL, linewidth=2.2, alpha=0.7, label="paper, per setting"))
+    found.append(Patch(facecolor=NEUTRAL, alpha=0.3, label="paper, range of all"))
+    return found + [Line2D([], [], color="0.2", marker=marker, linestyle="", markersize=6, label=name)
+                    for marker, name in (("v", "heel strike"), ("^", "toe-off"), ("s", "stance time"))]
