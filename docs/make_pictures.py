@@ -7,17 +7,19 @@ python docs/make_pictures.py --out FOLDER     pictures alone, as PNG and SVG, in
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from vsf_drake.files import replaced
-from vsf_drake.report.frames.coordinate_table import with_table
-from vsf_drake.report.frames.pictures import write_pictures
 
 DOCS = Path(__file__).resolve().parent
 
 
 def main(out: Path | None = None) -> None:
     """Writes the pictures to `out`, or those of the documentation and its table."""
+    sys.path.insert(0, str(DOCS / "_ext"))
+    from frames.pictures import with_table, write_pictures  # noqa: PLC0415
+
     for path in write_pictures(out or DOCS / "pictures"):
         if out is None and path.suffix == ".png":
             path.unlink()  # the page shows the SVG

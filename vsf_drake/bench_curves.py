@@ -267,8 +267,8 @@ def _is_number(cell: str) -> bool:
 #     max_load_n: 600
 #
 # Stiffness is the mean slope from 200 N, above which the foam no longer dominates, up to `max_load_n` (McGeehan 2021,
-# eq. 3, doi 10.1115/1.4050456). `synthetic` and the heel may be left out. The mid-range displacement, that of the platen
-# since it touched the foot at half of `max_load_n`, may be added, at all settings or at none:
+# eq. 3, doi 10.1115/1.4050456). `synthetic` and the heel may be left out. The mid-range displacement, that of the
+# platen since it touched the foot at half of `max_load_n`, may be added, at all settings or at none:
 #
 #     forefoot: [{fulcrum_mm: 66, stiffness_n_per_mm: 10.0, mid_range_displacement_mm: 30.2}]
 #     heel_mid_range_displacement_mm: 5.1

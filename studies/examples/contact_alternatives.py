@@ -18,6 +18,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from contact_comparison import REFERENCE, WAYS, Advance, Comparison, Row, compare_contacts
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -28,8 +29,6 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import CONTACTS
 from vsf_drake.report.style import label, log_scale, new_figure, save_figure, style
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.contact_comparison import REFERENCE, WAYS, Comparison, Row, compare_contacts
-from vsf_drake.simulation.drop_and_press import Advance
 
 QUICK_CONTACTS = ("kelvin_voigt", "drake_point", "hydroelastic")
 QUICK_WAYS = tuple(way for way in WAYS if way.name in ("cenic, steps to 1 ms", "discrete 1 ms"))

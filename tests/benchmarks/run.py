@@ -13,9 +13,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import sys
+from pathlib import Path
 
 from table import Row, format_table
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))  # of the cost of a walk
 QUICK = ("stepper", "integrators", "mujoco_foot", "wiring")
 LONG = ("sweeps", "scaling")
 GROUPS = tuple(name for name in QUICK + LONG if importlib.util.find_spec(name))

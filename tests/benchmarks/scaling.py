@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from cost_against_work import measure_costs
 from table import Row
 
-from vsf_drake.analysis.cost import measure_costs
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 

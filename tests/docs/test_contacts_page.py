@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from contact_comparison import WAYS
+
 from vsf_drake.plants.foot import CONTACTS
-from vsf_drake.simulation.contact_comparison import WAYS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "contacts.md").read_text(encoding="utf-8")
 

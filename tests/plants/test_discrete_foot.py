@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import contact_comparison
 import numpy as np
 import pytest
+from contact_comparison import LAST_S, LEG_KG, PRESS_LOADS_N, SAMPLE_S, Advance, drop, press
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import (
@@ -23,10 +25,7 @@ from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants import add_foot, follow_fulcrum, place_fulcrum, wire_foot
 from vsf_drake.plants.discrete_foot import largest_step
-from vsf_drake.simulation import drop_and_press
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.contact_comparison import LAST_S
-from vsf_drake.simulation.drop_and_press import LEG_KG, PRESS_LOADS_N, SAMPLE_S, Advance, drop, press
 
 FOOT = FootParameters()
 POSITIONS_M = (0.066, 0.108, 0.151)
@@ -98,7 +97,7 @@ def test_forefoot_is_as_stiff_in_a_discrete_plant_as_on_the_bench(bench, row):
 
 def test_keel_under_a_sudden_load_moves_as_in_a_continuous_plant(monkeypatch):
     """Half way to rest, 4 ms after each load: half the damping of springs or support would show as 8 %."""
-    monkeypatch.setattr(drop_and_press, "PRESS_S", 4e-3)
+    monkeypatch.setattr(contact_comparison, "PRESS_S", 4e-3)
     discrete = press(FOOT, Advance("0.02 ms", time_step_s=2e-5), 0.066)
     continuous = press(FOOT, Advance("radau3", scheme="radau3", accuracy=1e-5, max_step_s=1e-3), 0.066)
     np.testing.assert_allclose(discrete, continuous, rtol=5e-3)
@@ -182,8 +181,8 @@ def test_leg_dropped_on_our_own_law_comes_to_rest_on_its_weight_at_a_tenth_of_a_
 
 def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(monkeypatch):
     """40 kg at 0.1 ms had a fifth more peak and rested on 1.09 times its weight; level, the heel bears it."""
-    monkeypatch.setattr(drop_and_press, "LEG_KG", 40.0)
-    monkeypatch.setattr(drop_and_press, "RAIL_N_S_PER_M", 600.0)
+    monkeypatch.setattr(contact_comparison, "LEG_KG", 40.0)
+    monkeypatch.setattr(contact_comparison, "RAIL_N_S_PER_M", 600.0)
 
     def landing(step):
         return drop(FOOT, "kelvin_voigt", Advance("", time_step_s=step), 0.151, 0.14, np.inf)
@@ -193,7 +192,7 @@ def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_end
     (force, _, note), (fine, _, _) = landing(3e-5), landing(1.5e-5)
     assert note == ""
     np.testing.assert_allclose(force, fine, atol=0.01 * fine.max())
-    monkeypatch.setattr(drop_and_press, "LEAN_RAD", 0.0)
+    monkeypatch.setattr(contact_comparison, "LEAN_RAD", 0.0)
     assert landing(1e-4)[2] == ""
 
 

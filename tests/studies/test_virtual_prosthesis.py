@@ -248,4 +248,4 @@ def test_shares_no_law_and_no_stepper_with_the_model():
         modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
         ours = {module for module in modules if module.startswith("vsf_drake")}
-        assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry", "vsf_drake.plants.anthropometry"}, name
+        assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name

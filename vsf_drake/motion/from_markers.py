@@ -185,11 +185,11 @@ def _check_size(walk: Recording, assignment: Assignment, mass_kg: float) -> None
 
 # The pelvis where the model's own prosthetic leg reaches the measured foot.
 #
-# Every segment's pose comes from its own markers, so that segments come apart at the joints by a centimetre or two (skin
-# motion, joint centres). The model's do not: hung from the measured pelvis, its foot would slide and bob by the sum of
-# these errors, and 1 mm of height is 3 % of body weight in the force (a sensitivity found in this model). What counts for
-# the force is where the foot is; so the pelvis's path is moved by as much as puts the prosthetic ankle where the foot's
-# markers show it. Angles stay as measured.
+# Every segment's pose comes from its own markers, so that segments come apart at the joints by a centimetre or two
+# (skin motion, joint centres). The model's do not: hung from the measured pelvis, its foot would slide and bob by the
+# sum of these errors, and 1 mm of height is 3 % of body weight in the force (a sensitivity found in this model). What
+# counts for the force is where the foot is; so the pelvis's path is moved by as much as puts the prosthetic ankle where
+# the foot's markers show it. Angles stay as measured.
 #
 # Known weakness: markers of a prosthesis lie below its socket and move with what the socket gives under load, which the
 # model's own socket gives once more. What the load changes in stance is therefore flattened, by about the share that

@@ -130,9 +130,9 @@ def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
 #      o (heel)    ^  keel  o                        pitch > 0: toes up, as on a platform tilted by minus the pitch
 #     ---------------------------- ground, z = 0
 #
-# A structural test holds the pylon on a fixed line and turns the platform under the foot; here the platform is the level
-# ground and the mount turns. The two differ by a change of frame only (`simulation.roll_over_paths`).
-# Weight is left out: a load cell is tared.
+# A structural test holds the pylon on a fixed line and turns the platform under the foot; here the platform is the
+# level ground and the mount turns. The two differ by a change of frame only (`simulation.roll_over_paths`). Weight is
+# left out: a load cell is tared.
 
 
 MOUNT_COORDINATES = ("mount_forward", "mount_up", "mount_pitch")

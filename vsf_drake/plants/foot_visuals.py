@@ -114,8 +114,8 @@ def _draw_carriage(plant: MultibodyPlant, foot: FootHandles) -> None:
 
 # What the person and the prosthesis look like: visual shapes for a SceneGraph, without any role in the physics.
 #
-# Shapes follow the model where it has one (frusta, ellipsoid, contact spheres) and are plain stand-ins elsewhere (intact
-# foot). The prosthetic foot is drawn by `foot_visuals`.
+# Shapes follow the model where it has one (frusta, ellipsoid, contact spheres) and are plain stand-ins elsewhere
+# (intact foot). The prosthetic foot is drawn by `foot_visuals`.
 
 
 SKIN: Colour = (0.76, 0.58, 0.45, 1.0)

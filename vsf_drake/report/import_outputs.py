@@ -187,7 +187,7 @@ def import_page(items: Sequence[Examined], *, title: str, person: Mapping[str, A
                  'of its own on top. Limits of single checks are choices where no cost is known, and their doubts '
                  'remarks.</p>')
     if person:
-        parts.append(_person_of_import_page(person))
+        parts.append(_person_part(person))
     parts += [_trial(item, number) for number, item in enumerate(items)]
     return document(full, parts)
 
@@ -221,7 +221,7 @@ def _summary(items: Sequence[Examined], failures: Mapping[str, str]) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def _person_of_import_page(person: Mapping[str, Any]) -> str:
+def _person_part(person: Mapping[str, Any]) -> str:
     rows = "".join(f"<tr><td>{html.escape(name)}</td><td>{html.escape(str(text))}</td></tr>"
                    for name, text in person.get("rows", ()))
     lists = "".join(f"<h3>{html.escape(name)}</h3>{bullets(lines)}" for name, lines in person.get("lists", ()) if lines)

@@ -239,10 +239,10 @@ class _Foam:
 # The keel at rest under a vertical load on its load point, with exact derivatives.
 #
 # The chain of the bench is pulled up by a spring so soft that where its end is sets the load, and advanced by the
-# implicit stepper without damping until nothing moves; then once more with the end moved by how far the load point
-# has risen, which makes the load exact. Steps freeze the pose at their start, so on the way they
-# are off by what the pose changes in one; at rest they are exact. Sensitivities are carried along and become at rest the
-# derivatives of the rest, whatever the path.
+# implicit stepper without damping until nothing moves; then once more with the end moved by how far the load point has
+# risen, which makes the load exact. Steps freeze the pose at their start, so on the way they are off by what the pose
+# changes in one; at rest they are exact. Sensitivities are carried along and become at rest the derivatives of the
+# rest, whatever the path.
 
 
 LOAD_SPRING = 1e-5

@@ -197,18 +197,18 @@ def _root(force: Callable[[float], float], guess: float, wanted: float, stiffnes
 # Where the foot's mount goes when the platform under it tilts: the test's frame and the platform's.
 #
 # In a roll-over test the pylon stays on a fixed line and the platform under the foot turns by the tilt gamma about an
-# axis T across its surface; gamma < 0 lowers its front, so that the heel is loaded, gamma > 0 lifts it. With z along the
-# line, x forward and T as the origin the mount's origin is at (x0, h), x0 = minus how far T lies ahead of the line, h its
-# height above T.
+# axis T across its surface; gamma < 0 lowers its front, so that the heel is loaded, gamma > 0 lifts it. With z along
+# the line, x forward and T as the origin the mount's origin is at (x0, h), x0 = minus how far T lies ahead of the line,
+# h its height above T.
 #
 # Seen from the platform, which is then level ground, everything turns by -gamma about T. So the foot's pitch (toes up)
 # is -gamma, the mount's origin is at
 #
 #     x = x0 cos(pitch) - h sin(pitch),    z = x0 sin(pitch) + h cos(pitch),
 #
-# and the test's line of force has the direction (-sin(pitch), 0, cos(pitch)). Contact knows relative motion only, so both
-# give the same forces, but for the inertia of the foot in a frame that turns, which is left out: at 2.5 rad/s and 1 m/s
-# that is a few newtons for 0.65 kg.
+# and the test's line of force has the direction (-sin(pitch), 0, cos(pitch)). Contact knows relative motion only, so
+# both give the same forces, but for the inertia of the foot in a frame that turns, which is left out: at 2.5 rad/s and
+# 1 m/s that is a few newtons for 0.65 kg.
 
 
 def mount_path(tilt_rad: np.ndarray, height_m: np.ndarray, *, axis_ahead_m: float = 0.0) -> np.ndarray:

@@ -247,9 +247,9 @@ FootForces = FootForces_[float]
 #     K (= body frame F of the rigid frame), z up, x to the toe; keel body i turns about -y_K at its joint
 #       o-------o----o----o----        joint i at `starts[i]` from A on the straight keel, its body behind it
 #
-# The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole foot are one spatial
-# force on F beside moments in the keel's joints: a body that turns about joint j moves with every force beyond j.
-# `_foot_compiled` computes the same numbers; a test compares the two.
+# The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole foot are one
+# spatial force on F beside moments in the keel's joints: a body that turns about joint j moves with every force beyond
+# j. `_foot_compiled` computes the same numbers; a test compares the two.
 
 
 CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")

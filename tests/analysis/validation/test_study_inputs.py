@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation import embedded_contact, embedded_trials, make_study, study
+from vsf_drake.analysis.validation import embedded_contact, embedded_trials, make_study
+from vsf_drake.analysis.validation import study as inputs
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, StudyOptions
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError, SimulationError
@@ -71,14 +72,14 @@ def test_a_trial_that_cannot_be_read_is_kept_apart(tmp_path):
 
 
 def test_a_trial_that_diverges_is_kept_apart_and_the_only_one_is_a_failed_simulation(monkeypatch):
-    walk = study.walk_trial
+    walk = inputs.walk_trial
 
     def diverges(trial, **options):
         if "medium" in trial.path.stem:
             raise SimulationError("the keel gave way", time_s=0.1)
         return walk(trial, **options)
 
-    monkeypatch.setattr(study, "walk_trial", diverges)
+    monkeypatch.setattr(inputs, "walk_trial", diverges)
     soft, medium = embedded_trials(quick=True)[:2]
     study = make_study([soft, medium], contact=embedded_contact(), options=QUICK)
     assert [walk.label for walk in study.walks] == ["low_2"]

@@ -177,7 +177,8 @@ def _resumed(resume: Mapping[str, Any], key: str) -> SearchState:
 # The search of the paper's contact fit: Latin hypercube scenarios round the best so far, and its rule for stopping.
 #
 # In each iteration scenarios are drawn and scored, and the best one seen, be it new or old, is the centre of the next
-# iteration. What has been reached after any iteration is a `SearchState`, from which the search goes on to the same end.
+# iteration. What has been reached after any iteration is a `SearchState`, from which the search goes on to the same
+# end.
 
 
 @dataclass(frozen=True, kw_only=True)

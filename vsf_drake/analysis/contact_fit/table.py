@@ -320,7 +320,7 @@ def assess(
         if progress:
             progress(f"scoring {name}", i / len(every))
         others = [c for t, c in zip(solution.trials, curves, strict=True) if c is not None and t is not trial]
-        scores.append(_score_of_assessment(solution, trial, label, name, others, sweep, (floors or {}).get(name)))
+        scores.append(_trial_score(solution, trial, label, name, others, sweep, (floors or {}).get(name)))
     left = _left_out(solution, progress) if leave_out and len(solution.trials) > 1 else ()
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution))
 
@@ -364,7 +364,7 @@ def sweep_fulcrum(solution: Fitted, trial: Trial, label: str | None) -> FulcrumS
         return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
 
 
-def _score_of_assessment(
+def _trial_score(
     solution: Fitted, trial: Trial, label: str | None, name: str, others: list[np.ndarray], sweep: bool,
     floor: float | None
 ) -> TrialScore:
@@ -404,7 +404,7 @@ def _without(solution: Fitted, labels: tuple[str, ...]) -> LeftOut | None:
         fewer = solution.refitted_without(labels)
         if fewer is None:
             return None
-        scored = [_score_of_assessment(fewer, trial, None, label, [], False, None).metrics
+        scored = [_trial_score(fewer, trial, None, label, [], False, None).metrics
                   for trial, label in zip(solution.trials, solution.labels, strict=True) if label in labels]
     except (FitError, SimulationError) as error:
         return LeftOut(kind="trial", left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None, failed=str(error))

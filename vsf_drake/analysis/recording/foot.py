@@ -205,8 +205,8 @@ class Examined:
 
 # Where the model's feet and centre of mass are while its person follows a recording: kinematics, nothing simulated.
 #
-# The prosthesis hangs under the residual shank as a rigid body: socket and keel undeformed. A real one bends under load,
-# so its toe and heel go "into" the floor here by as much as the device would give.
+# The prosthesis hangs under the residual shank as a rigid body: socket and keel undeformed. A real one bends under
+# load, so its toe and heel go "into" the floor here by as much as the device would give.
 
 
 @dataclass(frozen=True)

@@ -295,9 +295,9 @@ def mid_range_mm(x: np.ndarray, load: np.ndarray, where: str) -> float:
 
 # How straight a load-displacement curve is: the linear part and the curvilinear one, told apart.
 #
-# McGeehan 2021 (doi 10.1115/1.4050456) takes the first 200 N for the foam and the rest for the keel: measured curves were
-# most linear at 66 and 87 mm and curvilinear from 108 mm on. Here that becomes numbers. Pure functions of arrays; units
-# are the caller's.
+# McGeehan 2021 (doi 10.1115/1.4050456) takes the first 200 N for the foam and the rest for the keel: measured curves
+# were most linear at 66 and 87 mm and curvilinear from 108 mm on. Here that becomes numbers. Pure functions of arrays;
+# units are the caller's.
 
 
 TOE_N = 50.0

@@ -223,8 +223,8 @@ def _within(found: dict[str, Any] | None) -> dict[str, bool | None]:
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
 #
-# The paper's joints were tuned on the bench; this is the like. Three numbers move, the fulcrum's stiffness and the two of
-# the foam between load and keel, and minimise the difference of displacement at equal loads, each curve in parts of
+# The paper's joints were tuned on the bench; this is the like. Three numbers move, the fulcrum's stiffness and the two
+# of the foam between load and keel, and minimise the difference of displacement at equal loads, each curve in parts of
 # its own largest displacement. The keel's modulus stays the material's.
 
 

@@ -121,8 +121,8 @@ def _rms(values: np.ndarray, time: np.ndarray, stances: list[Stance]) -> float:
 
 # How the bodies under the residual shank move, and the power that the ground gives to what is distal of a segment.
 #
-# Vectors are spatial, in W and about its origin (`simulation.stepping.spatial`): (angular velocity, velocity of the point
-# of the body at W's origin), (moment about W's origin, force).
+# Vectors are spatial, in W and about its origin (`simulation.stepping.spatial`): (angular velocity, velocity of the
+# point of the body at W's origin), (moment about W's origin, force).
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +220,8 @@ def _follow(tree, q, v, motion, bodies, coordinates, inside, twist, joints, mome
 
 # The energy ledger of the prosthesis: what the residual limb puts in through the socket, and where it goes.
 #
-# The system is everything under the residual shank: the bushing, socket, pylon, foot. What passes into it is the work of
-# the limb on the bushing; the ground is at rest and only takes. So
+# The system is everything under the residual shank: the bushing, socket, pylon, foot. What passes into it is the work
+# of the limb on the bushing; the ground is at rest and only takes. So
 #
 #     limb work = kinetic + gravity + strain of bushing, keel, foam and fulcrum support
 #                 + loss in bushing, keel, foam, support and friction + remainder

@@ -128,7 +128,8 @@ def _statistics(values: Sequence[float | None]) -> dict[str, Any]:
 # The angles are those of the force peaks of the ISO 22675 profile (-15.0 and +19.8 degrees), rounded; below zero loads
 # the heel. The platen is level and the foot pitched, toes up by minus the angle; the mount moves along the platen's
 # normal, and force and displacement are taken along it. On a platen without friction, as here, a test that moves the
-# pylon along its own axis gives the same energy, its displacement divided and its force multiplied by the angle's cosine.
+# pylon along its own axis gives the same energy, its displacement divided and its force multiplied by the angle's
+# cosine.
 
 
 ANGLES_DEG = (-15.0, 20.0)
@@ -373,10 +374,10 @@ def _over(value: float | None, by: float) -> float | None:
 
 # The foot rolled over by the loading profile of ISO 22675, at each fulcrum position.
 #
-# The pylon stays on a fixed line, the platform tilts; force along that line and tilt follow the profile, and the mount's
-# height is what it takes (`simulation.roll_over_paths`, `roll_over_control`). Idealised are: the platform has no
-# friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the forces;
-# the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
+# The pylon stays on a fixed line, the platform tilts; force along that line and tilt follow the profile, and the
+# mount's height is what it takes (`simulation.roll_over_paths`, `roll_over_control`). Idealised are: the platform has
+# no friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the
+# forces; the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
 
 
 SECOND_PEAK_S = 0.4475
@@ -414,7 +415,7 @@ def iso_roll_over(
         except SimulationError as error:
             missing.append(f"{place}: {error}.")
             continue
-        row, found = _row_of_iso_roll_over(machine, run, following, fulcrum)
+        row, found = _iso_row(machine, run, following, fulcrum)
         rows.append(row)
         if not row["follows"] and not friction:
             missing.append(f"{place}: the force misses the profile by up to {row['residual_n']:.0f} N; its numbers are "
@@ -423,7 +424,7 @@ def iso_roll_over(
     return rows, curves, missing
 
 
-def _row_of_iso_roll_over(
+def _iso_row(
     machine: RollOver, run: RollOverRun, following: Following, fulcrum: float
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     foot, e = machine.parameters, run.energy

@@ -229,9 +229,9 @@ def workers(count: int | None) -> Iterator[tuple[Any, int]]:
 # The factors of the sensitivity study: what one does not know of a walk's model before a fit, and how far.
 #
 # Each range is the uncertainty that one really has, not what a search may try. Shifts are added to the study's values
-# (the fitted contact, where there is one); ratios multiply them and are sampled in the logarithm. All are sampled evenly.
-# Errors of the pelvis's orientation are not among them: where markers on the thigh are tracked, the hip's angles take
-# them up, and the leg stays where it was.
+# (the fitted contact, where there is one); ratios multiply them and are sampled in the logarithm. All are sampled
+# evenly. Errors of the pelvis's orientation are not among them: where markers on the thigh are tracked, the hip's
+# angles take them up, and the leg stays where it was.
 
 
 CONTACT, FRICTION, GEOMETRY, KINEMATICS, BUSHING, KEEL = GROUPS = (
@@ -373,10 +373,10 @@ def _words(zone: str) -> str:
 
 # Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
 #
-# A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none. Morris'
-# trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one removes
-# information but shifts no other. Dropping is not blind to the cause: where values are missing because
-# the extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
+# A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none.
+# Morris' trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one
+# removes information but shifts no other. Dropping is not blind to the cause: where values are missing because the
+# extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
 #
 # Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
 # indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).

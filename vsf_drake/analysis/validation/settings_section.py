@@ -245,11 +245,11 @@ def _change(row: Mapping[str, Any], prefix: str) -> str:
 
 # The inverse question: where does the fulcrum seem to be, told by the force alone?
 #
-# A walk whose kinematics carry noise is compared, at each position of the fulcrum, with a resultant force that has none:
-# the position with the least root mean square difference (resultant low-passed at 40 Hz, time-locked, stance ± 0.25 s) is
-# the estimate. Between the positions that were walked the resultant of every instant is interpolated by a monotone cubic;
-# against walks every 8.5 mm this moves an estimate by less than 1 mm. Nothing else is fitted: offsets that a laboratory
-# would fit anew in each session would take up part of the noise, and part of the fulcrum.
+# A walk whose kinematics carry noise is compared, at each position of the fulcrum, with a resultant force that has
+# none: the position with the least root mean square difference (resultant low-passed at 40 Hz, time-locked, stance ±
+# 0.25 s) is the estimate. Between the positions that were walked the resultant of every instant is interpolated by a
+# monotone cubic; against walks every 8.5 mm this moves an estimate by less than 1 mm. Nothing else is fitted: offsets
+# that a laboratory would fit anew in each session would take up part of the noise, and part of the fulcrum.
 #
 # The target is the measured plate, where the trial's own fulcrum stood between the ends of the range (at an end an
 # estimate can err to one side only, which would flatter its spread); and, for every trial, the model's own walk without
@@ -298,8 +298,8 @@ def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[st
             "label": base.label, "role": base.walk.role, "fulcrum_mm": at,
             "interior": bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
             "estimate_mm": float(fulcrum_estimates(positions_mm, w.base_locked, plate)),
-            "mean_mm": _mean_of_inverse(noisy), **_spreads("", noisy), "edge_share": float(np.mean(edge)),
-            "model_mean_mm": _mean_of_inverse(virtual), **_spreads("model_", virtual)})
+            "mean_mm": _mean_estimate(noisy), **_spreads("", noisy), "edge_share": float(np.mean(edge)),
+            "model_mean_mm": _mean_estimate(virtual), **_spreads("model_", virtual)})
     interior = [row for row in rows if row["interior"]]
     return {
         "rows": rows, "middle_mm": float(middle), "draws": sum(w.locked.shape[0] for w in walked),
@@ -332,7 +332,7 @@ def _lowest(x: np.ndarray, y: np.ndarray) -> float:
         else float(x[i])
 
 
-def _mean_of_inverse(values: np.ndarray) -> float:
+def _mean_estimate(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else np.nan
 

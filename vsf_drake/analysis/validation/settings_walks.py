@@ -189,9 +189,9 @@ def _record(
 #     propulsion_impulse                  integral of the fore-aft force over where it is positive (BW s)
 #     resultant_rms                       root mean square of the resultant over stance
 #
-# Of the centre of pressure, low-passed at 6 Hz, along the walking direction, in lengths of the prosthetic foot (FL): its
-# excursion (foremost less rearmost) and where it is at half of stance, ahead of its rearmost place in that stance. Both
-# are told by the force record alone: where the foot stands in the laboratory does not enter.
+# Of the centre of pressure, low-passed at 6 Hz, along the walking direction, in lengths of the prosthetic foot (FL):
+# its excursion (foremost less rearmost) and where it is at half of stance, ahead of its rearmost place in that stance.
+# Both are told by the force record alone: where the foot stands in the laboratory does not enter.
 #
 # Of the keel's strain energy (J), which no plate measures: stored, its maximum in stance less its value at touch-down;
 # returned, that maximum less its value at lift-off and less what the keel's damping takes in between.
@@ -301,8 +301,8 @@ def _energy(time_s: np.ndarray, strain: np.ndarray, loss: np.ndarray, stance: St
 # Errors that a gait laboratory makes in joint angles, drawn at random and added to a recording.
 #
 # Their sizes are a choice: those with which the embedded laboratory tier was made (data/reference_subject/README.md),
-# which are of the order that laboratories report for placing markers anew and for repeating a trial with the markers left
-# on. They come in two parts:
+# which are of the order that laboratories report for placing markers anew and for repeating a trial with the markers
+# left on. They come in two parts:
 #
 # - of the session, the same in all its recordings: a constant error of each hip and knee angle of the prosthetic side
 #   (misplaced markers) and a smooth one over the gait cycle (sliding skin, crosstalk), a periodic cubic spline with

@@ -196,9 +196,9 @@ def _spreads(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 # The free moment, model beside plate: the couple about the vertical that is left at the centre of pressure.
 #
 # About the vertical up through each one's own centre of pressure, acting on the person (Winter 2009; a plate's own
-# definition). Both are low-passed at 6 Hz inside each loaded interval and taken at 101 points of the measured stance, as
-# the centre of pressure is, and where that can be compared. It needs a centre of pressure: about another point the moment
-# is another quantity.
+# definition). Both are low-passed at 6 Hz inside each loaded interval and taken at 101 points of the measured stance,
+# as the centre of pressure is, and where that can be compared. It needs a centre of pressure: about another point the
+# moment is another quantity.
 
 
 def has_free_moment(plate: PlateRecording) -> bool:

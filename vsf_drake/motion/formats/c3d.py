@@ -115,9 +115,9 @@ def _axis(texts: list[str]) -> str | None:
 
 # Force plates of a C3D file: types 1 to 4 to a force and a torque about the centre of the plate's surface.
 #
-# The plate's own frame P follows from its corners: x from corner 2 to corner 1, y from corner 4 to corner 1, both in the
-# surface, z = x x y, by rule into the floor. Formulas: C3D user guide (Motion Lab Systems, https://www.c3d.org), chapter
-# on force plates; type 3 Kistler (https://isbweb.org/software/movanal/vaughan/kistler.pdf).
+# The plate's own frame P follows from its corners: x from corner 2 to corner 1, y from corner 4 to corner 1, both in
+# the surface, z = x x y, by rule into the floor. Formulas: C3D user guide (Motion Lab Systems, https://www.c3d.org),
+# chapter on force plates; type 3 Kistler (https://isbweb.org/software/movanal/vaughan/kistler.pdf).
 
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}

@@ -162,8 +162,8 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 #     R_PD = Ry(-f) Rx(s a) Rz(s r),      s = 1 on the right, -1 on the left; the knee has +f,
 #
 # which for ISB axes (x forward, y up, z right) is the sequence Z-X-Y of Wu et al. (2002, doi
-# 10.1016/S0021-9290(01)00222-6) and the joint coordinate system of Grood & Suntay (1983, doi 10.1115/1.3138397): f about
-# the proximal segment's axis, r about the distal segment's, a about their common perpendicular. Hip flexion, knee
+# 10.1016/S0021-9290(01)00222-6) and the joint coordinate system of Grood & Suntay (1983, doi 10.1115/1.3138397): f
+# about the proximal segment's axis, r about the distal segment's, a about their common perpendicular. Hip flexion, knee
 # flexion, ankle dorsiflexion, adduction (the distal end towards the midline) and internal rotation are positive on both
 # sides. The pelvis turns against W likewise, unmirrored (tilt, list, rotation), after moving forward, up, to the right.
 

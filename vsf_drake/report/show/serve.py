@@ -225,9 +225,9 @@ def _caption(scene: Scene) -> str:
 
 # A scene that follows its sliders in Meshcat until Stop or Ctrl-C.
 #
-# Drake's `pydrake.multibody.meshcat.JointSliders` moves joints one by one in radians. Here one slider bends all joints of
-# the keel at once, as a load does, angles are in degrees and lengths in millimetres, and the numbers that follow from the
-# pose stand below; so the sliders are Meshcat's own.
+# Drake's `pydrake.multibody.meshcat.JointSliders` moves joints one by one in radians. Here one slider bends all joints
+# of the keel at once, as a load does, angles are in degrees and lengths in millimetres, and the numbers that follow
+# from the pose stand below; so the sliders are Meshcat's own.
 
 
 STOP, RESET = "Stop", "Reset"

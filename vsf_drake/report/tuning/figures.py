@@ -173,7 +173,8 @@ def _look(name: str, mm: float | None, *, optimal: bool) -> dict[str, Any]:
     if name == "recorded":
         return {"color": "0.45", "label": "recorded", **MEASURED}
     called = name if optimal or name != "optimum" else "last iterate"
-    return {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": _FORCE_DASHES[name], "linewidth": 1.4,
+    return {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": _FORCE_DASHES[name],
+            "linewidth": 1.4,
             "label": called if mm is None else f"{called}, {mm:.0f} mm"}
 
 

@@ -164,7 +164,8 @@ def _sentence(text: str) -> str:
 
 # The table of a tuning, as tuning.json holds it: which keys there are, and what is read off it everywhere.
 #
-# Costs and outcomes are in the units that the table names; positions of the fulcrum in mm from the keel's posterior end.
+# Costs and outcomes are in the units that the table names; positions of the fulcrum in mm from the keel's posterior
+# end.
 
 
 FORMAT = "vsf_drake tuning 1"

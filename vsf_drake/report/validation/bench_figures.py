@@ -280,7 +280,7 @@ def _stored(axes: Axes, table: Mapping[str, Any]) -> None:
 # Stiffness with the load elsewhere on the keel, beside the closed form of the overhung beam.
 
 
-_DOTTED_of_load_point_figure: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
+_BEAM_DOTS: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
 
 
 def bench_load_point_figure(table: Mapping[str, Any]) -> Figure:
@@ -294,12 +294,12 @@ def bench_load_point_figure(table: Mapping[str, Any]) -> Figure:
             colour, x = condition_colour(metres(fulcrum)), numbers(rows, "load_point_mm")
             axes.plot(x, numbers(rows, "stiffness_n_per_mm"), color=colour, marker=MARKERS[i % len(MARKERS)],
                       markersize=5, **SIMULATED)
-            axes.plot(x, numbers(rows, "closed_form_n_per_mm"), color=colour, **_DOTTED_of_load_point_figure)
+            axes.plot(x, numbers(rows, "closed_form_n_per_mm"), color=colour, **_BEAM_DOTS)
             axes.annotate(position(fulcrum), (x[-1], rows[-1]["stiffness_n_per_mm"]), xytext=(7, 0), va="center",
                           fontsize=8, textcoords="offset points", color=colour, fontweight="bold",
                           annotation_clip=False)
         axes.plot([], [], color=NEUTRAL, marker="o", markersize=5, label="simulated", **SIMULATED)
-        axes.plot([], [], color=NEUTRAL, **_DOTTED_of_load_point_figure, label="overhung beam, small deflections")
+        axes.plot([], [], color=NEUTRAL, **_BEAM_DOTS, label="overhung beam, small deflections")
         axes.set_xticks(sorted({row["load_point_mm"] for row in points}))
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1)

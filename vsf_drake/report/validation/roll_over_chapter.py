@@ -227,7 +227,7 @@ def iso_profile_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
                 (panels[0, 2], "deflection_mm", "deflection (mm)", "Deflection along the line of force"),
                 (panels[1, 1], "moment_nm", "moment at the pylon's end (N m)", "Moment (positive: toe up)"),
                 (panels[1, 2], "strain_j", "stored energy (J)", "Energy stored in keel and foam")):
-            for x, y, look in _curves_of_iso_profile_figure(iso["positions"], arrays, name):
+            for x, y, look in _iso_curves(iso["positions"], arrays, name):
                 axes.plot(time if x is None else x, y, **look)
             label(axes, x="time (ms)", y=words, title=title)
         _shape(panels[1, 0], iso["positions"], arrays, time)
@@ -237,7 +237,7 @@ def iso_profile_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
     return figure
 
 
-def _curves_of_iso_profile_figure(
+def _iso_curves(
     rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray], name: str
 ) -> list[tuple[None, np.ndarray, dict[str, Any]]]:
     found = []
@@ -253,7 +253,7 @@ def _force(
     axes: Axes, rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray], time: np.ndarray
 ) -> None:
     axes.plot(time, arrays["iso_wanted_n"], color=NEUTRAL, label="profile", **MEASURED)
-    for i, (_, force, look) in enumerate(_curves_of_iso_profile_figure(rows, arrays, "force_n")):
+    for i, (_, force, look) in enumerate(_iso_curves(rows, arrays, "force_n")):
         axes.plot(time, force, **(look | {"label": "foot" if i == 0 else None}))
     axes.legend(loc="lower center")
     label(axes, x="time (ms)", y="force along the fixed line (N)", title="Force: profile, and what the foot bears")
@@ -263,7 +263,7 @@ def _shape(
     axes: Axes, rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray], time: np.ndarray
 ) -> None:
     for (_, forward, look), (_, up, _) in zip(
-            _curves_of_iso_profile_figure(rows, arrays, "cop_forward_m"), _curves_of_iso_profile_figure(rows, arrays, "cop_up_m"), strict=True):
+            _iso_curves(rows, arrays, "cop_forward_m"), _iso_curves(rows, arrays, "cop_up_m"), strict=True):
         rolled = time <= 447.5
         axes.plot(1e3 * forward[rolled], 1e3 * up[rolled], **look)
         axes.plot(1e3 * forward[~rolled], 1e3 * up[~rolled], color=look["color"], linewidth=0.7, linestyle=":")

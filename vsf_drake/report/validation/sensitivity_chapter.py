@@ -233,7 +233,7 @@ def screening_figure(table: Mapping[str, Any]) -> Figure:
         figure = new_figure(11.0 if len(names) > 1 else 6.5, 4.8)
         panels = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(panels, names, strict=True):
-            _panel_of_screening_figure(axes, table, name)
+            _screening_panel(axes, table, name)
         present = {row["group"] for name in names for row in top(table["morris"][name], "mu_star", MOST)}
         handles: list[Any] = [Patch(label=group, **look(group)) for group in GROUPS if group in present]
         handles += [Line2D([], [], color="black", marker="D", linestyle="", markersize=4.5, markerfacecolor="white",
@@ -246,7 +246,7 @@ def screening_figure(table: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _panel_of_screening_figure(axes: Axes, table: Mapping[str, Any], name: str) -> None:
+def _screening_panel(axes: Axes, table: Mapping[str, Any], name: str) -> None:
     output, rows = OUTPUTS[name], top(table["morris"][name], "mu_star", MOST)
     places = np.arange(len(rows))
     for place, row in zip(places, rows, strict=True):

@@ -32,8 +32,8 @@ def walking_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) 
         pieces.append(Text("The walks are synthetic and the paper's are recorded from a person: its errors stand "
                            "beside ours for scale, and smaller ones here do not make a better model."))
     pieces += [table_3(table), *_errors_picture(table), walk_grid(table), Bullets(DEFINITIONS)]
-    if times := times(table):
-        pieces.append(Text(times))
+    if when := times(table):
+        pieces.append(Text(when))
     pieces.append(Heading("Forces, centre of pressure and impulse over stance"))
     pieces += [*_ensembles(table, arrays, "walking_forces", _FORCES),
                *_ensembles(table, arrays, "walking_paths", _PATHS), component_grid(table), walk_part_grid(table)]

@@ -119,7 +119,7 @@ def ensemble_figure(
                 label(axes, x="measured stance (%)" if row == len(quantities) - 1 else "",
                       y=NAMES[name][1] if column == 0 else "", title=head)
         panels[0, 0].set_xlim(0.0, 100.0)
-        figure.legend(handles=_handles_of_ensemble_figure(table["synthetic"], bands), loc="outside lower center", ncols=4)
+        figure.legend(handles=_ensemble_handles(table["synthetic"], bands), loc="outside lower center", ncols=4)
         figure.draw_without_rendering()
     return figure
 
@@ -160,7 +160,7 @@ def _count(table: Mapping[str, Any], group: int, name: str) -> int:
     return next((len(d["labels"]) for d in table["differences"] if d["group"] == group and d["quantity"] == name), 0)
 
 
-def _handles_of_ensemble_figure(synthetic: bool, bands: bool) -> list[Artist]:
+def _ensemble_handles(synthetic: bool, bands: bool) -> list[Artist]:
     measured = "plate (SYNTHETIC)" if synthetic else "plate"
     found: list[Artist] = [Line2D([], [], color=NEUTRAL, label=f"{measured}, mean", **MEASURED),
                            Line2D([], [], color="0.2", label="simulated, mean", **SIMULATED)]
@@ -210,7 +210,7 @@ def walk_errors_figure(table: Mapping[str, Any]) -> Figure:
                             rotation=35 if len(rows) > 3 else 0, ha="right" if len(rows) > 3 else "center")
         for axes in panels.ravel()[:3]:
             axes.set_ylim(bottom=-0.03 * axes.get_ylim()[1])
-        figure.legend(handles=_handles_of_errors_figure(table), loc="outside lower center", ncols=4)
+        figure.legend(handles=_error_handles(table), loc="outside lower center", ncols=4)
         if table["synthetic"]:
             figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
         figure.draw_without_rendering()
@@ -243,7 +243,7 @@ def _fill(row: Mapping[str, Any], colour: Any) -> Any:
     return "white" if row["role"] == "held out" else colour
 
 
-def _handles_of_errors_figure(table: Mapping[str, Any]) -> list[Artist]:
+def _error_handles(table: Mapping[str, Any]) -> list[Artist]:
     rows = table["rows"]
     found: list[Artist] = [
         Line2D([], [], color="0.2", marker="o", linestyle="", markersize=7, label=f"{role} walk",

@@ -176,8 +176,8 @@ def _checked(cases: Iterable[WalkCase]) -> list[WalkCase]:
 # Finished walks on disk, each under the hash of everything that its numbers depend on.
 #
 # One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what made them and the
-# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none, whenever
-# the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
+# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none,
+# whenever the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
 
 
 ABOUT = "about.json"

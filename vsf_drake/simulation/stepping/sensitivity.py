@@ -133,10 +133,10 @@ def write_state(k, torques, split, ways, tangent, changes):
 
 # How the loads that hold prescribed coordinates change with the parameters, compiled.
 #
-# The load of a coordinate is S . f - S . F, with f the wrench that accelerates all that it carries and F the ground's on
-# that. A way below it changes f and F (`linearise.way_wrenches`), about the world's origin by the same in all
-# joints below: these changes add up from the toes to the pelvis. A way that carries the coordinate turns S too; what
-# that changes is the row that a free coordinate would have (`linearise.row_wrenches`).
+# The load of a coordinate is S . f - S . F, with f the wrench that accelerates all that it carries and F the ground's
+# on that. A way below it changes f and F (`linearise.way_wrenches`), about the world's origin by the same in all joints
+# below: these changes add up from the toes to the pelvis. A way that carries the coordinate turns S too; what that
+# changes is the row that a free coordinate would have (`linearise.row_wrenches`).
 
 
 @internal

@@ -177,8 +177,9 @@ def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tupl
 #     J = 1/T int  sum_j (tau_j / (m g L))^2  +  w [ |F|^2 / (m g)^2 + |M|^2 / (m g L)^2 ]  dt
 #
 # over prosthetic stance of duration T, with leg length L, the moments tau_j of the prosthetic joints and the bushing's
-# force F and moment M; without unit. The squared moment is the usual measure where no muscle is modelled. The intact leg
-# is left out because it cannot change: with the motion given, its forces are those of the recording at every setting.
+# force F and moment M; without unit. The squared moment is the usual measure where no muscle is modelled. The intact
+# leg is left out because it cannot change: with the motion given, its forces are those of the recording at every
+# setting.
 
 
 def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> tuple[CostTerm, ...]:
@@ -197,8 +198,8 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
 #
 #     J = -1/m int max(F . V, 0) dt           J/kg and stance
 #
-# over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual shank,
-# both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
+# over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual
+# shank, both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
 # `analysis.validation.energy.segment_power`): what passes from all that is distal of the shank into it, if that had no
 # mass. The shank's motion is given, so that only the force changes with a setting.
 

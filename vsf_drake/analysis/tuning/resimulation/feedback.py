@@ -301,9 +301,9 @@ def _kept(
 #
 # of one step after the other along a walk that was prescribed, with the eight sagittal coordinates set free under the
 # loads that held them there. A and B are the derivatives of the stepper's own equations, contact, keel and socket
-# included, not of a simplified model: see `stepping.sensitivity`. Only where friction falls with the speed of slip it is
-# taken as constant: there a step can end in more than one way, and a controller that relies on the falling branch asks
-# for large torques that do not help.
+# included, not of a simplified model: see `stepping.sensitivity`. Only where friction falls with the speed of slip it
+# is taken as constant: there a step can end in more than one way, and a controller that relies on the falling branch
+# asks for large torques that do not help.
 
 
 SAME_SPEED = 1e-3

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from cost_against_work import measure_costs
 
-from vsf_drake.analysis.cost import measure_costs
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 

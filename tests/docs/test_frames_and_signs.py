@@ -9,16 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frames.foot_positions import LOAD_N, SLOPE_DEG, DrawnFoot, foot_signs
+from frames.person_poses import KINDS, DrawnPerson, effects, kind_of
+from frames.pictures import GROUPS, NAMES, foot_effects, foot_frames_figure, with_table
 
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.person import PELVIS_COORDINATES, SOCKET_COORDINATES, leg_coordinates
-from vsf_drake.report.frames.coordinate_table import foot_effects, with_table
-from vsf_drake.report.frames.foot_frames_drawing import foot_frames_figure
-from vsf_drake.report.frames.foot_positions import DrawnFoot
-from vsf_drake.report.frames.foot_signs import LOAD_N, SLOPE_DEG, foot_signs
-from vsf_drake.report.frames.person_drawing import GROUPS
-from vsf_drake.report.frames.person_poses import KINDS, DrawnPerson, effects, kind_of
-from vsf_drake.report.frames.pictures import NAMES
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.keel_shape import keel_shape
 

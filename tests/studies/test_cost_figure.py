@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from vsf_drake.analysis.cost import Cost
-from vsf_drake.report.cost_figure import cost_figure
+from cost_against_work import Cost, cost_figure
+
 from vsf_drake.report.style import save_figure
 
 

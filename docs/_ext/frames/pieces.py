@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Circle, FancyArrowPatch
 from pydrake.math import RigidTransform
 
-from vsf_drake.report.frames.foot_positions import FootPositions
+from frames.foot_positions import FootPositions
 
 SIDE, TOP, FRONT = (0, 2), (0, 1), (1, 2)
 """Columns of a point that a view shows: from the right (x, z), from above (x, y), from the front (y, z)."""
