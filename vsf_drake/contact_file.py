@@ -71,7 +71,7 @@ class FittedTrial:
     Attributes:
         fingerprint: of the recording, see `motion.fitted_trial.fingerprint`.
         height_m: added to the height offset: + moves the foot up against the limb, as `offset.height`.
-        path: coefficients (m) by translation of the pelvis (OpenSim's axes), of `motion.path_splines.window_bsplines`
+        path: coefficients (m) by translation of the pelvis (OpenSim's axes), of `motion.trajectory.window_bsplines`
             over the recording's window; added to the recorded coordinate.
     """
 

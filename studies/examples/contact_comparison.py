@@ -1,6 +1,6 @@
 """Every contact under every way to advance it: what runs, how fast, how far from the fitted law.
 
-All are held to one drop and one press (`drop_and_press`). What is compared is the whole of foot, contact and
+All are held to one drop and one press. What is compared is the whole of foot, contact and
 integrator, under Drake's own Simulator.
 """
 

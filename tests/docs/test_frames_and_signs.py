@@ -18,7 +18,7 @@ from vsf_drake.plants.person import PELVIS_COORDINATES, SOCKET_COORDINATES, leg_
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.keel_shape import keel_shape
 
-DOCS = Path(__file__).resolve().parents[3] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 FOOT = FootParameters()
 
 # What the clinical words mean, whatever the model does: Wu et al. 2002, Grood & Suntay 1983, OpenSim's gait models.

@@ -27,7 +27,7 @@ _UNCERTAINTIES = {
 
 
 def load_measured_bench(path: str | Path) -> BenchMeasurement:
-    """Reads curves where the file's name ends in .csv, a bench file (`bench_file`) else.
+    """Reads curves where the file's name ends in .csv, a bench file (`bench_curves`) else.
 
     Raises:
         InputError: see `load_bench_file` and `load_bench_curves`; curves hold no forefoot, a setting is pressed too

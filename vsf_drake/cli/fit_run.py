@@ -83,7 +83,7 @@ class Task:
         """Makes sure, before the long part, that all of it can be fitted and judged; builds the joint problem.
 
         Raises:
-            InputError: see `recordings.check_recordings`, `ContactFit`, `fit_names.with_frozen`.
+            InputError: see `recordings.check_recordings`, `ContactFit`, `fit.with_frozen`.
         """
         check_recordings(self.trials, self.held_out, series=self.series)
         subject, model = self.trials[0].subject, self.trials[0].model

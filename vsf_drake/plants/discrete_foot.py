@@ -11,7 +11,7 @@ constraints, so
 
 The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel there
 over ROD_M, so as a support it is exact to 1e-5. Its place belongs to the plant's Context, not to a port:
-`place_fulcrum` moves it, and `following.follow_fulcrum` does so in every step of a Simulator.
+`place_fulcrum` moves it, and `foot_wiring.follow_fulcrum` does so in every step of a Simulator.
 """
 
 from __future__ import annotations

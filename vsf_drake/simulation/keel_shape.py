@@ -11,7 +11,7 @@ in the keel frame K. A load F along z_K on the load point C and the fulcrum's sp
 
 whose minimum is the shape. Its Hessian is exact, so Newton's method takes a handful of iterations; the load is
 put on in steps that are halved where it fails. Large deflections are included; damping, inertia and weight are not.
-`keel_statics` finds the same rest by advancing the bench, with derivatives by the foot's parameters.
+`bench_stiffness` finds the same rest by advancing the bench, with derivatives by the foot's parameters.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class RollOver:
 
         Args:
             time_s, tilt_rad, force_n: (n + 1,); the foot starts unloaded, as it touches.
-            axis_ahead_m: see `roll_over_paths`.
+            axis_ahead_m: see `roll_over_control`.
 
         Returns:
             The run, made anew along the heights that were found, and how well it follows the force.

@@ -1,4 +1,4 @@
-"""`_foot_values.foot_values` for float, compiled: the same numbers in a hundredth of the time.
+"""`foot_forces.foot_values` for float, compiled: the same numbers in a hundredth of the time.
 
 Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vector that `slices` cuts up.
 """
@@ -199,7 +199,7 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
 
 @internal
 def _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz):
-    """Centre of pressure and free moment, see `_foot_values`, from sums weighted by the normal forces."""
+    """Centre of pressure and free moment, see `foot_forces.foot_values`, from sums weighted by the normal forces."""
     px, py, pz = mx / load, my / load, mz / load
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux / size, uy / size, uz / size

@@ -26,7 +26,7 @@ PAPER = "paper"
 
 @dataclass(frozen=True, eq=False)
 class PaperSolution:
-    """The end of a fit by the paper's procedure; see `assessment.Fitted` for what it can be asked.
+    """The end of a fit by the paper's procedure; see `table.Fitted` for what it can be asked.
 
     Attributes:
         paper: what the procedure ended with. success: whether by its own stopping rule; message: how, in words.

@@ -207,7 +207,7 @@ class ContactFitOptions:
     """Options of the joint fit.
 
     Attributes:
-        series: what is compared, names of `noise.SERIES`; the force components and the fore-aft centre of pressure by
+        series: what is compared, names of `recordings.SERIES`; the force components and the fore-aft centre of pressure by
             default, because the resultant alone accepts nonsense.
         noise: how wrong that is expected to be.
         starts: searches, the first from the parameters' own start, the others from the best of `screened` samples.

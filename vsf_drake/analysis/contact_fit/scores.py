@@ -23,7 +23,7 @@ class FulcrumSweep:
         fulcrum_m: (n,) m. grf_rmse_bw: (n,) resultant, BW; NaN where the walk fails.
         true_m: where it stood. best_m: where the error is lowest, by the parabola through the three lowest points.
         at_end: whether it stood at an end of its range, so that an error outwards could not show.
-        right: whether best_m is within `fulcrum_sweep.RIGHT_WITHIN_M` of it.
+        right: whether best_m is within `table.RIGHT_WITHIN_M` of it.
     """
 
     fulcrum_m: tuple[float, ...]

@@ -200,7 +200,7 @@ def solve(
     """Fits, from several starts.
 
     Args:
-        progress, resume, checkpoint: see `multistart.run_searches`.
+        progress, resume, checkpoint: see `solve.run_searches`.
 
     Raises:
         InputError: `resume` is of another problem.

@@ -50,7 +50,7 @@ class TrialTerms:
 
     Args:
         walker: of the subject; shared by trials. trial, label, map: the recording and the parameters' part in it.
-        series: names of `noise.SERIES` that are compared.
+        series: names of `recordings.SERIES` that are compared.
     """
 
     def __init__(

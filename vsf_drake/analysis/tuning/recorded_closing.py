@@ -199,7 +199,7 @@ STRIDES_S = (0.7, 2.2)
 LEAST_OVERLAP_S = 0.1
 """The recording must outlast the stride by this for its two ends to be compared."""
 NEAR_EVENTS_S = 0.06
-"""Kinematic events are wrong by up to 0.035 s each (see `motion.kinematic_events`)."""
+"""Kinematic events are wrong by up to 0.035 s each (see `motion.contacts`)."""
 GRID_S = 0.005
 SAMPLES = 200
 FEET = {"P": "prosthetic", "I": "intact"}

@@ -114,7 +114,7 @@ def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, 
     """What `project` minimises.
 
     Args:
-        wanted: (n, k) complex, m: where the chain's points are in 3-D, see `recorded_chain.targets`.
+        wanted: (n, k) complex, m: where the chain's points are in 3-D, see `targets`.
         recorded: (n, 8) the coordinates of the same names in the 3-D motion.
         ground: z of the floor, m.
     """

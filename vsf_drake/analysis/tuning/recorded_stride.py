@@ -1,8 +1,8 @@
 """One periodic stride of a recorded trial, seen from the side: what a trajectory optimisation starts from and tracks.
 
 The recording drives the 3-D model (fitted offsets and coordinates applied, keel and socket undeformed); the sagittal
-model is laid on it instant by instant (`recorded_projection`), the stride is closed (`recorded_period`,
-`recorded_curves`), and the plates' forces with it (`recorded_forces`). Phase 0 is the strike of the prosthetic foot.
+model is laid on it instant by instant (`recorded_projection`), the stride is closed (`recorded_closing`,
+`recorded_curves`), and the plates' forces with it (`recorded_curves`). Phase 0 is the strike of the prosthetic foot.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
         A table with `stiffness_r2`, `stiffness_rmse_n_per_mm` and `mid_range_rmse_mm` of the study's model (None
         without measured curves) and their limits; `lines`, one a model with its `statistics` and, where it was
         calibrated, those of the settings `held_out` from that; `settings`, one a position with measured and simulated
-        values; `rates`; `load_points`. Arrays: see `curve_arrays`, `rates.rates`.
+        values; `rates`; `load_points`. Arrays: see `curve_arrays`, `rates`.
     """
 
     def show(what: str, fraction: float) -> None:

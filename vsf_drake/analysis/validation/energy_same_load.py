@@ -121,7 +121,7 @@ def _rms(values: np.ndarray, time: np.ndarray, stances: list[Stance]) -> float:
 
 # How the bodies under the residual shank move, and the power that the ground gives to what is distal of a segment.
 #
-# Vectors are spatial, in W and about its origin (`simulation.stepping.spatial`): (angular velocity, velocity of the
+# Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular velocity, velocity of the
 # point of the body at W's origin), (moment about W's origin, force).
 
 

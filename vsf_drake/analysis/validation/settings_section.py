@@ -1,11 +1,11 @@
 """Can two settings of the fulcrum be told apart, given the model's error and the noise of kinematics?
 
 Every motion is walked at every position with all else equal; the difference that the model then predicts is held
-against what is detectable (`detectable` has the statistics, `kinematic_noise` the sizes of the noise, `settings_walks`
+against what is detectable (`detectable` has the statistics, `settings_walks` the sizes of the noise, `settings_walks`
 the walks, `settings_outcomes` the measures). The motion is held: somebody who walks at another setting moves otherwise
 and keeps the forces more alike. So the settings are also compared as they were walked, each with its own motion
-(`tables.walked_rows`). As an independent route the fulcrum is estimated from the force alone
-(`settings_inverse`).
+(`settings_detectable.walked_rows`). As an independent route the fulcrum is estimated from the force alone
+(below).
 
 No offset is fitted again after a draw. A laboratory that fits them in each session leaves less noise than stands here
 for two sessions; but offsets that are fitted to the very plates that shall tell the setting can take up the fulcrum's
@@ -48,8 +48,8 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     """The section "Can two settings be told apart?".
 
     Returns:
-        `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows, see `settings_tables`); `inverse` (see
-        `settings_inverse`) with its `fulcrum_estimate_sd_mm` beside it; `noise`, `draws` (sessions a trial), `walks`,
+        `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows, see `settings_detectable`); `inverse` (see
+        below) with its `fulcrum_estimate_sd_mm` beside it; `noise`, `draws` (sessions a trial), `walks`,
         `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`. `arrays`: `effects` (T, P, O) without noise.
     """
     missing: list[str] = []

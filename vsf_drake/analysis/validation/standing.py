@@ -30,7 +30,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
 
     Table:
         rows: a position each, softest first: `fulcrum_mm`, `mass_known_kg`, `mass_predicted_kg` (mean force of both
-            feet over 9.81 m/s²), `mass_error` (share of the known one), the keys _TAKEN of `analysis.standing_table`,
+            feet over 9.81 m/s²), `mass_error` (share of the known one), the keys _TAKEN of `analysis.sweep_table`,
             and `failure` (why there is nothing else; else None).
         worst_mass_error, paper_mass_error, duration_s, all_stand.
     Arrays of row I, 50 Hz: `standing_I_time_s`, `standing_I_prosthetic_n`, `standing_I_intact_n`,

@@ -45,16 +45,16 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     """Every number of Table 3, per walk and per condition, and curves.
 
     Table:
-        rows: a walk each (`rows.walk_row`), by fulcrum position.
-        conditions: a fulcrum position each (`conditions.condition`), softest first, with the paper's numbers.
-        held_out, fitted, offsets_fitted: means and worst (`conditions.summary`) or None.
-        angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`rows.pooled`) and
+        rows: a walk each (`walk_row`), by fulcrum position.
+        conditions: a fulcrum position each (`walking_ensembles.condition`), softest first, with the paper's numbers.
+        held_out, fitted, offsets_fitted: means and worst (`walking_ensembles.summary`) or None.
+        angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`pooled`) and
             `angles`, a row a rotation.
         stance_r, stance_n: Pearson's over all walks.
         sweeps_right, sweeps: how many fulcrum sweeps name the right position, of how many that name one.
         sweep_failures: by walk, how many positions of its sweep have no error.
         difference_method, spm1d: what found the regions, and its version; `differences`: one a group and quantity
-            (`regions.differing_regions`), with `group` (index in `conditions`, or "all") and `quantity`.
+            (`differing_regions`), with `group` (index in `conditions`, or "all") and `quantity`.
         units: of the curves. paper: what is published.
     Arrays (101 points of the measured stance; G is the index in `conditions` or "all", Q one of QUANTITIES):
         `walk_I_Q_measured`, `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`,

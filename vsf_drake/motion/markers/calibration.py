@@ -45,7 +45,7 @@ def calibrate(
     Args:
         standing: a standing trial with the soles flat on the floor z = 0, or a walk in its stead.
         marker_map: says what the labels are; labels in the result are in its spelling, sides as in a right-handed frame
-            (`handedness.prepared` brings other recordings to both).
+            (`frames.prepared` brings other recordings to both).
         person: what is stated beside the markers.
         hip: one of `joint_centres.HIP_METHODS`; Harrington's full regression by default.
         model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it

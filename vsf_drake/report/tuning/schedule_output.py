@@ -25,7 +25,7 @@ from vsf_drake.simulation.archive import result_folder
 SCHEDULE = "schedule"
 TABLE, CSV, PAGE = "policy.json", "policy.csv", "report.html"
 KEYS = ("cost_name", "cost_label", "cost_unit", "level", "synthetic", "notes", "wall_s", "provenance")
-"""What the table has besides the policy itself (`analysis.tuning.policy.policy_table`)."""
+"""What the table has besides the policy itself (`analysis.tuning.schedule.policy_table`)."""
 _BEGINS = POLICY_FORMAT.rpartition(" ")[0]
 _COLUMNS = ("label", *DESCRIPTORS, "fulcrum_mm", "exact_mm", "interval_low_mm", "interval_high_mm", "cost",
             "cost_common", "matters", "optimal", "status")
@@ -70,7 +70,7 @@ def write_schedule(folder: str | Path, table: Mapping[str, Any]) -> dict[str, An
 
 
 def read_schedule(folder: str | Path) -> dict[str, Any]:
-    """The table that `write_schedule` left in `folder`; see `analysis.tuning.policy.load_schedule` for looking up.
+    """The table that `write_schedule` left in `folder`; see `analysis.tuning.schedule.load_schedule` for looking up.
 
     Raises:
         InputError: it is missing or damaged.

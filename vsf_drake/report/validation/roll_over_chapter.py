@@ -25,7 +25,7 @@ from vsf_drake.report.style import (
 
 
 def roll_over_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
-    """The chapter of a saved section (`analysis.validation.roll_over.section`)."""
+    """The chapter of a saved section (`analysis.validation.roll_over_section`)."""
     return Chapter(name="roll-over", title="Roll-over and inclined loading", pieces=(
         *_walking(table, arrays), *_iso(table["iso"], arrays), *_inclined(table["inclined"], arrays)))
 
@@ -159,7 +159,7 @@ def _inclined(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray
 
 
 def inclined_loading_figure(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]) -> Figure:
-    """The figure of a roll-over section's rows `inclined` (`analysis.validation.roll_over.section`)."""
+    """The figure of a roll-over section's rows `inclined` (`analysis.validation.roll_over_section`)."""
     with style():
         figure = new_figure(10.5, 3.9)
         panels = figure.subplots(1, 3, width_ratios=(1.0, 1.3, 1.0))
@@ -213,7 +213,7 @@ def _energy(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def iso_profile_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
-    """The figure of a roll-over section's table `iso` (`analysis.validation.roll_over.section`)."""
+    """The figure of a roll-over section's table `iso` (`analysis.validation.roll_over_section`)."""
     with style():
         figure = new_figure(10.5, 6.4)
         panels = figure.subplots(2, 3)
@@ -281,7 +281,7 @@ PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio", 
 
 
 def roll_over_shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
-    """The figure of a roll-over section's walks (`analysis.validation.roll_over.section`)."""
+    """The figure of a roll-over section's walks (`analysis.validation.roll_over_section`)."""
     with style():
         figure = new_figure(10.5, 6.6)
         grid = figure.add_gridspec(2, 3, height_ratios=(1.25, 1.0))

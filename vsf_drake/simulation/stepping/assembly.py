@@ -1,7 +1,7 @@
 """The stiff forces of one step: contact and friction of sites, sprung coordinates (compiled); the fulcrum: `support`.
 
 Poses are those at the beginning of the step and frozen over it; forces are functions of the velocity at its end.
-A force on a body is a wrench about W's origin (`spatial`), so that what a coordinate feels is its joint's
+A force on a body is a wrench about W's origin (`tree`), so that what a coordinate feels is its joint's
 motion times the sum of the wrenches on everything that it carries; the same holds for their tangents (6, 6).
 """
 
@@ -143,7 +143,7 @@ def site_tangent(sites, s, gain, record, least_slope):
 
 @internal
 def tangents(forces, contact, links, split, least_slope, record):
-    """K of every moving body with all that it carries (`split`: see `room.Split`)."""
+    """K of every moving body with all that it carries (`split`: see `Split`)."""
     K, moving = contact.K, split.moving
     for k in range(moving.shape[0]):
         b = links[moving[k], 2]

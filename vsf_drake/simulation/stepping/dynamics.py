@@ -221,7 +221,7 @@ def sample_torques(k, torques, q, v, force, row):
 
 @internal
 def differentiate_torques(k, torques, place, tangent):
-    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `room.Split`."""
+    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `assembly.Split`."""
     s = torques.sensed.shape[0]
     for i in range(torques.coordinates.shape[0] if s > 0 else 0):
         row = place[torques.coordinates[i]]

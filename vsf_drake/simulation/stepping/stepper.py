@@ -116,7 +116,7 @@ class Stepper:
         mechanism: what to advance.
         dynamics: where mass matrix, Coriolis and gravity terms come from: "compiled", or "drake" to have them
             from the plant, with calls from Python in every step, which takes about four times as long.
-        tolerance: residual at which a step has converged, see `room.Room`.
+        tolerance: residual at which a step has converged, see `assembly.Room`.
 
     Raises:
         ValueError: `dynamics` is neither, or the plant's Context no longer holds what the mechanism was read from.

@@ -29,7 +29,7 @@ class TuningOptions:
     Attributes:
         bounds_mm: least and largest fulcrum position from A; None for the carriage's reach.
         design: of DESIGN, tuned together with the fulcrum. design_bounds: (low, high) by name, in the unit of
-            `variables.DesignVariable`; those that are not named have their own.
+            `DesignVariable`; those that are not named have their own.
         weights: of COSTS in the weighted cost, each cost being divided by its size at the trials' own positions; their
             sum counts as 1.
         consistency_weight: what a change of the ground reaction force by `consistency_bw` adds to the cost, as a share

@@ -3,7 +3,7 @@
     minimise    J(x) = mean over trials of sum over costs of factor * cost(walk of the trial at x)
     subject to  low <= x <= high
 
-over x, the fulcrum position and what else of the device is tuned (`variables`), searched in
+over x, the fulcrum position and what else of the device is tuned (`options`), searched in
 u = (x - low) / (high - low). The motion is the recorded one at every x. Derivatives are the walks' own, exact for the
 numerical solution (`Walker.walk`, `with_respect_to`).
 """

@@ -288,8 +288,8 @@ def consistency_effect(tuning: StiffnessTuning, found: Sweep) -> tuple[tuple[str
 #
 # With the motion given a stiffer foot is pressed as far and bears more. Experiments compare settings under about the
 # same load: people carry the same weight on any foot. Here the pelvis rises and sinks by what keeps the vertical force
-# that of the trial's own setting (`validation.energy.same_load`); everything else of the motion stays. It is no
-# prediction of how a person adapts, and no cost counts it; it tells the direction in which the device works.
+# that of the trial's own setting (`analysis.validation.energy_same_load`); everything else of the motion stays. It is
+# no prediction of how a person adapts, and no cost counts it; it tells the direction in which the device works.
 
 
 KINDS = (

@@ -192,7 +192,7 @@ def _sentence(width: Difference, size: float, unit: str, matters: bool | None, o
 # Other contacts that the data would have allowed as well, drawn around the one that walks.
 #
 # A contact file holds values, no covariance. What is drawn is half of what was believed before the fit, which is where
-# the fit itself begins to call a parameter told by the data (`contact_fit.uncertainty.SURE_SHARE`): so the spread is
+# the fit itself begins to call a parameter told by the data (`contact_fit.solve.SURE_SHARE`): so the spread is
 # that of parameters that are just identified; of those that the data say nothing about it is too small. Geometry
 # (offsets, joint angles) is not drawn: the force fixes it, and a draw alone would lift the foot off the ground.
 

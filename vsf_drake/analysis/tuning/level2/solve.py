@@ -218,7 +218,7 @@ def confirmed(found: StrideSolution, progress: Progress | None) -> list[dict[str
 
 
 def drawn_strides(found: StrideSolution, progress: Progress | None) -> list[DrawnStride]:
-    """Searches again from the optimum with each of the options' draws (see `level1.draws` for what is drawn)."""
+    """Searches again from the optimum with each of the options' draws (see `level1.uncertainty` for what is drawn)."""
     tuning, search, best = found.tuning, found.search, found.stride_or_best
     drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
                           tuning.options.seed)

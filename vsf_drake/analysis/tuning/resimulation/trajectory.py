@@ -31,7 +31,7 @@ class SagittalTrajectory:
         grf: by "prosthetic" and "intact" (n, 2) N, fx forward and fz up, of the ground on the foot, in W.
         period_s, advance: of a periodic trajectory q(t + period_s) = q(t) + advance (8,); None for a single stance.
         fulcrum_m: from the keel's posterior end.
-        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `design_values`
+        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `result`
             for those of an optimised device.
         offsets: of the prosthesis, as for `Walker.walk`.
         pelvis_load: (n, 3) N m, N, N, a force on the first three coordinates that is known to act (a recording's
