@@ -1,11 +1,10 @@
 """Can two settings of the fulcrum be told apart, given the model's error and the noise of kinematics?
 
 Every motion is walked at every position with all else equal; the difference that the model then predicts is held
-against what is detectable (`detectable` has the statistics, `settings_walks` the sizes of the noise, `settings_walks`
-the walks, `settings_outcomes` the measures). The motion is held: somebody who walks at another setting moves otherwise
+against what is detectable (`settings_detectable` has the statistics, `settings_walks` the noise, the walks and the
+measures). The motion is held: somebody who walks at another setting moves otherwise
 and keeps the forces more alike. So the settings are also compared as they were walked, each with its own motion
-(`settings_detectable.walked_rows`). As an independent route the fulcrum is estimated from the force alone
-(below).
+(`settings_detectable.walked_rows`). As an independent route the fulcrum is estimated from the force alone.
 
 No offset is fitted again after a draw. A laboratory that fits them in each session leaves less noise than stands here
 for two sessions; but offsets that are fitted to the very plates that shall tell the setting can take up the fulcrum's
