@@ -236,3 +236,26 @@ def test_error_that_other_code_makes_of_an_interruption_is_one(given):
                              check=False, timeout=60.0)
     assert process.stderr == "interrupted; nothing of the unfinished part was written\n"
     assert process.returncode == 128 + given
+
+
+CALLED_BACK = """
+import ctypes, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+@app.command()
+def compile(number: int):
+    ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(number))()
+    for _ in range(100):
+        time.sleep(0.1)
+main()
+"""
+
+
+@pytest.mark.parametrize("given", [signal.SIGINT, signal.SIGTERM])
+def test_signal_in_a_callback_of_compiled_code_is_not_lost(given):
+    """LLVM calls Python while numba compiles; Python prints what is raised there, and goes on."""
+    process = subprocess.run([sys.executable, "-c", CALLED_BACK, "compile", str(int(given))], capture_output=True,
+                             text=True, check=False, timeout=60.0)
+    assert process.stderr == "interrupted; nothing of the unfinished part was written\n"
+    assert process.returncode == 128 + given

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import _thread
 import math
 import os
 import signal
 import stat
 import sys
+import threading
 import time
 from typing import Any
 
@@ -14,6 +16,7 @@ from vsf_drake.errors import InputError, VsfError
 
 CLEARING_S = 10.0
 """How long after a SIGTERM another one changes nothing, and how long clearing up may take."""
+RAISED_AGAIN_S = 0.05
 NOTHING_WRITTEN = "interrupted; nothing of the unfinished part was written"
 
 
@@ -33,10 +36,26 @@ def main() -> None:
             ended_by = signal.Signals(number)
             raise KeyboardInterrupt
 
+    def raise_again() -> None:
+        nonlocal last_s
+        if signal.getsignal(ended_by) is interrupt:
+            last_s = -math.inf
+            _thread.interrupt_main(ended_by)
+
+    def ignored(what: sys.UnraisableHookArgs) -> None:
+        if what.exc_type is not KeyboardInterrupt:
+            sys.__unraisablehook__(what)
+            return
+        again = threading.Timer(RAISED_AGAIN_S, raise_again)  # a callback of compiled code raises nothing further
+        again.daemon = True
+        again.start()
+
     usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
     before = {each: handler for each, handler in usual.items()  # not what nohup ignores, or a caller handles
               if signal.getsignal(each) is handler}
+    hook = sys.unraisablehook
     try:
+        sys.unraisablehook = ignored
         for each in before:
             signal.signal(each, interrupt)
         _run()
@@ -59,6 +78,7 @@ def main() -> None:
         errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
         sys.exit(error.exit_code)
     finally:
+        sys.unraisablehook = hook
         for each, handler in before.items():
             signal.signal(each, handler)
 
