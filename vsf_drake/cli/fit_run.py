@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+import difflib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
 from vsf_drake.analysis.contact_fit.paper import PaperOptions
 from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
+from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.recordings import COP, FORCES, RESULTANT, check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.solve import FitProgress
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
@@ -17,7 +20,6 @@ from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
-from vsf_drake.cli.fit import with_frozen
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import sha256
 from vsf_drake.json_file import read_json, write_json
@@ -83,7 +85,7 @@ class Task:
         """Makes sure, before the long part, that all of it can be fitted and judged; builds the joint problem.
 
         Raises:
-            InputError: see `recordings.check_recordings`, `ContactFit`, `fit.with_frozen`.
+            InputError: see `recordings.check_recordings`, `ContactFit`, `with_frozen`.
         """
         check_recordings(self.trials, self.held_out, series=self.series)
         subject, model = self.trials[0].subject, self.trials[0].model
@@ -222,3 +224,40 @@ def _solved(task: Task, checkpoint: Checkpoint, show: Show, unfinished: Callable
 def _judging(what: str, share: float) -> float:
     low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
     return low + (high - low) * share
+
+
+def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]) -> FitParameters:
+    """The parameters with those frozen and free that the patterns name: a name, or a prefix that ends in "*".
+
+    Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
+
+    Raises:
+        InputError: a pattern fits no parameter, or all are frozen.
+    """
+    names = list(parameters.by_name)
+    for option, patterns in (("--free", free), ("--freeze", freeze)):
+        for pattern in patterns:
+            if not any(_fits(pattern, name) for name in names):
+                raise InputError(f"there is no parameter {pattern!r}", where=option, right=_near(pattern, names))
+    items = []
+    for item in parameters.items:
+        fitting = [(len(pattern), frozen) for patterns, frozen in ((free, False), (freeze, True))
+                   for pattern in patterns if _fits(pattern, item.name)]
+        items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
+    if all(item.frozen for item in items):
+        raise InputError("all parameters are frozen", where="--freeze", right="Leave at least one free")
+    return type(parameters)(items)
+
+
+def _fits(pattern: str, name: str) -> bool:
+    return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern
+
+
+def _near(pattern: str, names: Sequence[str]) -> str:
+    prefixes = dict.fromkeys(".".join(name.split(".")[:i]) for name in names for i in range(1, name.count(".") + 1))
+    known = {**{name: name for name in names}, **{prefix: f"{prefix}.*" for prefix in prefixes}}
+    near = difflib.get_close_matches(pattern.rstrip("*."), known, n=3, cutoff=0.6)
+    if near:
+        return f"Did you mean {', '.join(known[name] for name in near)}?"
+    families = dict.fromkeys(name.split(".")[0] for name in names)
+    return f"Their names begin with {', '.join(families)}; fit.json of any fit lists them all"

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from vsf_drake.cli.app import INTERRUPTED, Contact, app, console, errors, file_of, progress
-from vsf_drake.cli.tune import Cost, Joints, Level, Quick, Range, TuneOptions, Weights, read_names, read_weights
+from vsf_drake.cli.tune import Cost, Joints, Level, Quick, Range, Weights
+from vsf_drake.cli.tune_options import TuneOptions, read_names, read_weights
 from vsf_drake.errors import FitError
 from vsf_drake.files import user_path
 

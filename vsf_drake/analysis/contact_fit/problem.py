@@ -207,8 +207,8 @@ class ContactFitOptions:
     """Options of the joint fit.
 
     Attributes:
-        series: what is compared, names of `recordings.SERIES`; the force components and the fore-aft centre of pressure by
-            default, because the resultant alone accepts nonsense.
+        series: what is compared, names of `recordings.SERIES`; the force components and the fore-aft centre of
+            pressure by default, because the resultant alone accepts nonsense.
         noise: how wrong that is expected to be.
         starts: searches, the first from the parameters' own start, the others from the best of `screened` samples.
         screened: Latin hypercube samples of the prior that are tried for each further start.
