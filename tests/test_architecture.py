@@ -29,7 +29,7 @@ WITHOUT_DRAKE = (
     "laws/*.py",
     "motion/**/*.py", "simulation/results.py", "simulation/standing_result.py", "simulation/archive.py",
     "analysis/metrics.py", "analysis/sweep_table.py",
-    "analysis/comparison.py", "analysis/series.py", "analysis/bench_metrics.py", "report/style.py",
+    "analysis/comparison.py", "analysis/comparison.py", "analysis/bench_metrics.py", "report/style.py",
     "report/*_figure.py",
 )
 MOST_LINES = 700

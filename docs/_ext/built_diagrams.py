@@ -7,8 +7,7 @@ from pydrake.systems.framework import PortDataType
 from vsf_drake.ground import Ground
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram, make_bench, make_roll_over_machine
-from vsf_drake.plants.gait import GaitDiagram, make_gait
-from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, GroundedGait, make_gait, make_gait_over
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 """A person like any other: sizes of ports do not depend on the body."""

@@ -25,7 +25,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.plants.fulcrum_drive import FulcrumDrive, add_fulcrum_drive
+from vsf_drake.plants.foot_wiring import FulcrumDrive, add_fulcrum_drive
 from vsf_drake.report.style import SHADE, condition_colour, label, new_figure, save_figure, style
 
 START_M, FAR_M, BACK_M = 0.066, 0.151, 0.137

@@ -13,7 +13,7 @@ from vsf_drake.ground import Ground
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.foot_handles import ContactSites
-from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
+from vsf_drake.plants.gait import GroundedGait, make_gait_over
 from vsf_drake.report.style import MEASURED, NEUTRAL, label, new_figure, style
 from vsf_drake.simulation.walk_over_ground import ReferenceWalk
 

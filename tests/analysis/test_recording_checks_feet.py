@@ -13,7 +13,7 @@ from vsf_drake.analysis.recording.foot import (
     slip_velocity,
     turns_in_stance,
 )
-from vsf_drake.analysis.recording.foot_checks import (
+from vsf_drake.analysis.recording.force_checks import (
     clearance,
     depth,
     drift,

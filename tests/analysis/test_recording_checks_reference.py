@@ -11,8 +11,7 @@ from scipy.stats import spearmanr
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.recording.check import Check, expected_error, overall
 from vsf_drake.analysis.recording.examine import examine
-from vsf_drake.analysis.validation.study import embedded_contact
-from vsf_drake.analysis.validation.walks import walk_trial
+from vsf_drake.analysis.validation.study import embedded_contact, walk_trial
 from vsf_drake.contact_file import load_contact
 from vsf_drake.files import resource
 from vsf_drake.motion.fitted_trial import trial_with

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse, uniform_grid
+from vsf_drake.analysis.comparison import cumulative_integral, r_squared, rmse, uniform_grid
 
 
 def test_rmse_of_a_constant_offset_is_the_offset():

@@ -4,7 +4,7 @@
                                                                                     \\__ fulcrum: spring tendon __/
 
 What is the same: masses and inertias; the keel's sprung hinges; the bushing's six joints; the support, a spring tendon
-(see `vsf_drake.plants.export.mjcf`); sphere positions and radii; stiffness and damping of each. The carriage is fixed
+(see `vsf_drake.plants.export`); sphere positions and radii; stiffness and damping of each. The carriage is fixed
 at the fulcrum.
 
 What differs, because MuJoCo has no such law: a sphere's damping acts in unloading too, and from first touch on, not

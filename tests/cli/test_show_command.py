@@ -15,7 +15,7 @@ from command_line import exit_code
 from meshcat_page import tracks
 
 from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.keel_shape import keel_shape
+from vsf_drake.simulation.bench import keel_shape
 
 SERVING = """
 import signal  # tests that run in the background ignore SIGINT, and so would what they start

@@ -16,7 +16,7 @@ from frames.pictures import GROUPS, NAMES, foot_effects, foot_frames_figure, wit
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.person import PELVIS_COORDINATES, SOCKET_COORDINATES, leg_coordinates
 from vsf_drake.report.style import save_figure
-from vsf_drake.simulation.keel_shape import keel_shape
+from vsf_drake.simulation.bench import keel_shape
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FOOT = FootParameters()

@@ -35,7 +35,7 @@ from vsf_drake.analysis.collocation import load_start, save_start, solve
 from vsf_drake.analysis.collocation.sqp import CollocationOptions
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.schedule import load_schedule
-from vsf_drake.analysis.validation.keeping import SectionStore
+from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.cli.fit_run import Checkpoint
@@ -49,11 +49,10 @@ from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.formats.writers import write_forces_mot, write_trc
 from vsf_drake.motion.manifest import load_manifest, load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.storage import read_storage
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import load_trial, write_forces_mot, write_trc
 from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.report.fit_output import check_fit_folder, read_fit
 from vsf_drake.report.sweep_output import check_sweep_folder

@@ -8,8 +8,7 @@ import numpy as np
 
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.gait import make_gait
-from vsf_drake.plants.gait_over_ground import make_gait_over
+from vsf_drake.plants.gait import make_gait, make_gait_over
 
 SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
 STANDING_M = 0.93

@@ -9,8 +9,8 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.anthropometry import frustum_volume
 from vsf_drake.plants.foot_visuals import LEAST_RADIUS_M, SITE_NAME, add_visuals, frustum_shape
-from vsf_drake.plants.inertia import frustum_volume
 from vsf_drake.plants.person import add_person
 
 

@@ -13,7 +13,7 @@ from differences import central, errors, exact_series, size
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.energy import INPUTS
+from vsf_drake.simulation.reactions import INPUTS
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.walk import AppliedTorques, Walker, torques_on_grid
 

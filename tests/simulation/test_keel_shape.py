@@ -11,8 +11,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import keel_joint_stiffness
+from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.bench_stiffness import KeelStatics
-from vsf_drake.simulation.keel_shape import keel_shape
 
 FOOT = FootParameters()
 POSITIONS_M = (0.066, 0.0905, 0.151)

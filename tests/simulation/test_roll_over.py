@@ -14,8 +14,14 @@ from pydrake.trajectories import PiecewisePolynomial
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.adaptive import advance, drive
-from vsf_drake.simulation.roll_over import RollOver
-from vsf_drake.simulation.roll_over_control import FOLLOWS_WITHIN, Following, in_mount_frame, line_of_force, mount_path
+from vsf_drake.simulation.roll_over_control import (
+    FOLLOWS_WITHIN,
+    Following,
+    RollOver,
+    in_mount_frame,
+    line_of_force,
+    mount_path,
+)
 
 FOOT = FootParameters()
 SLOW = 0.05 / 60.0

@@ -14,7 +14,7 @@ from vsf_drake.ground import Ground
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.plants.gait_over_ground import make_gait_over
+from vsf_drake.plants.gait import make_gait_over
 
 PAPER_BW = 0.053
 """Body weights, root mean square, that McGeehan's model left in the very trial it was fitted to."""

@@ -14,7 +14,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import dump_yaml, load_yaml
-from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
+from vsf_drake.systems.fulcrum import FulcrumActuator
 
 P = ActuatorParameters()
 TURNS = 2 * math.pi / P.screw_lead_m

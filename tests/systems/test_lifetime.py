@@ -21,12 +21,10 @@ from vsf_drake.systems import (
     StickSlipFriction,
     TestingMachine,
 )
-from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
 from vsf_drake.systems.foot_forces import FootForces
-from vsf_drake.systems.fulcrum import FulcrumCommand
-from vsf_drake.systems.fulcrum_actuator import FulcrumActuator
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
 from vsf_drake.systems.ground_reaction import DrakeReaction
-from vsf_drake.systems.swing_controller import ShankAngle, SwingController
+from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 SITES = {"body_indices": [1], "p_BS": np.zeros((1, 3))}
 BALLS = {**SITES, "radius": np.array([0.02])}

@@ -8,8 +8,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.analysis import Simulator
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder
-from vsf_drake.systems.swing_controller import SwingController
+from vsf_drake.systems.swing_controller import AdjustmentRecorder, SwingController
 
 PERIOD = 5e-3
 LEVEL = {"grf": [0.0, 0.0, 0.0], "shank_angle": [0.0, 0.0]}

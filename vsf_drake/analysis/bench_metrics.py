@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.series import r_squared, rmse
+from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import plain

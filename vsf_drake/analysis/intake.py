@@ -25,8 +25,7 @@ from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration
 from vsf_drake.motion.trial import Trial
-from vsf_drake.motion.trial_record import default_model
-from vsf_drake.motion.walk_mass import check_mass
+from vsf_drake.motion.trial_record import check_mass, default_model
 from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
 
 MID_FULCRUM_MM = 1e3 * MID_FULCRUM_M

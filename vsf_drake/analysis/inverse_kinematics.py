@@ -38,8 +38,17 @@ from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.plants.anthropometry import Body, scale_body
-from vsf_drake.plants.inertia import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
+from vsf_drake.plants.anthropometry import (
+    FORWARD,
+    LEFTWARD,
+    RIGHTWARD,
+    UPWARD,
+    Body,
+    add_chain,
+    rotations,
+    scale_body,
+    translations,
+)
 from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
 

@@ -14,8 +14,7 @@ import dataclasses
 import math
 from pathlib import Path
 
-from vsf_drake.analysis.validation.bench_lines import Setting, settings_of
-from vsf_drake.analysis.validation.bench_statistics import up_to
+from vsf_drake.analysis.validation.bench_lines import Setting, settings_of, up_to
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchMeasurement, load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.text import as_label, text_lines

@@ -22,8 +22,17 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import PERCENT, THRESHOLD_N, Comparison, Plate, StanceComparison, compare
-from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse
+from vsf_drake.analysis.comparison import (
+    PERCENT,
+    THRESHOLD_N,
+    Comparison,
+    Plate,
+    StanceComparison,
+    compare,
+    cumulative_integral,
+    r_squared,
+    rmse,
+)
 from vsf_drake.json_file import plain
 from vsf_drake.motion.events import find_stances, runs
 from vsf_drake.motion.filters import low_pass

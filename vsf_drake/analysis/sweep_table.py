@@ -10,7 +10,7 @@ import numpy as np
 
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.many.outcomes import WalkOutcome
+from vsf_drake.simulation.many.worker import WalkOutcome
 from vsf_drake.simulation.standing_result import NUDGE_M, NUDGE_RAD, Standing
 
 SCORES = {

@@ -26,7 +26,7 @@ def simulate(
 ) -> None:
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation.walks import validate_walk
+    from vsf_drake.analysis.validation.study import validate_walk
     from vsf_drake.report.outputs import write_walk
 
     check_contact_use(contact, fit_offsets=fit_offsets)

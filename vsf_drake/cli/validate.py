@@ -43,8 +43,7 @@ def validate(
         make_study,
     )
     from vsf_drake.analysis.validation.content import first_line, validation_content
-    from vsf_drake.analysis.validation.keeping import SectionStore
-    from vsf_drake.analysis.validation.run import NAMES, failures, run_sections
+    from vsf_drake.analysis.validation.run import NAMES, SectionStore, failures, run_sections
     from vsf_drake.report.validation.output import PAGE, UNFINISHED, check_validation_folder, write_validation
 
     out, contact, bench = user_path(out), file_of(contact), file_of(bench)

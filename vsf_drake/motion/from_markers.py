@@ -30,8 +30,7 @@ from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
 from vsf_drake.motion.plates import HEAVIEST_BW, world_to_os
-from vsf_drake.motion.trial_record import Trial, default_model
-from vsf_drake.motion.walk_mass import mass_from_walk
+from vsf_drake.motion.trial_record import Trial, default_model, mass_from_walk
 from vsf_drake.motion.window import on_the_belt, trial_window
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 

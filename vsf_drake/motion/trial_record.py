@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.motion.contacts import Contact
+from vsf_drake.motion.contacts import Assignment, Contact
+from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import GeometricOffsets, load_manifest, named_file
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.schema import load_yaml
 from vsf_drake.yaml_file import read_yaml
 
@@ -95,3 +98,82 @@ def _names_a_subject(path: Path) -> bool:
     except InputError:
         return False
     return isinstance(node, yaml.MappingNode) and any(key.value == "subject" for key, _ in node.value)
+
+
+# Body mass from the force plates of a walk.
+
+
+LONGEST_STRIDE_S = 2.5
+LIGHTEST_KG, HEAVIEST_KG = 20.0, 250.0
+CONTRADICTED = (0.52, 1.25)
+"""Share of a stated mass that plates may carry. More: over a step vertical momentum returns but for some 6 % of the
+weight (0.3 m/s in half a second), plates are gauged to a few percent, shoes and a bag weigh 10 % (a choice). Less: a
+harness or a rail may bear up to half of the weight; pounds taken for kilograms leave 0.45."""
+POUND_KG, LIKE_POUNDS = 0.45359237, 0.1
+"""What a pound is, and how near to it a ratio suggests pounds."""
+
+
+def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]:
+    """Mean vertical force of both feet over a stride, in kg, and a note that says so.
+
+    Over a stride the body's vertical momentum returns, so the mean force is the weight. Only strides, from one strike
+    of a foot on a plate to its next, in which both feet stand on plates throughout, count; the mean of all is taken.
+
+    Raises:
+        InputError: there is no such stride, or the mass is nobody's.
+    """
+    time = walk.force_time_s
+    vertical = sum(plate.force_W[:, 2] for plate in assignment.plates.values())
+    missing = [span for spans in assignment.unmeasured.values() for span in spans]
+    strides = []
+    for side in assignment.plates:
+        strikes = [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
+        for start, end in pairwise(strikes):
+            if end - start < LONGEST_STRIDE_S and not any(a < end and b > start for a, b in missing):
+                strides.append((start, end))
+    where, right = "mass_kg (--mass-kg)", "State the body mass, prosthesis included"
+    if len(assignment.plates) < 2 or not strides:
+        raise InputError("the body mass is not stated, and there is no stride in which both feet stand on plates "
+                         "throughout", file=walk.force_path or walk.path, where=where, right=right)
+    means = [float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides]
+    mass = float(np.mean(means)) / GRAVITY
+    if not LIGHTEST_KG <= mass <= HEAVIEST_KG:
+        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight",
+                         file=walk.force_path or walk.path, where=where, right=right)
+    spans = ", ".join(f"{a:.3f} to {b:.3f} s" for a, b in strides)
+    return mass, (f"Body mass {mass:.1f} kg is the mean vertical force over {spans}, a stride; it is good to one or "
+                  "two percent: state mass_kg (--mass-kg).")
+
+
+def check_mass(trial: Trial, *, file: str | Path | None) -> None:
+    """Refuses a body mass that the plates contradict, where they can tell.
+
+    They tell it over steps: from the strike of one foot to that of the other, each time with the other foot on its
+    plate, so that they carry the body throughout. Where there is no such step, any mass passes.
+
+    Raises:
+        InputError: mean vertical force over weight is outside CONTRADICTED.
+    """
+    plates, steps = trial.plates, []
+    stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in plates.items()}
+    missing = [span for spans in trial.unmeasured.values() for span in spans]
+    for (start, first), (end, second) in pairwise(sorted(
+            (s.start_s, side) for side, found in stances.items() for s in found if s.start_seen)):
+        whole = first != second and all(any(s.start_s <= at <= s.end_s for s in stances[side])
+                                        for side, at in ((second, start), (first, end)))
+        if whole and not any(a < end and b > start for a, b in missing):
+            steps.append((start, end))
+    if not steps:
+        return
+    force, duration = 0.0, sum(end - start for start, end in steps)
+    for plate in plates.values():
+        force += sum(float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2])) * (end - start)
+                     for start, end in steps) / duration
+    found, stated = force / GRAVITY, trial.subject.mass_kg
+    if not CONTRADICTED[0] <= found / stated <= CONTRADICTED[1]:
+        pounds = abs(stated * POUND_KG / found - 1.0) < LIKE_POUNDS
+        raise InputError(
+            f"the plates contradict a mass of {stated:g} kg: over {duration:.2f} s in which they carry both feet, the "
+            f"mean vertical force is the weight of {found:.1f} kg", file=file, where="mass_kg",
+            right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg" if pounds else
+                  "Give the mass in kg, prosthesis included, or check the unit of the forces")

@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.contact_fit.standard import REFERENCE_DEPTH_M
+from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.report.fit_figures import trial_name
 from vsf_drake.report.fit_text import (
     UNKNOWN,

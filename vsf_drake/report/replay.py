@@ -22,8 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, walking_direction
-from vsf_drake.analysis.series import uniform_grid
+from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, uniform_grid, walking_direction
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.model_file import check_model

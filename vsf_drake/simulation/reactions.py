@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.laws.bushing import excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.simulation.stepping.stepper import Record
+from vsf_drake.simulation.stepping.dynamics import energies, inverse_dynamics, place, tree_arrays, work_space
+from vsf_drake.simulation.stepping.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.tree import dot, plus, put, six
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
@@ -88,3 +92,164 @@ def sum_sites(sites, first, last, wrench):
                 wrench[k, 3] += fx
                 wrench[k, 4] += fy
                 wrench[k, 5] += fz
+
+
+# The energy ledger of a run: what the driver and gravity put in, where it is and where it went.
+#
+# A step of the stepper moves the coordinates by h v_k from t_k to t_k+1 under stiff forces f(t_k+1), so that forces are
+# known at the ends of the steps and rates in their middle. Paired as they stand they are half a step apart, and the
+# work is off by h/2 times the integral of force times acceleration: of the first order, and of the size of what a foot
+# loses. So all terms belong to the instants t_k+1, with
+#
+#     rate u = (v_k + v_k+1) / 2,        acceleration a = (v_k+1 - v_k) / h,
+#
+# and works are integrals of powers by the trapezoidal rule, which is of the second order. What drives the coordinates D
+# has at an instant the power
+#
+#     P = sum over D of (M(q) a + C(q, u) u - tau_g(q))_c u_c  -  sum over sites of f . (velocity of the site by D
+# alone)
+#
+# What remains is then what the stepper, which is of the first order, leaves of the equations of the coordinates that it
+# solves for. Of a step that was cut into pieces only the last piece's rates and contact forces are known and stand for
+# all of it. All terms are cumulative (J) from the start.
+
+
+INPUTS = ("driver_work", "gravity_work", "carriage_work")
+STORED = ("kinetic", "keel_strain", "fulcrum_strain", "socket_strain", "contact_strain")
+LOST = ("keel_loss", "fulcrum_loss", "socket_loss", "contact_loss", "friction_loss")
+
+
+def energy_ledger(
+    mechanism: Mechanism, record: Record, *, keel: np.ndarray, driven: np.ndarray, fulcrum_m: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Terms of the balance, each (n,) J: sum of INPUTS = sum of STORED + sum of LOST + `remainder`.
+
+    Args:
+        keel: coordinate indices of the keel's joints; the other sprung coordinates are the socket's.
+        driven: coordinate indices of those that are prescribed.
+        fulcrum_m: (n + 1,) position of the support, start included.
+    """
+    h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
+    ledger = {"driver_work": work(_driver_power(mechanism, record, driven, h), h) + _applied_work(record, driven, h)}
+    ledger["gravity_work"], ledger["kinetic"] = _plant_energies(mechanism, record)
+    of_keel = np.isin(mechanism.spring_index, keel)
+    for name, rows in (("keel", of_keel), ("socket", ~of_keel)):
+        ledger[f"{name}_strain"] = (
+            spring_strain(mechanism, record.q, rows) - spring_strain(mechanism, record.q0[None], rows))
+        ledger[f"{name}_loss"] = work(spring_loss(mechanism, record, rows), h)
+    ledger |= _fulcrum_terms(mechanism, record, h, fulcrum_m)
+    strain, foam, friction = contact_terms(mechanism, record, len(mechanism.sites))
+    first = record.site("depth")[0] - h[0] * record.site("depth_rate")[0]
+    ledger |= {"contact_strain": strain - _foam_strain(mechanism.sites, first[None]), "contact_loss": work(foam, h),
+               "friction_loss": work(friction, h)}
+    ledger["remainder"] = total(ledger, INPUTS) - total(ledger, STORED) - total(ledger, LOST)
+    return ledger
+
+
+def total(ledger: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    """Sum of the terms `names` (J)."""
+    return np.sum([ledger[name] for name in names], axis=0)
+
+
+def central(rate: np.ndarray) -> np.ndarray:
+    """Rates at the instants from those of the steps that end there, along the first axis; the last is extrapolated."""
+    return np.concatenate([0.5 * (rate[:-1] + rate[1:]), 1.5 * rate[-1:] - 0.5 * rate[-2:-1]])
+
+
+def work(power: np.ndarray, h: np.ndarray | float) -> np.ndarray:
+    """(n,) J from the start on of a power (n,) W at the ends of steps of h (s); at the start it counts as at the end of
+    the first."""
+    return np.cumsum(0.5 * h * (power + np.concatenate([power[:1], power[:-1]])))
+
+
+def spring_strain(mechanism: Mechanism, q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(n,) J in the springs `rows` (a mask of them) at q (n, coordinates)."""
+    s, x = mechanism.springs[rows], q[:, mechanism.spring_index[rows]]
+    k = np.where(x < 0, s[:, 1], s[:, 0])
+    strain: np.ndarray = np.sum(0.5 * k * (x**2 + s[:, 5] * excess(x, s[:, 3]) ** 2), axis=1)
+    return strain
+
+
+def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.ndarray:
+    """(n,) W that the damping of the springs `rows` (a mask of them) takes."""
+    s, rate = mechanism.springs[rows], record.v[:, mechanism.spring_index[rows]]
+    power: np.ndarray = np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1)
+    return power
+
+
+def contact_terms(mechanism: Mechanism, record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping and that friction takes.
+
+    The foam's loss is what its force exceeds the elastic one by.
+    """
+    sites = mechanism.sites[:count]
+    depth, normal, rate, fx, fy, x, y = (record.site(name)[:, :count] for name in (
+        "depth", "normal_force", "depth_rate", "friction_x", "friction_y", "slip_x", "slip_y"))
+    damping = np.where(normal > 0, normal - sites[:, 4] * np.maximum(depth, 0.0) ** sites[:, 5], 0.0)
+    return (_foam_strain(sites, depth), np.sum(damping * central(rate), axis=1),
+            -np.sum(fx * central(x) + fy * central(y), axis=1))
+
+
+def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    k, n = sites[:, 4], sites[:, 5]
+    strain: np.ndarray = np.sum(k * np.maximum(depth, 0.0) ** (n + 1) / (n + 1), axis=1)
+    return strain
+
+
+def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, central(record.v)])
+    potential, kinetic = np.zeros(len(q)), np.zeros(len(q))
+    energies(tree_arrays(mechanism.tree), q, v, work_space(mechanism.tree), potential, kinetic)
+    return potential[0] - potential[1:], kinetic[1:] - kinetic[0]
+
+
+def _driver_power(mechanism: Mechanism, record: Record, driven: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """(n,) W of what prescribes the coordinates `driven`."""
+    tree, power = mechanism.tree, np.zeros(len(record.q))
+    a = np.diff(record.v, axis=0) / h[1:, None]
+    _sum_driver_power(tree_arrays(tree), record.q, central(record.v), np.vstack([a, a[-1:]]),
+                      np.isin(np.arange(tree.num_coordinates), driven), record.sites, mechanism.site_bodies,
+                      mechanism.ground_height, work_space(tree), power)
+    return power
+
+
+def _applied_work(record: Record, driven: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """(n,) J of torques on free coordinates, which are those of a step's start."""
+    mean_rate = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
+    return np.cumsum(h * np.sum(np.delete(record.load * mean_rate, driven, axis=1), axis=1))
+
+
+def _fulcrum_terms(
+    mechanism: Mechanism, record: Record, h: np.ndarray, fulcrum_m: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The carriage's work is what the support's energy gains by moving along a bent keel."""
+    stiffness, damping = mechanism.fulcrum
+    _, deflection, rate = record.fulcrum.T
+    strain = 0.5 * stiffness * deflection**2
+    before = deflection - h * rate
+    moved = np.diff(fulcrum_m) != 0.0
+    jump = np.concatenate(([0.0], before[1:] - deflection[:-1]))
+    carriage = np.where(moved, 0.5 * stiffness * (before**2 - (before - jump) ** 2), 0.0)
+    start = 0.5 * stiffness * before[0] ** 2
+    return {"fulcrum_strain": strain - start, "fulcrum_loss": work(damping * rate * central(rate), h),
+            "carriage_work": np.cumsum(carriage)}
+
+
+@compiled
+def _sum_driver_power(tree, q, u, a, driven, sites, site_bodies, ground_height, motion, power):
+    """Writes P of the module's docstring at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
+    load, V, S = np.empty(q.shape[1]), motion.V, motion.S
+    for k in range(q.shape[0]):
+        place(tree, q[k], motion)
+        inverse_dynamics(tree, u[k], a[k], motion, load)
+        for c in range(q.shape[1]):
+            power[k] += load[c] * u[k, c] if driven[c] else 0.0
+        put(V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for m in range(tree.links.shape[0]):
+            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            put(V, b, plus(six(V, parent), six(S, c), u[k, c]) if c >= 0 and driven[c] else six(V, parent))
+        for s in range(sites.shape[1]):
+            fx, fy, fz, x, y = sites[k, s, 2], sites[k, s, 3], sites[k, s, 1], sites[k, s, 7], sites[k, s, 8]
+            if fz > 0.0:
+                z = ground_height - sites[k, s, 0]
+                power[k] -= dot(six(V, site_bodies[s]), (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz))

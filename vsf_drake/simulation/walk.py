@@ -21,7 +21,6 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.courses import Course, course_motion, course_variables
-from vsf_drake.simulation.energy import energy_ledger
 from vsf_drake.simulation.load_sensitivity import (
     LoadSensitivity,
     check_differentiable_loads,
@@ -33,6 +32,7 @@ from vsf_drake.simulation.reactions import (
     LOADED_N,
     FootReaction,
     ReactionSensitivity,
+    energy_ledger,
     foot_reaction,
     reaction_sensitivity,
 )

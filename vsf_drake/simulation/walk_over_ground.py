@@ -1,4 +1,4 @@
-"""The walking person over a ground of patches, under Drake's `Simulator`: see `plants.gait_over_ground`.
+"""The walking person over a ground of patches, under Drake's `Simulator`: see `plants.gait`.
 
 The stepper knows one level plane. This is the way to see what a kerb, a mat or ice does to a recorded step: every
 prescribed coordinate goes on as it was recorded, so nobody adapts. One foot does not feel what is under the other.
@@ -26,8 +26,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.device import velocity_indices
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.plants.gait import GaitDiagram, make_gait
-from vsf_drake.plants.gait_over_ground import GroundedGait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, GroundedGait, make_gait, make_gait_over
 from vsf_drake.schema import check
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.mechanism import gait_mechanism

@@ -5,17 +5,21 @@ name; physical constants are numeric parameters in the Context, read and set by 
 `GetParameter` and `SetParameters`.
 """
 
-from vsf_drake.systems.adjustment_recorder import AdjustmentRecorder, AdjustmentRecorder_
 from vsf_drake.systems.bushing import SocketBushing, SocketBushing_
-from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_
+from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_, StickSlipFriction, StickSlipFriction_
 from vsf_drake.systems.driver import GaitDriver, GaitDriver_
 from vsf_drake.systems.foot_forces import FootForces, FootForces_
-from vsf_drake.systems.friction import StickSlipFriction, StickSlipFriction_
-from vsf_drake.systems.fulcrum import FulcrumSupport, FulcrumSupport_
-from vsf_drake.systems.fulcrum_actuator import FulcrumActuator, FulcrumActuator_
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_, FulcrumSupport, FulcrumSupport_
 from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
 from vsf_drake.systems.keel import KeelElasticity, KeelElasticity_
-from vsf_drake.systems.swing_controller import ShankAngle, ShankAngle_, SwingController, SwingController_
+from vsf_drake.systems.swing_controller import (
+    AdjustmentRecorder,
+    AdjustmentRecorder_,
+    ShankAngle,
+    ShankAngle_,
+    SwingController,
+    SwingController_,
+)
 from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
 
 __all__ = [

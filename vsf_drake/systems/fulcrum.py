@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
+from vsf_drake.laws import lead_screw as law
+from vsf_drake.parameters import ActuatorParameters
+from vsf_drake.schema import check
 from vsf_drake.systems._fulcrum_place import fulcrum_place
-from vsf_drake.systems._lifetime import PEERS
+from vsf_drake.systems._lifetime import PEERS, weakly
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import (
     ForcePacker,
@@ -222,3 +227,223 @@ def FulcrumCommand_(T):
 
 
 FulcrumCommand = FulcrumCommand_[float]
+
+
+# Motor, lead screw and carriage that move the fulcrum along the keel.
+
+
+class _Drive(NamedTuple):
+    """What the motor and the carriage do at an instant: A, V A, W, W, m/s²."""
+
+    current: Any
+    taken: Any
+    work: Any
+    losses: Any
+    acceleration: Any
+
+
+@TemplateSystem.define("FulcrumActuator_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+def FulcrumActuator_(T):
+    class Impl(NamedParameters, LeafSystem_[T]):
+        """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
+
+        The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
+        driver applies limit · tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage
+        or what keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which brakes and
+        takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over
+        the creep speed. Ends of travel: the desired position is cut to them, and stops push the carriage back.
+
+        The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail
+        friction, and the position follows from this system's own state. In a plant with a foot the carriage's body
+        follows `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia.
+        What a loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero
+        unless it comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with
+        the fulcrum at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
+
+        Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of
+        max(V i, 0), as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding,
+        motor, gear and thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and
+        screw + work + losses.
+
+        .. pydrake_system::
+
+            name: FulcrumActuator
+            input_ports:
+            - desired_position
+            - enabled
+            - support_force
+            - axial_load
+            output_ports:
+            - fulcrum_position
+            - carriage_velocity
+            - motor_current
+            - energy
+            - work
+            - losses
+            - position_error
+
+        Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum,
+        of either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
+        Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
+        (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
+        energies are states, without feedthrough. Continuous state: position; velocity; energy, work, losses.
+
+        Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose
+        support_force comes back. `vsf_drake.plants.foot_wiring.add_fulcrum_drive` does it.
+
+        Args:
+            parameters: motor, gear, screw and rail.
+            carriage_mass: kg.
+            rearmost, foremost: ends of travel (m from A).
+            initial_position: where a new Context has the carriage (m from A).
+
+        Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,
+        screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a,
+        winding_resistance_ohm, rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s,
+        servo_band_m, tolerance_m, creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m,
+        carriage_mass, rearmost, foremost.
+
+        Raises:
+            InputError: a number is out of range, the screw gives way under load or cannot be turned at all, its
+                inertia is too small for its friction, or the carriage would start outside its travel.
+        """
+
+        __slots__ = (PEERS, "_desired_port", "_enabled_port", "_support_port", "_axial_port")
+
+        def _construct(
+            self,
+            *,
+            parameters: ActuatorParameters | None = None,
+            carriage_mass: float = 0.1,
+            rearmost: float = 0.066,
+            foremost: float = 0.151,
+            initial_position: float = 0.108,
+            converter=None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            parameters = check(ActuatorParameters() if parameters is None else parameters)
+            travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
+            _check_screw(parameters, carriage_mass)
+            _check_travel(rearmost, foremost, initial_position)
+            self._arguments = {"parameters": parameters, "initial_position": initial_position, **travel}
+            self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
+            self._enabled_port = self.DeclareVectorInputPort("enabled", 1)
+            self._support_port = self.DeclareVectorInputPort("support_force", 1)
+            self._axial_port = self.DeclareVectorInputPort("axial_load", 1)
+            constants = dataclasses.asdict(parameters) | travel
+            self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
+            state = BasicVector_[T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
+            self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
+            sources = {self.q_ticket(), self.v_ticket(), self.all_input_ports_ticket(), self.all_parameters_ticket()}
+            self._drive = self._declare_cached("drive", self._calc_drive, sources)
+            entry = {self._drive.ticket()}
+            for i, (name, ticket) in enumerate((("fulcrum_position", self.q_ticket()),
+                                                ("carriage_velocity", self.v_ticket()))):
+                self._declare_output(name, lambda context, i=i: _state(context)[i], {ticket})
+            self._declare_output("motor_current", self._current, entry)
+            for i, name in enumerate(("energy", "work", "losses")):
+                self._declare_output(name, lambda context, i=i: _state(context)[2 + i], {self.z_ticket()})
+            self._declare_output("position_error", self._error, {
+                self.q_ticket(), self._desired_port.ticket(), self.all_parameters_ticket()})
+
+        def _construct_copy(self, other, converter=None) -> None:
+            Impl._construct(self, converter=converter, **other._arguments)
+
+        def SetPosition(self, context, position: float) -> None:
+            """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are.
+
+            Raises:
+                InputError: it is outside the travel.
+            """
+            constants = self._constants(context)
+            _check_travel(constants["rearmost"], constants["foremost"], position)
+            state = _state(context).copy()
+            state[:2] = position, 0.0
+            context.SetContinuousState(state)
+
+        def _declare_output(self, name: str, calc, prerequisites: set) -> None:
+            value = weakly(calc)
+            self._declare_value(name, 1, lambda context: np.array([value(context)]), prerequisites)
+
+        def _current(self, context) -> Any:
+            return self._drive.Eval(context).current
+
+        def _error(self, context) -> Any:
+            constants, desired = self._constants(context), self._desired_port.Eval(context)[0]
+            low, high = constants["rearmost"], constants["foremost"]
+            within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
+            return within - _state(context)[0]
+
+        def _calc_drive(self, context) -> _Drive:
+            c = self._constants(context)
+            x, v = _state(context)[:2]
+            turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
+            speed = c["gear_ratio"] * turns * v
+            tangent = law.lead_angle_tangent(c["screw_lead_m"], c["screw_mean_diameter_m"])
+            friction = law.flank_friction(c["thread_friction"], c["thread_flank_angle_rad"])
+            sense = law.direction(v, c["creep_speed_m_per_s"])
+            limit = law.limited_voltage(
+                c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
+                torque_constant=c["torque_constant_n_m_per_a"])
+            voltage = self._enabled_port.Eval(context)[0] * law.servo_voltage(
+                self._error(context), limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
+            current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
+                                        resistance=c["winding_resistance_ohm"])
+            torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
+            stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
+                                  dissipation=c["stop_dissipation_s_per_m"])
+            drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._support_port.Eval(context)[0])
+            axial = self._axial_port.Eval(context)[0] if self._axial_port.HasValue(context) else 0.0
+            inertia = c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
+            motion = law.carriage_motion(
+                torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
+                rotor_mass=inertia * turns * turns, carriage_mass=c["carriage_mass"], tangent=tangent,
+                friction=friction)
+            power = voltage * current
+            taken = power if power > 0.0 else 0.0 * power
+            losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
+                      + motion.thread_loss * v + taken - power)
+            return _Drive(current, taken, motion.nut_force * v, losses, motion.acceleration)
+
+        def DoCalcTimeDerivatives(self, context, derivatives) -> None:
+            drive, v = self._drive.Eval(context), _state(context)[1]
+            derivatives.SetFromVector(np.array([v, drive.acceleration, drive.taken, drive.work, drive.losses]))
+
+    return Impl
+
+
+def _state(context) -> np.ndarray:
+    return context.get_continuous_state_vector().CopyToVector()
+
+
+def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
+    tangent = law.lead_angle_tangent(p.screw_lead_m, p.screw_mean_diameter_m)
+    friction = law.flank_friction(p.thread_friction, p.thread_flank_angle_rad)
+    if not law.is_self_locking(tangent, friction):
+        raise InputError(
+            f"the screw gives way under the keel's load: its friction {friction:.3f} (thread_friction / cos of the "
+            f"flank angle) is not above the tangent {tangent:.3f} of its lead angle", where="thread_friction",
+            right="Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction")
+    if not friction * tangent < 1.0:
+        raise InputError("no torque turns this screw", where="thread_friction",
+                         right="Take a smaller screw_lead_m or less thread_friction")
+    rotor = (p.rotor_inertia_kg_m2 * p.gear_ratio**2 + p.screw_inertia_kg_m2) * (2.0 * math.pi / p.screw_lead_m) ** 2
+    if not carriage_mass > 0.0:
+        raise InputError(f"the carriage weighs {carriage_mass} kg", where="carriage_mass", right="It must be above 0")
+    if not rotor > -carriage_mass * law.returning_efficiency(tangent, friction):
+        raise InputError(
+            f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its {carriage_mass:.3g} "
+            "kg for a screw that locks itself: it would jam at once", where="rotor_inertia_kg_m2",
+            right="Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values")
+
+
+def _check_travel(rearmost: float, foremost: float, position: float) -> None:
+    if not rearmost < foremost:
+        raise InputError(f"the travel from {rearmost} to {foremost} m has no length", where="rearmost",
+                         right="rearmost must be less than foremost")
+    if not rearmost <= position <= foremost:
+        raise InputError(f"{position} m is outside the carriage's travel", where="initial_position",
+                         right=f"It must be between {rearmost:g} and {foremost:g} m from A")
+
+
+FulcrumActuator = FulcrumActuator_[float]

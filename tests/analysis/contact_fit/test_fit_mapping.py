@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, curve_coefficients
-from vsf_drake.analysis.contact_fit.standard import (
+from vsf_drake.analysis.contact_fit.parameters import (
     ANGLES,
     CURVE_COEFFICIENTS,
     PATH_COEFFICIENTS,
     REFERENCE_DEPTH_M,
+    FitParameter,
+    FitParameters,
+    curve_coefficients,
     standard_parameters,
 )
 from vsf_drake.errors import InputError

@@ -9,8 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.paper import PaperOptions, fit_like_the_paper
-from vsf_drake.analysis.contact_fit.paper_objective import RAISE, PaperObjective
+from vsf_drake.analysis.contact_fit.paper import RAISE, PaperObjective, PaperOptions, fit_like_the_paper
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError, SimulationError

@@ -9,8 +9,16 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.paper import PaperOptions, SearchState, iterate, to_state, verdict
-from vsf_drake.analysis.contact_fit.paper_objective import FRICTION, PaperSpace, Score
+from vsf_drake.analysis.contact_fit.paper import (
+    FRICTION,
+    PaperOptions,
+    PaperSpace,
+    Score,
+    SearchState,
+    iterate,
+    to_state,
+    verdict,
+)
 from vsf_drake.errors import InputError, SimulationError
 
 SPACE = PaperSpace(names=FRICTION, start=np.array([0.5, 0.3, 0.1]), low=np.array([0.1, 0.1, 0.02]),

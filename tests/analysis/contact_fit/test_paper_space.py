@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from vsf_drake.analysis.contact_fit.paper_objective import FRICTION, PaperSpace, paper_space, zones
+from vsf_drake.analysis.contact_fit.paper import FRICTION, PaperSpace, paper_space, zones
 from vsf_drake.errors import InputError
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.motion.trial_record import default_model

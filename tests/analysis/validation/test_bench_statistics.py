@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vsf_drake.analysis.validation.bench_lines import energy, shape, tangent
-from vsf_drake.analysis.validation.bench_statistics import (
+from vsf_drake.analysis.validation.bench_lines import (
     agreement,
     at_loads,
     curve_errors,
+    energy,
     mean_and_half_width,
     regression,
     rising,
+    shape,
+    tangent,
     up_to,
 )
 

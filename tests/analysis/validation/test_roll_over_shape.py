@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.roll_over_shape import fit_arc, mean_moment_arm, shape_numbers
+from vsf_drake.analysis.validation.roll_over_section import fit_arc, mean_moment_arm, shape_numbers
 
 
 def arc(radius, centre=(0.02, 0.2), start=-0.25, end=0.5, n=60):

@@ -10,7 +10,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import run as running
-from vsf_drake.analysis.validation.keeping import SectionStore, study_key
+from vsf_drake.analysis.validation.run import SectionStore, study_key
 from vsf_drake.analysis.validation.study import Section, StudyOptions
 from vsf_drake.errors import InputError, SimulationError
 

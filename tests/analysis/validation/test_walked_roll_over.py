@@ -10,8 +10,14 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.validation.roll_over_section import OPPOSITE_STRIKE, TOE_OFF, Frames, _arm, walked_shapes
-from vsf_drake.analysis.validation.roll_over_shape import shape_numbers
+from vsf_drake.analysis.validation.roll_over_section import (
+    OPPOSITE_STRIKE,
+    TOE_OFF,
+    Frames,
+    _arm,
+    shape_numbers,
+    walked_shapes,
+)
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.plants.foot import mount_pose, sole_height

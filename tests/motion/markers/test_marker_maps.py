@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 from vsf_drake.cli.app import app
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.writers import write_trc
 from vsf_drake.motion.markers.maps import SHIPPED, SIDES, choose_map, load_marker_map, parse_marker_map, suggest_map
+from vsf_drake.motion.trial import write_trc
 
 SAMPLES = {
     "opensim_core/gait2354/subject01_static.trc": "rajagopal",

@@ -27,7 +27,7 @@ from vsf_drake.report.show.serve import (
     make_scene,
     open_meshcat,
 )
-from vsf_drake.simulation.keel_shape import keel_shape
+from vsf_drake.simulation.bench import keel_shape
 
 MODEL = ModelParameters()
 SUBJECT = Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side="right")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from vsf_drake.simulation.many import SweepProgress, progress, simulate_many
-from vsf_drake.simulation.many.progress import LINE_EVERY_S, Lines
+from vsf_drake.simulation.many import SweepProgress, processes, simulate_many
+from vsf_drake.simulation.many.processes import LINE_EVERY_S, Lines
 
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
 
@@ -42,7 +42,7 @@ def test_a_library_call_prints_nothing_and_true_prints_to_stderr(sweep, capsys):
 
 
 def test_a_terminal_gets_a_bar_with_rate(sweep, capsys, monkeypatch):
-    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(processes.sys.stderr, "isatty", lambda: True, raising=False)
     simulate_many(sweep(2), workers=1, progress=True)
     err = capsys.readouterr().err
     assert "2/2" in err and "walks/s" in err

@@ -12,7 +12,14 @@ from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForc
 
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, TOLERANCE, find_sites, split_coordinates, step_room
+from vsf_drake.simulation.stepping.assembly import (
+    SPRING_COLUMNS,
+    TOLERANCE,
+    find_sites,
+    find_support,
+    split_coordinates,
+    step_room,
+)
 from vsf_drake.simulation.stepping.dynamics import (
     energies,
     inverse_dynamics,
@@ -23,7 +30,6 @@ from vsf_drake.simulation.stepping.dynamics import (
 )
 from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, copy, tangent_matrix
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
-from vsf_drake.simulation.stepping.support import find_support
 
 STEP_S = 1e-3
 """Functions of the package that only compiled code may call are called from compiled functions here."""

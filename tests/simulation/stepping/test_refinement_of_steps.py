@@ -11,11 +11,21 @@ from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.advance import LEVELS, PARTS, Drive, advance, next_piece, piece
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, split_coordinates, step_room
 from vsf_drake.simulation.stepping.dynamics import no_torques
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
-from vsf_drake.simulation.stepping.stepper import CHUNK, Inputs, Stepper, drive_of
+from vsf_drake.simulation.stepping.stepper import (
+    CHUNK,
+    LEVELS,
+    PARTS,
+    Drive,
+    Inputs,
+    Stepper,
+    advance,
+    drive_of,
+    next_piece,
+    piece,
+)
 
 walked = cache(cut_walk)
 

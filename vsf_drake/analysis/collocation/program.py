@@ -25,11 +25,10 @@ from pydrake.solvers import (
 )
 
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
-from vsf_drake.analysis.collocation.merit import finished, optimality
 from vsf_drake.analysis.collocation.problem import TrajectoryProblem
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution
-from vsf_drake.analysis.collocation.step import find_step, slacks
+from vsf_drake.analysis.collocation.step import find_step, finished, optimality, slacks
 from vsf_drake.analysis.collocation.threads import one_thread
 from vsf_drake.errors import InputError
 

@@ -17,11 +17,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
-from vsf_drake.analysis.collocation.merit import Merit, finished, optimality, violations, worst
 from vsf_drake.analysis.collocation.problem import CollocationOptions, TrajectoryProblem
 from vsf_drake.analysis.collocation.scaled import Linearised, Scaled
 from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
-from vsf_drake.analysis.collocation.step import Step, find_step, normals, room_changes, slacks
+from vsf_drake.analysis.collocation.step import (
+    Merit,
+    Step,
+    find_step,
+    finished,
+    normals,
+    optimality,
+    room_changes,
+    slacks,
+    violations,
+    worst,
+)
 from vsf_drake.analysis.collocation.threads import one_thread
 
 Progress = Callable[[Iteration], None]

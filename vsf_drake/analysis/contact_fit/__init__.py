@@ -6,12 +6,11 @@
     save_contact(solution.contact(verdict(solution, judged)), "contact.yaml")
 """
 
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
 from vsf_drake.analysis.contact_fit.problem import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.recordings import FitNoise
 from vsf_drake.analysis.contact_fit.scores import Assessment, verdict
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, solve
-from vsf_drake.analysis.contact_fit.standard import standard_parameters
 from vsf_drake.analysis.contact_fit.table import assess
 
 __all__ = ("Assessment", "ContactFit", "ContactFitOptions", "ContactFitSolution", "FitNoise", "FitParameter",

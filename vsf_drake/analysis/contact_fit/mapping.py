@@ -14,12 +14,13 @@ from vsf_drake.analysis.contact_fit.parameters import (
     HEIGHT,
     LAW,
     PATH,
+    PATH_COEFFICIENTS,
+    REFERENCE_DEPTH_M,
     FitParameters,
     curve_coefficients,
     meanings,
     zones_of,
 )
-from vsf_drake.analysis.contact_fit.standard import PATH_COEFFICIENTS, REFERENCE_DEPTH_M
 from vsf_drake.errors import InputError
 from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
 from vsf_drake.motion.trajectory import window_bsplines

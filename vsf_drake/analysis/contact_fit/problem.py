@@ -21,7 +21,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner
+from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner, standard_parameters
 from vsf_drake.analysis.contact_fit.recordings import (
     COP,
     FORCES,
@@ -31,7 +31,6 @@ from vsf_drake.analysis.contact_fit.recordings import (
     check_recordings,
     labels_of,
 )
-from vsf_drake.analysis.contact_fit.standard import standard_parameters
 from vsf_drake.analysis.contact_fit.terms import BenchTerms, Term, TrialTerms
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
 from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
-from vsf_drake.analysis.series import rmse
 
 
 @dataclass(frozen=True, kw_only=True)

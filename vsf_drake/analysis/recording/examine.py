@@ -20,7 +20,7 @@ from vsf_drake.analysis.recording.foot import (
     slip_velocity,
     turns_in_stance,
 )
-from vsf_drake.analysis.recording.foot_checks import clearance, depth, foot_checks, touch_down
+from vsf_drake.analysis.recording.force_checks import clearance, depth, foot_checks, touch_down
 from vsf_drake.analysis.recording.marker_checks import high_content
 from vsf_drake.motion.contacts import kinematic_stances, walking_direction
 from vsf_drake.motion.events import Stance, find_stances

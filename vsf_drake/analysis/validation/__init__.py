@@ -8,12 +8,13 @@ from vsf_drake.analysis.validation.study import (
            Study,
            StudyOptions,
            StudyWalk,
+           ValidatedWalk,
            embedded_bench,
            embedded_contact,
            embedded_trials,
            make_study,
+           validate_walk,
 )
-from vsf_drake.analysis.validation.walks import ValidatedWalk, validate_walk
 
 __all__ = ["Section", "Study", "StudyOptions", "StudyWalk", "ValidatedWalk", "embedded_bench", "embedded_contact",
            "embedded_trials", "make_study", "validate_walk"]

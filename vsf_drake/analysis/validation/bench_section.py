@@ -20,15 +20,17 @@ from vsf_drake.analysis.validation.bench_lines import (
     Loop,
     Machine,
     Setting,
+    at_loads,
     compared,
     curve_arrays,
     moved_load,
     pressed,
+    regression,
+    rising,
     settings_of,
     statistics,
     stiffness_n_per_mm,
 )
-from vsf_drake.analysis.validation.bench_statistics import at_loads, regression, rising
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError

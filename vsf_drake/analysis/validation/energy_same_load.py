@@ -14,15 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from vsf_drake.analysis.series import cumulative_integral
+from vsf_drake.analysis.comparison import cumulative_integral
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.courses import Course
-from vsf_drake.simulation.energy import central, contact_terms, spring_loss, spring_strain, work
-from vsf_drake.simulation.reactions import FootReaction, sum_sites
+from vsf_drake.simulation.reactions import (
+    FootReaction,
+    central,
+    contact_terms,
+    spring_loss,
+    spring_strain,
+    sum_sites,
+    work,
+)
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.dynamics import place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.tree import Tree, dot, inertia_in_world, inertia_times, plus, put, six

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.series import cumulative_integral
+from vsf_drake.analysis.comparison import cumulative_integral
 from vsf_drake.analysis.validation.energy_same_load import (
     FOOT_LOSSES,
     FOOT_STRAINS,

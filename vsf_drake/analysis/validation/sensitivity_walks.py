@@ -19,10 +19,11 @@ from vsf_drake.analysis.comparison import (
     filtered_while_loaded,
     percent_instants,
     resample,
+    rmse,
+    uniform_grid,
     walk_axes,
 )
-from vsf_drake.analysis.contact_fit.standard import REFERENCE_DEPTH_M
-from vsf_drake.analysis.series import rmse, uniform_grid
+from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.validation.study import StudyWalk
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass

@@ -26,12 +26,13 @@ from vsf_drake.analysis.comparison import (
     MARGIN_S,
     PERCENT,
     THRESHOLD_N,
+    cumulative_integral,
     filtered_while_loaded,
     percent_instants,
     resample,
+    uniform_grid,
     walk_axes,
 )
-from vsf_drake.analysis.series import cumulative_integral, uniform_grid
 from vsf_drake.analysis.validation.study import Progress, StudyWalk
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances

@@ -14,7 +14,7 @@ from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.analysis.contact_fit.recordings import labels_of
 from vsf_drake.analysis.doubts import doubts
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.analysis.validation.walks import ValidatedWalk, walk_trial
+from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
 from vsf_drake.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.contact_file import FittedContact, load_contact
 from vsf_drake.errors import InputError, SimulationError
@@ -24,7 +24,7 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.walk import DEFAULT_STEP_S
+from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets were fitted to it."""
@@ -261,3 +261,61 @@ def _bench(path: str | Path | None) -> tuple[BenchCurves | None, str | None]:
         return load_bench_curves(path), None
     except InputError as error:
         return None, str(error)
+
+
+# Walks of the validation: one trial, with a fitted contact or with offsets fitted to its plate.
+
+
+_TYPICAL_EVALUATIONS = 25
+
+
+@dataclass(frozen=True)
+class ValidatedWalk:
+    """One trial of the validation: what was recorded (as it was walked), what was simulated, with which offsets."""
+
+    trial: Trial
+    result: WalkResult
+    fit: OffsetFit | None
+
+
+def validate_walk(
+    manifest: str | Path, *, with_fit: bool = True, contact: str | Path | None = None, step_s: float = DEFAULT_STEP_S,
+    progress: Callable[[str, float], None] | None = None
+) -> ValidatedWalk:
+    """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
+
+    Args:
+        contact: a contact file, whose numbers replace the model's (`motion.fitted_trial`). It has offsets of its own:
+            `with_fit` must be False.
+        progress: called with what is being done and the finished fraction of it (the fit: a guess).
+
+    Raises:
+        InputError, SimulationError: see `load_trial`, `load_contact`, `trial_with`, `fit_offsets`, `Walker.walk`.
+        ValueError: a contact, and `with_fit`.
+    """
+    if with_fit and contact is not None:
+        raise ValueError("a fitted contact has its offsets already: they are not fitted on top")
+    trial = load_trial(manifest)
+    if contact is not None:
+        trial = trial_with(trial, load_contact(contact), file=contact)
+    return walk_trial(trial, with_fit=with_fit, step_s=step_s, progress=progress)
+
+
+def walk_trial(
+    trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S,
+    progress: Callable[[str, float], None] | None = None
+) -> ValidatedWalk:
+    """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`.
+
+    Raises:
+        InputError, SimulationError: see `fit_offsets`, `Walker.walk`.
+    """
+    walker = Walker(trial.subject, trial.model)
+    fit = None
+    if with_fit:
+        fit = fit_offsets(trial, walker=walker, progress=progress and (
+            lambda n, _: progress("fitting offsets", min(0.99, n / _TYPICAL_EVALUATIONS))))
+    offsets = fit.offsets if fit else trial.offsets
+    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                       step_s=step_s, offsets=offsets, progress=progress and (lambda f: progress("walking", f)))
+    return ValidatedWalk(trial=trial, result=walker.result(walk, trial, offsets), fit=fit)

@@ -19,13 +19,15 @@ from vsf_drake.analysis.comparison import (
     THRESHOLD_N,
     Comparison,
     StanceComparison,
+    cumulative_integral,
     filtered_while_loaded,
     percent_instants,
+    r_squared,
+    rmse,
 )
 from vsf_drake.analysis.contact_fit.scores import FulcrumSweep
 from vsf_drake.analysis.contact_fit.table import SWEEP_POSITIONS, SWEEP_STEP_S, sweep_positions, swept
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.series import cumulative_integral, r_squared, rmse
 from vsf_drake.analysis.sweep_table import as_walk
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk
 from vsf_drake.motion.plates import PlateRecording

@@ -12,9 +12,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
-from vsf_drake.analysis.comparison import PERCENT
+from vsf_drake.analysis.comparison import PERCENT, r_squared, rmse, uniform_grid
 from vsf_drake.analysis.contact_fit.scores import FulcrumSweep
-from vsf_drake.analysis.series import r_squared, rmse, uniform_grid
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
 from vsf_drake.analysis.validation.walking_ensembles import (
     LEAST_FOR_R,

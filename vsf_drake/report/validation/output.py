@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.validation.keeping import is_kept
-from vsf_drake.analysis.validation.run import NAMES
+from vsf_drake.analysis.validation.run import NAMES, is_kept
 from vsf_drake.analysis.validation.study import HELD_OUT, Study, StudyWalk
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json

@@ -4,10 +4,9 @@
 """
 
 from vsf_drake.simulation.many.cases import DEFAULT_KEEP, WalkCase
-from vsf_drake.simulation.many.outcomes import WalkOutcome, grid_values, sample_values
-from vsf_drake.simulation.many.processes import ProcessWorkers
-from vsf_drake.simulation.many.progress import SweepProgress
+from vsf_drake.simulation.many.processes import ProcessWorkers, SweepProgress
 from vsf_drake.simulation.many.run import simulate_many
+from vsf_drake.simulation.many.worker import WalkOutcome, grid_values, sample_values
 
 __all__ = ["DEFAULT_KEEP", "ProcessWorkers", "SweepProgress", "WalkCase", "WalkOutcome", "grid_values", "sample_values",
            "simulate_many"]

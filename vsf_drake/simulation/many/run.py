@@ -21,10 +21,8 @@ from vsf_drake.files import replaced, user_path
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep, digest
-from vsf_drake.simulation.many.outcomes import WalkOutcome
-from vsf_drake.simulation.many.processes import WorkerStartError, checked, chosen
-from vsf_drake.simulation.many.progress import Report, SweepProgress, reporting
-from vsf_drake.simulation.many.worker import Kind, Reply, run_task
+from vsf_drake.simulation.many.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
+from vsf_drake.simulation.many.worker import Kind, Reply, WalkOutcome, run_task
 
 TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
 """What a sweep reads of a trial."""

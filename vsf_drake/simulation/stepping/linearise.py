@@ -14,9 +14,8 @@ import math
 
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.scalar import spring_force
-from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, site_tangent
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, add_support_tangent, site_tangent
 from vsf_drake.simulation.stepping.newton import EXACT
-from vsf_drake.simulation.stepping.support import add_support_tangent
 from vsf_drake.simulation.stepping.tree import (
     cross_force,
     cross_motion,

@@ -24,11 +24,12 @@ from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.simulation.stepping.assembly import (
     add_sites,
     add_springs,
+    add_support,
     find_sites,
+    find_support,
     tangents,
 )
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
-from vsf_drake.simulation.stepping.support import add_support, find_support
 from vsf_drake.simulation.stepping.tree import add, dot, inertia_times, plus, put, six, times, transposed_times
 
 MAX_ITERATIONS = 30

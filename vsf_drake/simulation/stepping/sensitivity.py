@@ -100,7 +100,7 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, si
 
 @internal
 def _course_velocities(h, k, share, ways, tangent):
-    """Writes the end velocity by a unit of each course: of the straight way over the step, as `advance.piece` goes."""
+    """Writes the end velocity by a unit of each course: of the straight way over the step, as `stepper.piece` goes."""
     for j in range(ways.body.shape[0]):
         if ways.moves[j]:
             for e in range(ways.start[j], ways.start[j + 1]):

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.tuning.level1.combination import (
+    Signal,
+    StanceFrame,
+    WalkLoads,
     consistency,
     joint_load,
     mean_square,
@@ -12,7 +15,6 @@ from vsf_drake.analysis.tuning.level1.combination import (
     push_off,
     tracking,
 )
-from vsf_drake.analysis.tuning.level1.loads import Signal, StanceFrame, WalkLoads
 from vsf_drake.motion.events import Stance
 
 N, STEP, MASS, LEG = 1000, 1e-3, 80.0, 0.9

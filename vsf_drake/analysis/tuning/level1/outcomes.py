@@ -11,8 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.combination import Terms, walk_terms
-from vsf_drake.analysis.tuning.level1.loads import StanceFrame, WalkLoads, stance_frame, walk_loads
+from vsf_drake.analysis.tuning.level1.combination import (
+    StanceFrame,
+    Terms,
+    WalkLoads,
+    stance_frame,
+    walk_loads,
+    walk_terms,
+)
 from vsf_drake.analysis.tuning.level1.options import DesignVariable, TuningOptions, WalkSetting, walk_setting
 from vsf_drake.analysis.validation.energy_same_load import prosthesis_energy
 from vsf_drake.analysis.validation.energy_section import stance_energy

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standard_parameters
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
-from vsf_drake.analysis.contact_fit.standard import REFERENCE_DEPTH_M, standard_parameters
 from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest, positions, sweep
