@@ -21,7 +21,6 @@ from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 from vsf_drake.plants.foot_visuals import add_foot_visuals
 
-
 # The rigid parts, springs, drawings and contact spheres of the foot that `add_foot` builds, as numbers to be written.
 #
 # All of it is read from a plant of that foot, so that an exported file says what the plant says. With all coordinates
