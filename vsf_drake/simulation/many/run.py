@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, raise_if_interrupted
 from vsf_drake.simulation.many.cache import WalkCache
 from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep
 from vsf_drake.simulation.many.dispatch import dispatch
@@ -106,6 +106,7 @@ class _Sweep:
             except InputError as error:
                 self._refuse(i, str(error))
             except Exception as error:  # whatever a case holds, it concerns this member only
+                raise_if_interrupted()
                 self._refuse(i, f"{type(error).__name__}: {error}")
             else:
                 self._members.setdefault(task.key, []).append(i)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import InputError, SimulationError, raise_if_interrupted
 from vsf_drake.simulation.many.cases import ARRAYS, Task
 from vsf_drake.simulation.many.keys import software
 from vsf_drake.simulation.walk import Walker
@@ -73,6 +73,7 @@ def run_task(task: Task) -> Reply:
     except (MemoryError, OSError) as error:
         return Reply(Kind.MACHINE, f"{type(error).__name__}: {error}")
     except Exception as error:  # whatever it is, it concerns this member only
+        raise_if_interrupted()
         return Reply(Kind.REFUSED, f"{type(error).__name__}: {error}")
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import PERCENT
 from vsf_drake.analysis.validation.walking.ensembles import Ensemble
+from vsf_drake.errors import raise_if_interrupted
 from vsf_drake.motion.runs import longest_run, runs
 
 SPM, BOOTSTRAP = "statistical parametric mapping", "pointwise bootstrap"
@@ -78,6 +79,7 @@ def differing_regions(ensemble: Ensemble, *, seed: tuple[int, ...]) -> tuple[dic
         try:
             threshold, spans = _spm(ensemble.model[:, used], ensemble.measured[:, used])
         except Exception as error:  # whatever the optional package dislikes, the bands remain
+            raise_if_interrupted()
             table["why"] = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
         else:
             return table | {"method": SPM, "threshold": threshold} | _regions(spans, first, own), arrays
