@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
+import threading
+import time
 from pathlib import Path
 
 UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
@@ -62,3 +65,29 @@ class FitError(VsfError):
     """A fit that did not come to an end that can be used, and whose result was asked for as if it had."""
 
     exit_code = 4
+
+
+CLEARING_S = 10.0
+"""How long after a signal the program may take to clear up."""
+_asked_s = -math.inf
+
+
+def note_interruption(*, came: bool = True) -> None:
+    """Keeps that a signal asked the program to end, or forgets it."""
+    global _asked_s  # noqa: PLW0603 (signals are the process's)
+    _asked_s = time.monotonic() if came else -math.inf
+
+
+def interrupted_lately() -> bool:
+    """Whether a signal asked the program to end in the last `CLEARING_S` seconds."""
+    return time.monotonic() - _asked_s < CLEARING_S
+
+
+def raise_if_interrupted() -> None:
+    """For who goes on after any error: compiled code of others makes errors of its own of an interruption.
+
+    Raises:
+        KeyboardInterrupt: a signal has just asked the program to end.
+    """
+    if interrupted_lately() and threading.current_thread() is threading.main_thread():
+        raise KeyboardInterrupt

@@ -33,6 +33,10 @@ from vsf_drake.simulation.results import load_walk
 CODES = {"INT": 130, "TERM": 143, "KILL": -signal.SIGKILL}
 SOON_S = 20.0
 """In which INT and TERM end a command, on a busy machine (a choice)."""
+LOST_S = 5.0
+"""In which a program ends with 0 that was about to: later it has not heard a signal (a choice)."""
+MISREAD = ("Invalid bounding box", "initialization failed")
+"""Errors that compiled code of others was seen to make of an interruption."""
 PROGRAM = """
 import signal  # tests that run in the background ignore SIGINT, and so would what they start
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -97,32 +101,7 @@ def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: 
 
     Where nothing at all is left, the next run is a first one: without `always` it is then left out.
     """
-    wrong = []
-    process = started(command, out)
-    try:
-        process.wait(moment_s)
-    except subprocess.TimeoutExpired:
-        if name == "INT":  # Ctrl-C reaches every process of a terminal; who else ends a program names it
-            os.killpg(process.pid, signal.SIGINT)
-        else:
-            process.send_signal(signal.Signals[f"SIG{name}"])
-    sent = time.monotonic()
-    said = process.communicate(timeout=300.0)[1]
-    took = time.monotonic() - sent
-    ended = process.returncode
-    if name == "TERM" and ended == -signal.SIGTERM:  # the program was over, and Python about to end; a shell says 143
-        ended = 0
-    if ended not in (0, CODES[name]):
-        wrong.append(f"exit code {ended}: {said[-300:]}")
-    if "Traceback" in said or (ended == CODES[name] and name != "KILL" and not said.strip()):
-        wrong.append(f"no sentence: {said[-300:]!r}")
-    if took > SOON_S and ended != 0:
-        wrong.append(f"ended only {took:.0f} s later")
-    if not gone_soon(process.pid):
-        wrong.append(f"left running: {session_of(process.pid)}")
-    if name != "KILL":
-        wrong += [f"left {part}" for part in leftovers(out.parent)]
-        wrong += _unreadable(command, out)
+    wrong = _wrong_end(command, name, moment_s, out, whole)
     if not always and not any(out.parent.iterdir()):
         return wrong
     again = started(command, out)
@@ -132,6 +111,39 @@ def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: 
     wrong += [f"after the next run there is {part}" for part in leftovers(out.parent)]
     wrong += _unreadable(command, out)
     return wrong + list(differences(content(whole), content(out)))
+
+
+def _wrong_end(command: Command, name: str, moment_s: float, out: Path, whole: Path) -> list[str]:
+    """What is wrong with how the command ends after the signal, and with what it then leaves."""
+    process, wrong = started(command, out), []
+    try:
+        process.wait(moment_s)
+    except subprocess.TimeoutExpired:
+        if name == "INT":  # Ctrl-C reaches every process of a terminal; who else ends a program names it
+            os.killpg(process.pid, signal.SIGINT)
+        else:
+            process.send_signal(signal.Signals[f"SIG{name}"])
+    sent, over = time.monotonic(), process.poll() is not None
+    said = process.communicate(timeout=300.0)[1]
+    took, ended = time.monotonic() - sent, process.returncode
+    if name == "TERM" and ended == -signal.SIGTERM and (out / command.table).exists():
+        ended = 0  # the program was over, and Python about to end; a shell says 143
+    if ended not in (0, CODES[name]):
+        wrong.append(f"exit code {ended}: {said[-300:]}")
+    if "Traceback" in said or (ended == CODES[name] and name != "KILL" and not said.strip()):
+        wrong.append(f"no sentence: {said[-300:]!r}")
+    if "whole or not at all (" in said and not any(known in said for known in MISREAD):
+        wrong.append(f"ended by another error: {said[-300:]}")
+    if took > (SOON_S if ended else LOST_S) and not over:
+        wrong.append(f"ended with {ended} only {took:.0f} s later")
+    if ended == 0:
+        wrong += differences(content(whole), content(out))
+    if not gone_soon(process.pid):
+        wrong.append(f"left running: {session_of(process.pid)}")
+    if name != "KILL":
+        wrong += [f"left {part}" for part in leftovers(out.parent)]
+        wrong += _unreadable(command, out)
+    return wrong
 
 
 def moments(usual_s: float, count: int, seed: str) -> list[float]:

@@ -1,86 +1,50 @@
-"""The command line, one module a command; importing a module adds its command."""
+"""The command line: `main`, which answers signals and errors; a command's module adds it when it is imported."""
 
 from __future__ import annotations
 
-import _thread
-import math
 import os
 import signal
 import stat
 import sys
 import threading
-import time
-from typing import Any
+from typing import Any, Self
 
-from vsf_drake.errors import InputError, VsfError
+from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
-CLEARING_S = 10.0
-"""How long after a SIGTERM another one changes nothing, and how long clearing up may take."""
 RAISED_AGAIN_S = 0.05
-NOTHING_WRITTEN = "interrupted; nothing of the unfinished part was written"
+INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
 def main() -> None:
     """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3.
 
-    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
+    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129. Where it does not run in
+    the main thread, signals are left to the caller.
     """
-    ended_by, last_s = signal.SIGINT, -math.inf
+    with _Signals() as signals:
+        try:
+            _run()
+        except (SystemExit, KeyboardInterrupt) as ended:
+            signals.answer_no_more()
+            if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # Typer's word for it, and ours
+                raise
+            said = isinstance(ended, SystemExit) and isinstance(ended.__cause__ or ended.__context__, KeyboardInterrupt)
+            if not said:  # by the command, which knows what is written
+                print(INTERRUPTED, file=sys.stderr)
+            sys.exit(128 + signals.ended_by)
+        except Exception as error:
+            signals.answer_no_more()
+            if interrupted_lately():  # compiled code of others makes errors of its own of an interruption
+                print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
+                sys.exit(128 + signals.ended_by)
+            if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a compiler's cache
+                error = InputError(error.strerror or str(error), file=error.filename)
+            if not isinstance(error, VsfError):
+                raise
+            from vsf_drake.cli.app import errors
 
-    def interrupt(number: int, frame: Any) -> None:
-        nonlocal ended_by, last_s
-        if number == signal.SIGHUP:
-            _leave_terminal()
-        since_s, last_s = time.monotonic() - last_s, time.monotonic()
-        if since_s > CLEARING_S or number == signal.SIGINT:  # no other disturbs the clearing up
-            ended_by = signal.Signals(number)
-            raise KeyboardInterrupt
-
-    def raise_again() -> None:
-        nonlocal last_s
-        if signal.getsignal(ended_by) is interrupt:
-            last_s = -math.inf
-            _thread.interrupt_main(ended_by)
-
-    def ignored(what: sys.UnraisableHookArgs) -> None:
-        if what.exc_type is not KeyboardInterrupt:
-            sys.__unraisablehook__(what)
-            return
-        again = threading.Timer(RAISED_AGAIN_S, raise_again)  # a callback of compiled code raises nothing further
-        again.daemon = True
-        again.start()
-
-    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-    before = {each: handler for each, handler in usual.items()  # not what nohup ignores, or a caller handles
-              if signal.getsignal(each) is handler}
-    hook = sys.unraisablehook
-    try:
-        sys.unraisablehook = ignored
-        for each in before:
-            signal.signal(each, interrupt)
-        _run()
-    except (SystemExit, KeyboardInterrupt) as ended:
-        if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # which is Typer's word for it
-            raise
-        if not isinstance(ended.__context__, KeyboardInterrupt):  # where the command itself has said what there is
-            print(NOTHING_WRITTEN, file=sys.stderr)
-        sys.exit(128 + ended_by)
-    except Exception as error:
-        if time.monotonic() - last_s < CLEARING_S:  # others' compiled code makes errors of its own of an interruption
-            print(NOTHING_WRITTEN, file=sys.stderr)
-            sys.exit(128 + ended_by)
-        if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a cache of compiled code
-            error = InputError(error.strerror or str(error), file=error.filename)
-        if not isinstance(error, VsfError):
-            raise
-        from vsf_drake.cli.app import errors
-
-        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
-        sys.exit(error.exit_code)
-    finally:
-        sys.unraisablehook = hook
-        for each, handler in before.items():
-            signal.signal(each, handler)
+            errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+            sys.exit(error.exit_code)
 
 
 def _run() -> None:
@@ -103,6 +67,62 @@ def _run() -> None:
     from vsf_drake.cli.app import app
 
     app()
+
+
+class _Signals:
+    """While it is entered SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, unless a caller has set them."""
+
+    def __init__(self) -> None:
+        self.ended_by = signal.SIGINT
+        self._hook = sys.unraisablehook
+        ours: dict[signal.Signals, tuple[Any, Any]] = {
+            signal.SIGINT: (signal.default_int_handler, self._interrupt),
+            signal.SIGTERM: (signal.SIG_DFL, self._interrupt), signal.SIGHUP: (signal.SIG_DFL, self._interrupt),
+            signal.SIGALRM: (signal.SIG_DFL, self._again)}
+        if threading.current_thread() is not threading.main_thread():
+            ours = {}
+        self._handled = {each: pair for each, pair in ours.items() if signal.getsignal(each) is pair[0]}
+
+    def __enter__(self) -> Self:
+        sys.unraisablehook = self._ignored
+        for each, (_, handler) in self._handled.items():
+            signal.signal(each, handler)
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        sys.unraisablehook = self._hook
+        if signal.SIGALRM in self._handled:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for each, (before, _) in self._handled.items():
+            signal.signal(each, before)
+        note_interruption(came=False)
+
+    def answer_no_more(self) -> None:
+        """For the last words, when all is cleared up."""
+        for each in self._handled:
+            signal.signal(each, signal.SIG_IGN)
+
+    def _interrupt(self, number: int, frame: Any) -> None:
+        if number == signal.SIGHUP:
+            _leave_terminal()
+        if number == signal.SIGINT or not interrupted_lately():  # no other disturbs the clearing up
+            self.ended_by = signal.Signals(number)
+            note_interruption()
+            raise KeyboardInterrupt
+
+    def _ignored(self, what: sys.UnraisableHookArgs) -> None:
+        # a callback of compiled code raises nothing further: once more, when it is over
+        if what.exc_type is KeyboardInterrupt and signal.SIGALRM in self._handled:
+            signal.setitimer(signal.ITIMER_REAL, RAISED_AGAIN_S)
+        else:
+            self._hook(what)
+
+    def _again(self, number: int, frame: Any) -> None:
+        if signal.getsignal(self.ended_by) == self._interrupt:
+            note_interruption(came=False)
+            self._interrupt(self.ended_by, frame)
+        else:  # results are being put in their place: after that
+            signal.setitimer(signal.ITIMER_REAL, RAISED_AGAIN_S)
 
 
 def _leave_terminal() -> None:

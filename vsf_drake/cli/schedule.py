@@ -51,19 +51,19 @@ def schedule(
 
     out, contact = user_path(out), file_of(contact)
     check_schedule_folder(out)
-    try:
-        with progress() as show:
+    with progress() as show:
+        try:
             given = check_resolution(listed, contact, options, resolution_mm, show)
             table, interrupted = tune_tasks(listed, given, options, resolution_mm=resolution_mm, show=show)
-            show("writing the report", 0.99)
-            written = write_schedule(out, table)
-    except KeyboardInterrupt:
-        errors.print("interrupted before any task had a result; nothing was written", highlight=False)
-        sys.exit(INTERRUPTED)
+        except KeyboardInterrupt:
+            errors.print("interrupted before any task had a result; nothing was written", highlight=False)
+            sys.exit(INTERRUPTED)
+        show("writing the report", 0.99)
+        written = write_schedule(out, table)
     if interrupted:
         errors.print(f"interrupted; what was found by then is in {out}, marked as NOT OPTIMAL", highlight=False,
                      soft_wrap=True, markup=False)
-        sys.exit(INTERRUPTED)
+        raise SystemExit(INTERRUPTED) from KeyboardInterrupt()
     if not written["optimal"]:
         bad = "; ".join(f"{row['label']}: {row['status']}" for row in written["tasks"] if not row["optimal"])
         raise FitError(f"NOT OPTIMAL: {bad}. What was found is in {out}, marked so; see {out / PAGE}")

@@ -80,20 +80,20 @@ def tune(
     out, contact, warm_start = user_path(out), file_of(contact), file_of(warm_start)
     check_tuning_folder(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
-    try:
-        with progress() as show:
+    with progress() as show:
+        try:
             given = load_tuning_trials([user_path(path) for path in trials or ()], contact=contact, level=level,
                                        quick=quick, progress=show)
             table, arrays = tune_trials(given, options, show=show, warm=warm)
-            show("writing the report", 0.99)
-            written = write_tuning(out, table, arrays)
-    except KeyboardInterrupt:
-        errors.print("interrupted before anything was found; nothing was written", highlight=False)
-        sys.exit(INTERRUPTED)
+        except KeyboardInterrupt:
+            errors.print("interrupted before anything was found; nothing was written", highlight=False)
+            sys.exit(INTERRUPTED)
+        show("writing the report", 0.99)
+        written = write_tuning(out, table, arrays)
     if was_interrupted(written):
         errors.print(f"interrupted; what was found by then is in {out}, marked as NOT OPTIMAL", highlight=False,
                      soft_wrap=True, markup=False)
-        sys.exit(INTERRUPTED)
+        raise SystemExit(INTERRUPTED) from KeyboardInterrupt()
     if not written["optimal"]:
         raise FitError(f"NOT OPTIMAL: {written['status'].removesuffix('.')}. What was found is in {out}, marked so; "
                        f"see {out / PAGE}")

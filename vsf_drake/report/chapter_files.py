@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, raise_if_interrupted
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.report.page import (
     Bullets,
@@ -84,6 +84,7 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
     try:
         return make()
     except Exception as error:  # whatever another version or an editor left there
+        raise_if_interrupted()
         if not lenient:
             raise
         return absent_chapter(name, title, unshown("what the results hold of it", error))
@@ -115,6 +116,7 @@ def _written(piece: Piece, folder: Path, files: set[Path], *, lenient: bool) -> 
     except (InputError, OSError):
         raise
     except Exception as error:  # whatever another version or an editor left there
+        raise_if_interrupted()
         if not lenient:
             raise
         what = {Grid: "the table ", Picture: "the figure "}.get(type(piece), "a text")

@@ -31,6 +31,7 @@ from vsf_drake.analysis.validation.walking_ensembles import (
     sweep_study,
     walk_curves,
 )
+from vsf_drake.errors import raise_if_interrupted
 from vsf_drake.json_file import plain
 from vsf_drake.motion.events import longest_run, runs
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -389,6 +390,7 @@ def differing_regions(ensemble: Ensemble, *, seed: tuple[int, ...]) -> tuple[dic
         try:
             threshold, spans = _spm(ensemble.model[:, used], ensemble.measured[:, used])
         except Exception as error:  # whatever the optional package dislikes, the bands remain
+            raise_if_interrupted()
             table["why"] = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
         else:
             return table | {"method": SPM, "threshold": threshold} | _regions(spans, first, own), arrays

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, raise_if_interrupted
 from vsf_drake.files import replaced, user_path
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
@@ -112,6 +112,7 @@ class _Sweep:
             except InputError as error:
                 self._refuse(i, str(error))
             except Exception as error:  # whatever a case holds, it concerns this member only
+                raise_if_interrupted()
                 self._refuse(i, f"{type(error).__name__}: {error}")
             else:
                 self._members.setdefault(task.key, []).append(i)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError, SimulationError, VsfError
+from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
 from vsf_drake.simulation.many.cases import ARRAYS, Task, WalkCase, shown, software, whole
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walker
@@ -74,6 +74,7 @@ def run_task(task: Task) -> Reply:
     except (MemoryError, OSError) as error:
         return Reply(Kind.MACHINE, f"{type(error).__name__}: {error}")
     except Exception as error:  # whatever it is, it concerns this member only
+        raise_if_interrupted()
         return Reply(Kind.REFUSED, f"{type(error).__name__}: {error}")
 
 
