@@ -10,13 +10,13 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.files import resource
 from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.simulation.standing import simulate_standing
+from vsf_drake.simulation.standing_result import standing_table
 
 FULCRUMS_M = (0.066, 0.151)
 LENGTH_DIFFERENCES_M = (-0.010, 0.0, 0.010)

@@ -5,7 +5,7 @@ import pytest
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import read_json, write_json
-from vsf_drake.report.style import read_table
+from vsf_drake.report.chapter_files import read_table
 
 
 @pytest.mark.parametrize("text", [

@@ -19,8 +19,8 @@ from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.npz_file import ALWAYS_BYTES, read_npz
+from vsf_drake.report.chapter_files import read_arrays
 from vsf_drake.report.fit_output import read_fit
-from vsf_drake.report.style import read_arrays
 from vsf_drake.simulation.archive import read_archive
 from vsf_drake.simulation.many.run import WalkCache
 

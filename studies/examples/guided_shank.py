@@ -25,7 +25,7 @@ from scipy.interpolate import PchipInterpolator
 
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import FootHandles, WiredFoot, add_foot, share_generalized_forces, wire_foot
-from vsf_drake.plants.anthropometry import FORWARD, LEFTWARD, UPWARD, add_chain, box
+from vsf_drake.plants.solids import FORWARD, LEFTWARD, UPWARD, add_chain, box
 from vsf_drake.systems import GaitDriver
 
 STRIDE_S, STANCE, STRIDE_M = 1.1, 0.62, 1.15

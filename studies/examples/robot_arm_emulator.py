@@ -27,7 +27,7 @@ from scipy.interpolate import PchipInterpolator
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.report.style import condition_colour, condition_label, label, new_figure, save_figure, style
-from vsf_drake.simulation.roll_over_control import RollOver
+from vsf_drake.simulation.roll_over import RollOver
 
 FULCRUMS_M, DESIGN_M = (0.066, 0.108), 0.108
 DURATION_S, TILT_DEG = 0.7, (-15.0, 30.0)

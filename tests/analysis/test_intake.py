@@ -16,7 +16,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.from_markers import model_ankle
-from vsf_drake.motion.markers.identity import PersonFacts
+from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.plates import os_to_world
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from vsf_drake.analysis import inverse_kinematics as ik
 from vsf_drake.analysis.inverse_kinematics import make_marker_model
 from vsf_drake.errors import InputError
-from vsf_drake.motion.markers.joint_centres import COORDINATES
+from vsf_drake.motion.markers.joint_angles import COORDINATES
 from vsf_drake.motion.markers.tracking import track
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.person import add_person

@@ -18,7 +18,7 @@ from vsf_drake.analysis.recording.marker_checks import (
     leg_lengths,
     residuals,
 )
-from vsf_drake.motion.markers.joint_centres import joint_angles
+from vsf_drake.motion.markers.joint_angles import joint_angles
 from vsf_drake.motion.markers.schema import Gap
 
 TIME = np.arange(0.0, 1.8, 0.01)

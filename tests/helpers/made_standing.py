@@ -10,8 +10,8 @@ from made_person import Person
 
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.identity import PersonFacts
 from vsf_drake.motion.markers.maps import SIDES, load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration
 
 MAPS = {"plug_in_gait": "plug_in_gait", "rajagopal": "rajagopal", "opensim": "rajagopal", "ior": "ior"}

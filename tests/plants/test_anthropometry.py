@@ -9,13 +9,8 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.plants.anthropometry import (
-    DE_LEVA,
-    ellipsoid_central_moments,
-    pelvis_semi_axes,
-    residual_volume_ratio,
-    scale_body,
-)
+from vsf_drake.plants.anthropometry import DE_LEVA, pelvis_semi_axes, residual_volume_ratio, scale_body
+from vsf_drake.plants.solids import ellipsoid_central_moments
 
 MODEL = ModelParameters()
 REST_OF_BODY = {  # head, trunk, upper arm, forearm, hand as fractions of body mass, de Leva 1996

@@ -16,7 +16,7 @@ from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
-from vsf_drake.plants.foot_visuals import add_foot_visuals
+from vsf_drake.plants.visuals import add_foot_visuals
 from vsf_drake.simulation.bench_stiffness import KeelStatics
 
 mujoco = pytest.importorskip("mujoco")

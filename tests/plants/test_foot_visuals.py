@@ -12,7 +12,7 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_visuals import add_foot_visuals
+from vsf_drake.plants.visuals import add_foot_visuals
 
 
 def registered_plant():

@@ -9,9 +9,9 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.anthropometry import frustum_volume
-from vsf_drake.plants.foot_visuals import LEAST_RADIUS_M, SITE_NAME, add_visuals, frustum_shape
 from vsf_drake.plants.person import add_person
+from vsf_drake.plants.solids import frustum_volume
+from vsf_drake.plants.visuals import LEAST_RADIUS_M, SITE_NAME, add_visuals, frustum_shape
 
 
 def subject(side):

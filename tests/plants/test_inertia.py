@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.plants.anthropometry import (
+from vsf_drake.plants.solids import (
     box,
     ellipsoid_central_moments,
     from_central,

@@ -11,8 +11,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, Subject
-from vsf_drake.plants.anthropometry import FootPlacement, add_chain, foot_placement, rotations
+from vsf_drake.plants.anthropometry import FootPlacement, foot_placement
 from vsf_drake.plants.foot import add_foot, mount_pose, set_mount
+from vsf_drake.plants.solids import add_chain, rotations
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 SIDES = pytest.mark.parametrize("mirrored", [False, True], ids=["right", "left"])

@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.sweep_table import standing_table
 from vsf_drake.report.standing_output import standing_figure, write_standing
-from vsf_drake.simulation.standing_result import Standing
+from vsf_drake.simulation.standing_result import Standing, standing_table
 
 STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0
 

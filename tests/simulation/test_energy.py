@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.reactions import INPUTS, LOST, STORED, energy_ledger, total
-from vsf_drake.simulation.roll_over_control import RollOver, roll_over_mechanism
+from vsf_drake.simulation.roll_over import RollOver, roll_over_mechanism
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 

@@ -14,7 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.adaptive import advance, drive
-from vsf_drake.simulation.roll_over_control import (
+from vsf_drake.simulation.roll_over import (
     FOLLOWS_WITHIN,
     Following,
     RollOver,

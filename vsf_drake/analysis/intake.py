@@ -20,8 +20,8 @@ from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.from_markers import PLACEHOLDER_KG, trial_from_recordings
 from vsf_drake.motion.manifest import Window
-from vsf_drake.motion.markers.identity import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration
 from vsf_drake.motion.trial import Trial

@@ -31,25 +31,16 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.from_markers import reaching_pelvis
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
-from vsf_drake.motion.markers.joint_centres import COORDINATES, coordinates_of
+from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.poses import RigidPoses
 from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.plants.anthropometry import (
-    FORWARD,
-    LEFTWARD,
-    RIGHTWARD,
-    UPWARD,
-    Body,
-    add_chain,
-    rotations,
-    scale_body,
-    translations,
-)
+from vsf_drake.plants.anthropometry import Body, scale_body
 from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates
+from vsf_drake.plants.solids import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
 from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT, OTHER_WEIGHT = 2.0, 0.1, 1.0

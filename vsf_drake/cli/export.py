@@ -29,7 +29,7 @@ def export(
     this package, at one position of it. What a format cannot carry stands in the comment at the top of each file.
     """
     from vsf_drake.files import sha256
-    from vsf_drake.report.outputs import SIDECAR, write_export
+    from vsf_drake.report.export_output import SIDECAR, write_export
 
     out = target(out, "export", sidecar=SIDECAR)
     model, contact = file_of(model), file_of(contact)

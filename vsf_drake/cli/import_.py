@@ -132,7 +132,7 @@ def _list_markers(path: Path, **axes: str | None) -> None:
 def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str, float]]:
     """What is stated of the person, and the lengths that win over the markers."""
     from vsf_drake.motion.manifest import load_stated_subject
-    from vsf_drake.motion.markers.identity import PersonFacts
+    from vsf_drake.motion.markers.person_facts import PersonFacts
 
     given = {key: value for key, value in single.items() if value is not None}
     if subject is None:

@@ -28,8 +28,8 @@ from typing import Any
 import numba
 import numpy as np
 
-COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "simulation/reactions.py",
-            "systems/_foot_compiled.py", "analysis/validation/energy_same_load.py", "motion/events.py")
+COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_compiled.py",
+            "analysis/validation/segment_power.py", "motion/events.py")
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""

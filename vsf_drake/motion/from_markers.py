@@ -23,9 +23,9 @@ from vsf_drake.motion.manifest import GeometricOffsets, Window, with_stated
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.frames import prepared
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
-from vsf_drake.motion.markers.identity import PersonFacts, with_files
-from vsf_drake.motion.markers.joint_centres import COORDINATES, orientations_of
+from vsf_drake.motion.markers.joint_angles import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import MarkerMap, choose_map
+from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track

@@ -40,7 +40,7 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
 from vsf_drake.model_file import load_model
-from vsf_drake.motion.markers.identity import PersonFacts
+from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
 

@@ -7,28 +7,14 @@ antero-posterior one, as biomechanics practice does. The pelvis carries head, ar
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    Frame,
-    Joint,
-    ModelInstanceIndex,
-    PrismaticJoint,
-    RevoluteJoint,
-    RigidBody,
-    RotationalInertia,
-    SpatialInertia,
-    UnitInertia,
-)
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.plants.solids import frustum_taper, frustum_volume
 
 
 @dataclass(frozen=True)
@@ -240,125 +226,3 @@ def foot_placement(subject: Subject) -> FootPlacement:
         fore_aft=subject.prosthesis_fore_aft_m or 0.0, lateral=subject.prosthesis_lateral_m or 0.0,
         alignment=subject.prosthesis_alignment_rad or 0.0, inversion=subject.prosthesis_inversion_rad or 0.0,
         toe_out=subject.prosthesis_toe_out_rad or 0.0)
-
-
-# Mass properties of the solids that the person and the foot are made of.
-#
-# Each function returns a `SpatialInertia` M_SSo_S about the origin So of the frame S it names.
-
-
-def from_central(mass: float, p_SoScm_S: np.ndarray, central_moments: np.ndarray) -> SpatialInertia:
-    """Spatial inertia from mass (kg), centre of mass (m) and principal central moments (kg m^2)."""
-    central = RotationalInertia(*central_moments)
-    p = np.asarray(p_SoScm_S, dtype=float)
-    about_origin = central.ShiftFromCenterOfMass(mass=mass, p_BcmQ_E=-p)
-    unit = UnitInertia()
-    unit.SetFromRotationalInertia(I=about_origin, mass=mass)
-    return SpatialInertia(mass=mass, p_PScm_E=p, G_SP_E=unit)
-
-
-def box(mass: float, size: tuple[float, float, float], center: tuple[float, float, float]) -> SpatialInertia:
-    """Homogeneous box; `size` and `center` in m along x, y, z of S."""
-    x, y, z = size
-    moments = mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    return from_central(mass, np.array(center), moments)
-
-
-def ellipsoid_central_moments(mass: float, semi_axes: np.ndarray) -> np.ndarray:
-    """Central moments (kg m^2) of a homogeneous ellipsoid with semi-axes a, b, c (m)."""
-    a2, b2, c2 = np.square(semi_axes)
-    return mass / 5.0 * np.array([b2 + c2, a2 + c2, a2 + b2])
-
-
-def frustum_volume(proximal: float, distal: float, length: float) -> float:
-    """Volume (m^3) of a conical frustum with end radii and length in m."""
-    return math.pi * length * (proximal**2 + proximal * distal + distal**2) / 3.0
-
-
-def frustum_taper(center_fraction: float) -> float:
-    """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the length.
-
-    Raises:
-        ValueError: no frustum has such a centre (it must lie between 1/4 and 1/2).
-    """
-    c = 4.0 * center_fraction
-    # c (1 + r + r^2) = 1 + 2 r + 3 r^2, solved for r >= 0
-    a, b, d = c - 3.0, c - 2.0, c - 1.0
-    disc = b * b - 4 * a * d
-    if not 0.25 < center_fraction <= 0.5 or disc < 0:
-        raise ValueError(f"no frustum has its centre of mass at {center_fraction} of its length")
-    return (-b - math.sqrt(disc)) / (2 * a)
-
-
-def frustum(mass: float, proximal: float, distal: float, length: float) -> SpatialInertia:
-    """Homogeneous frustum hanging from So along -z of S; radii and length in m.
-
-    The moments are the integral of those of its discs, evaluated exactly by a four-point
-    Gauss rule, since the integrand is a polynomial of degree four in the height.
-    """
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    s = 0.5 * (nodes + 1.0)
-    radius = proximal + (distal - proximal) * s
-    slice_mass = mass * (0.5 * weights) * radius**2 / np.sum(0.5 * weights * radius**2)
-    z = -s * length
-    z_cm = float(slice_mass @ z) / mass
-    axial = float(slice_mass @ (0.5 * radius**2))
-    lateral = float(slice_mass @ (0.25 * radius**2 + (z - z_cm) ** 2))
-    return from_central(mass, np.array([0.0, 0.0, z_cm]), np.array([lateral, lateral, axial]))
-
-
-def shifted(inertia: SpatialInertia, p_SoPo_S: np.ndarray) -> SpatialInertia:
-    """The same body's inertia about its frame's origin when the body stands `p_SoPo_S` (m) further out in it."""
-    return inertia.Shift(-np.asarray(p_SoPo_S, dtype=float))
-
-
-# Chains of one-degree-of-freedom joints, so that a joint coordinate is the clinical angle itself.
-
-
-FORWARD = np.array([1.0, 0.0, 0.0])
-UPWARD = np.array([0.0, 0.0, 1.0])
-LEFTWARD = np.array([0.0, 1.0, 0.0])
-RIGHTWARD = -LEFTWARD
-
-Step = tuple[str, type[Joint], np.ndarray]
-"""Joint name, its class (RevoluteJoint or PrismaticJoint), axis in the frame it turns in."""
-
-
-def add_chain(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    parent: Frame,
-    p_PF: np.ndarray,
-    child: RigidBody,
-    steps: Sequence[Step],
-) -> list[Joint]:
-    """Connects `child` to `parent` by the joints of `steps`, in that order.
-
-    The first joint's frame F sits at `p_PF` (m) in `parent`, parallel to it. Between two joints
-    is a body without mass, named after the earlier one. With all coordinates zero the child's body
-    frame coincides with F.
-    """
-    frame: Frame = plant.AddFrame(FixedOffsetFrame(f"{steps[0][0]}_frame", parent, RigidTransform(p_PF), instance))
-    joints: list[Joint] = []
-    for name, kind, axis in steps:
-        last = name == steps[-1][0]
-        body = child if last else plant.AddRigidBody(f"{name}_link", instance, SpatialInertia.Zero())
-        joints.append(plant.AddJoint(kind(name, frame, body.body_frame(), axis)))
-        frame = body.body_frame()
-    return joints
-
-
-def rotations(names: Sequence[str], mirrored: bool, flexion_axis: np.ndarray = RIGHTWARD) -> list[Step]:
-    """Flexion, adduction, rotation as the joint coordinate system orders them (Wu 2002; Grood & Suntay 1983).
-
-    Flexion is about `flexion_axis`; adduction and internal rotation are positive for both sides,
-    hence about opposite axes on the left, where `mirrored` is true.
-    """
-    sign = -1.0 if mirrored else 1.0
-    axes = (flexion_axis, sign * FORWARD, sign * UPWARD)
-    return [(name, RevoluteJoint, axis) for name, axis in zip(names, axes, strict=True)]
-
-
-def translations(names: Sequence[str], axes: Sequence[np.ndarray]) -> list[Step]:
-    """Three slides along `axes`."""
-    return [(name, PrismaticJoint, axis) for name, axis in zip(names, axes, strict=True)]

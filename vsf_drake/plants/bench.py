@@ -12,12 +12,12 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters, FrictionParameters
-from vsf_drake.plants.anthropometry import FORWARD, RIGHTWARD, UPWARD, add_chain, box
 from vsf_drake.plants.device import DeviceSystems, add_device, servo
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_visuals import add_foot_visuals, connect_scene_graph
 from vsf_drake.plants.gait import FootGround, add_foot_ground
+from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
+from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
 from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
 from vsf_drake.systems.testing_machine import TestingMachine
 

@@ -15,11 +15,11 @@ from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.anthropometry import RIGHTWARD
 from vsf_drake.plants.contact_geometry import add_contact_geometry
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles
-from vsf_drake.plants.foot_visuals import add_foot_visuals
+from vsf_drake.plants.solids import RIGHTWARD
+from vsf_drake.plants.visuals import add_foot_visuals
 
 # The rigid parts, springs, drawings and contact spheres of the foot that `add_foot` builds, as numbers to be written.
 #

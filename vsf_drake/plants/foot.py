@@ -39,7 +39,6 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_foot, check_fulcrum
 from vsf_drake.parameters import FootParameters, KeelParameters
-from vsf_drake.plants.anthropometry import FORWARD, RIGHTWARD, box
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
 from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.foot_handles import (
@@ -51,6 +50,7 @@ from vsf_drake.plants.foot_handles import (
     checked_side,
     zone_sites,
 )
+from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
 """What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""

@@ -16,9 +16,9 @@ from vsf_drake.parameters import FrictionParameters, ModelParameters, Subject
 from vsf_drake.plants.contact_geometry import dissipation
 from vsf_drake.plants.device import DeviceSystems, add_device, servo, velocity_indices
 from vsf_drake.plants.foot_handles import ContactSites
-from vsf_drake.plants.foot_visuals import add_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.foot_wiring import DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S, wire_foot
 from vsf_drake.plants.person import PersonHandles, SocketHandles, add_person
+from vsf_drake.plants.visuals import add_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import (
     connect_generalized_forces,
     connect_kinematics,

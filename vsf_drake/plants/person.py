@@ -17,27 +17,23 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex, RigidBody, WeldJoint
 
 from vsf_drake.parameters import BushingAxis, IntactFootParameters, ModelParameters, SocketParameters, Subject
-from vsf_drake.plants.anthropometry import (
+from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, Body, pelvis_semi_axes, scale_body
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, zone_sites
+from vsf_drake.plants.solids import (
     FORWARD,
     LEFTWARD,
     RIGHTWARD,
-    SHANK_RADIUS_M,
-    THIGH_RADIUS_M,
     UPWARD,
-    Body,
     add_chain,
     ellipsoid_central_moments,
     from_central,
     frustum,
     frustum_taper,
-    pelvis_semi_axes,
     rotations,
-    scale_body,
     shifted,
     translations,
 )
-from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, zone_sites
 
 PELVIS_COORDINATES = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
 

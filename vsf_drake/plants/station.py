@@ -62,11 +62,11 @@ from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.gait import make_gait, make_gait_over
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.parsed_foot import find_foot
+from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces
 from vsf_drake.scenario import Scenario, ScenarioFoot, check_scenario, file_of, scenario_ground
 from vsf_drake.systems.driver import GaitDriver

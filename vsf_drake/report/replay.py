@@ -30,8 +30,8 @@ from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.plants.foot_visuals import SITE_NAME, SPHERE, add_visuals
 from vsf_drake.plants.person import PersonHandles, add_person
+from vsf_drake.plants.visuals import SITE_NAME, SPHERE, add_visuals
 from vsf_drake.report.replay_page import RGB, finish_page
 from vsf_drake.report.show.serve import open_meshcat
 from vsf_drake.schema import from_plain

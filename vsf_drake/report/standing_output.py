@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.sweep_table import LARGEST_DRIFT_M, standing_table
 from vsf_drake.json_file import write_json
 from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, label, new_figure, save_figure, style
 from vsf_drake.simulation.results import result_folder
-from vsf_drake.simulation.standing_result import Standing
+from vsf_drake.simulation.standing_result import LARGEST_DRIFT_M, Standing, standing_table
 
 
 def write_standing(standing: Standing, out: str | Path) -> dict[str, Any]:

@@ -12,11 +12,11 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.anthropometry import FORWARD, UPWARD
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import wire_foot
+from vsf_drake.plants.solids import FORWARD, UPWARD
 from vsf_drake.simulation.bench import keel_shape
 
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsf_drake.analysis.tuning.inputs import DESCRIPTORS
 from vsf_drake.analysis.tuning.schedule import (
     GRID_MM,
     load_schedule,
@@ -19,6 +18,7 @@ from vsf_drake.analysis.tuning.schedule import (
     policy_table,
     schedule_of,
 )
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import FitError, InputError
 
 REACH = (66.0, 151.0)

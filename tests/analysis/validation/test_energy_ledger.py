@@ -10,16 +10,9 @@ import pytest
 from made_study import embedded_study
 from pydrake.multibody.tree import BodyIndex
 
-from vsf_drake.analysis.validation.energy_same_load import (
-    INPUT,
-    LOST,
-    STORED,
-    TERMS,
-    distal_power,
-    follow,
-    prosthesis_energy,
-)
+from vsf_drake.analysis.validation.energy_same_load import INPUT, LOST, STORED, TERMS, prosthesis_energy
 from vsf_drake.analysis.validation.energy_section import stance_energy
+from vsf_drake.analysis.validation.segment_power import distal_power, follow
 from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.reactions import FootReaction
 from vsf_drake.simulation.walk import Walker

@@ -21,7 +21,7 @@ from vsf_drake.analysis.validation.roll_over_section import (
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.roll_over_control import RollOver
+from vsf_drake.simulation.roll_over import RollOver
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.joint_centres import (
+from vsf_drake.motion.markers.joint_angles import (
     COORDINATES,
     JOINTS,
     coordinates_of,

@@ -8,8 +8,8 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.identity import PersonFacts
 from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts
 
 FACTS = PersonFacts(mass_kg=80, sex="female", prosthetic_side="left")
 

@@ -11,8 +11,8 @@ from made_person import Person
 
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.identity import PersonFacts
 from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.posture import settling
 from vsf_drake.parameters import GRAVITY, ModelParameters
 

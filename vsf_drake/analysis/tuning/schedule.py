@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
-from vsf_drake.analysis.tuning.inputs import DESCRIPTORS
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.json_file import read_json
 

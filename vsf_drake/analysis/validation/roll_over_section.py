@@ -25,7 +25,7 @@ from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
-from vsf_drake.simulation.roll_over_control import Following, RollOver, RollOverRun, in_mount_frame
+from vsf_drake.simulation.roll_over import Following, RollOver, RollOverRun, in_mount_frame
 
 WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effective_foot_length_ratio",
           "mean_moment_arm_m", "arc_rms_m", "centre_forward_m", "centre_up_m")

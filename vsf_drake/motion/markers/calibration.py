@@ -15,9 +15,10 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.frames import NOTE, Anatomy, facing, find_anatomy, right_handed, typical
-from vsf_drake.motion.markers.identity import PersonFacts, body_mass, check_facts, stature
-from vsf_drake.motion.markers.joint_centres import COORDINATES, HIP_METHODS, coordinates_of, joint_angles
+from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, joint_angles
+from vsf_drake.motion.markers.joint_centres import HIP_METHODS
 from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
+from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import (
     MID_FULCRUM_M,
     Posture,

@@ -23,7 +23,6 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.axes import axis_name
 from vsf_drake.motion.formats.recording import Plate, Recording
-from vsf_drake.motion.markers.identity import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.joint_centres import (
     NEEDS_LEG_LENGTH,
     beside,
@@ -35,6 +34,7 @@ from vsf_drake.motion.markers.joint_centres import (
     pelvis_frame,
 )
 from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
+from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.poses import FEWEST_MARKERS, mean_shape, rigid_poses
 from vsf_drake.motion.markers.posture import Posture, forefoot_labels
 

@@ -24,7 +24,7 @@ from vsf_drake.motion.markers.identity import (
     joint_gaps,
     residual_rms,
 )
-from vsf_drake.motion.markers.joint_centres import COORDINATES, coordinates_of, gimbal_notes, segment_joint
+from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, gimbal_notes, segment_joint
 from vsf_drake.motion.markers.poses import (
     NARROWEST_M,
     RigidPoses,

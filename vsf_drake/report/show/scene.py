@@ -14,11 +14,11 @@ from pydrake.multibody.tree import FixedOffsetFrame, Frame, JointIndex, Prismati
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
-from vsf_drake.plants.anthropometry import UPWARD
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
 from vsf_drake.plants.person import add_person
+from vsf_drake.plants.solids import UPWARD
+from vsf_drake.plants.visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
 MODEL = "/model"

@@ -11,8 +11,17 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.style import check_report_folder, read_arrays, read_table
+from vsf_drake.report.chapter_files import (
+    CHAPTERS,
+    FIGURES,
+    TABLES,
+    check_report_folder,
+    read_arrays,
+    read_table,
+    tidy_chapters,
+    write_chapters,
+    writing,
+)
 from vsf_drake.report.tuning.chapters import tuning_chapters
 from vsf_drake.report.tuning.words import FORMAT, alarm_of, check_tuning_table, first_line, title_of
 from vsf_drake.simulation.archive import result_folder

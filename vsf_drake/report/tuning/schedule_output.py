@@ -7,13 +7,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.tuning.inputs import DESCRIPTORS
 from vsf_drake.analysis.tuning.schedule import POLICY_FORMAT, schedule_of
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
-from vsf_drake.report.style import check_report_folder, read_table
+from vsf_drake.report.chapter_files import (
+    CHAPTERS,
+    FIGURES,
+    TABLES,
+    check_report_folder,
+    read_table,
+    tidy_chapters,
+    write_chapters,
+    writing,
+)
 from vsf_drake.report.tuning.chapters import (
     schedule_alarm,
     schedule_chapters,

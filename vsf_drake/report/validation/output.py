@@ -12,9 +12,19 @@ from vsf_drake.analysis.validation.run import NAMES, is_kept
 from vsf_drake.analysis.validation.study import HELD_OUT, Study, StudyWalk
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import CHAPTERS, FIGURES, TABLES, tidy_chapters, write_chapters, writing
+from vsf_drake.report.chapter_files import (
+    CHAPTERS,
+    FIGURES,
+    TABLES,
+    check_report_folder,
+    read_arrays,
+    read_table,
+    tidy_chapters,
+    write_chapters,
+    writing,
+)
 from vsf_drake.report.replay import write_replay
-from vsf_drake.report.style import check_report_folder, read_arrays, read_table, save_figure
+from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.chapters import make_chapters
 from vsf_drake.report.walk_figure import walk_figure
 from vsf_drake.simulation.archive import result_folder

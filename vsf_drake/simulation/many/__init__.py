@@ -6,7 +6,8 @@
 from vsf_drake.simulation.many.cases import DEFAULT_KEEP, WalkCase
 from vsf_drake.simulation.many.processes import ProcessWorkers, SweepProgress
 from vsf_drake.simulation.many.run import simulate_many
-from vsf_drake.simulation.many.worker import WalkOutcome, grid_values, sample_values
+from vsf_drake.simulation.many.samples import grid_values, sample_values
+from vsf_drake.simulation.many.worker import WalkOutcome
 
 __all__ = ["DEFAULT_KEEP", "ProcessWorkers", "SweepProgress", "WalkCase", "WalkOutcome", "grid_values", "sample_values",
            "simulate_many"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level1.combination import (
+from vsf_drake.analysis.tuning.level1.costs import (
     Signal,
     StanceFrame,
     WalkLoads,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.tuning.level1 import solve, tuning_arrays, tuning_table
-from vsf_drake.analysis.tuning.level1.checks import search
+from vsf_drake.analysis.tuning.level1.search import search
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.report.tuning.words import KEYS, check_tuning_table
 

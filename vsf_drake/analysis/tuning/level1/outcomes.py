@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.combination import (
+from vsf_drake.analysis.tuning.level1.costs import (
     StanceFrame,
     Terms,
     WalkLoads,

@@ -21,7 +21,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.recordings import labels_of
-from vsf_drake.analysis.tuning.level1.combination import TRACKING, Combination, CostTerm, Terms, combine, sizes
+from vsf_drake.analysis.tuning.level1.costs import TRACKING, Combination, CostTerm, Terms, combine, sizes
 from vsf_drake.analysis.tuning.level1.options import COSTS, WEIGHTED, TuningOptions, design_variables
 from vsf_drake.analysis.tuning.level1.outcomes import TrialTuning, WalkOutcome
 from vsf_drake.errors import InputError

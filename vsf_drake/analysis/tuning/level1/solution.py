@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.checks import Check, Search
+from vsf_drake.analysis.tuning.level1.checks import Check
 from vsf_drake.analysis.tuning.level1.outcomes import KINDS, OutcomeKind
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
+from vsf_drake.analysis.tuning.level1.search import Search
 from vsf_drake.analysis.tuning.level1.sweep import KINDS as SAME_LOAD
 from vsf_drake.analysis.tuning.level1.sweep import (
     OPTIMUM,

@@ -12,22 +12,19 @@ from scipy.stats import qmc
 
 from vsf_drake.analysis.tuning.level1.checks import (
     NEAR_COST,
-    WORSE,
     Check,
-    Search,
-    Tried,
     convergence_check,
     force_check,
     gradient_check,
     recorded_check,
-    search,
     smoothing_check,
     solver_checks,
     step_check,
     sweep_checks,
 )
-from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, TRACKING
+from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
+from vsf_drake.analysis.tuning.level1.search import WORSE, Search, Tried, search
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
     Sweep,

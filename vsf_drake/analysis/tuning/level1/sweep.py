@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.combination import CONSISTENCY, Combination
+from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, Combination
 from vsf_drake.analysis.tuning.level1.outcomes import NAMES, OutcomeKind, TrialTuning, outcomes
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.validation.energy_same_load import ProsthesisEnergy, prosthesis_energy, walk_with_same_load

@@ -18,10 +18,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground
-from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, frustum_taper, pelvis_semi_axes
+from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.plants.ground_geometry import box_under
 from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles, SocketHandles
+from vsf_drake.plants.solids import frustum_taper
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each 0 to 1."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import resample
 from vsf_drake.analysis.tuning.level1.options import COSTS, WEIGHTED, TuningOptions
-from vsf_drake.analysis.validation.energy_same_load import follow
+from vsf_drake.analysis.validation.segment_power import follow
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
