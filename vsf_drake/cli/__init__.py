@@ -22,29 +22,36 @@ def main() -> None:
     the main thread, signals are left to the caller.
     """
     with _Signals() as signals:
-        try:
-            _run()
-        except (SystemExit, KeyboardInterrupt) as ended:
-            signals.answer_no_more()
-            if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # Typer's word for it, and ours
-                raise
-            said = isinstance(ended, SystemExit) and isinstance(ended.__cause__ or ended.__context__, KeyboardInterrupt)
-            if not said:  # by the command, which knows what is written
-                print(INTERRUPTED, file=sys.stderr)
-            sys.exit(128 + signals.ended_by)
-        except Exception as error:
-            signals.answer_no_more()
-            if interrupted_lately():  # compiled code of others makes errors of its own of an interruption
-                print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
-                sys.exit(128 + signals.ended_by)
-            if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a compiler's cache
-                error = InputError(error.strerror or str(error), file=error.filename)
-            if not isinstance(error, VsfError):
-                raise
-            from vsf_drake.cli.app import errors
+        code = _ended(signals)
+    sys.exit(code)  # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on them
 
-            errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
-            sys.exit(error.exit_code)
+
+def _ended(signals: _Signals) -> int | str | None:
+    """Runs the command, and says what there is to say of how it ended; the exit code."""
+    try:
+        _run()
+    except (SystemExit, KeyboardInterrupt) as ended:
+        signals.answer_no_more()
+        if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # Typer's word for it, and ours
+            return ended.code
+        said = isinstance(ended, SystemExit) and isinstance(ended.__cause__ or ended.__context__, KeyboardInterrupt)
+        if not said:  # by the command, which knows what is written
+            print(INTERRUPTED, file=sys.stderr)
+        return 128 + signals.ended_by
+    except Exception as error:
+        signals.answer_no_more()
+        if interrupted_lately():  # compiled code of others makes errors of its own of an interruption
+            print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
+            return 128 + signals.ended_by
+        if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a compiler's cache
+            error = InputError(error.strerror or str(error), file=error.filename)
+        if not isinstance(error, VsfError):
+            raise
+        from vsf_drake.cli.app import errors
+
+        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+        return error.exit_code
+    return 0
 
 
 def _run() -> None:
