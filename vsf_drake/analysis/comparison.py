@@ -7,13 +7,12 @@ velocity of the pelvis, lateral to the left of it, vertical up.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from vsf_drake.motion.events import Stance, find_stances, runs
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.simulation.reactions import ReactionSensitivity
 from vsf_drake.simulation.results import WalkResult
 
 FORCE_CUTOFF_HZ = 40.0
@@ -23,6 +22,9 @@ MARGIN_S = 0.25
 PERCENT = np.linspace(0.0, 100.0, 101)
 _MINIMUM_PATH_M = 0.2
 _SHORTEST_RUN_S = 0.02
+
+if TYPE_CHECKING:
+    from vsf_drake.simulation.reactions import ReactionSensitivity
 
 
 class Plate(Protocol):

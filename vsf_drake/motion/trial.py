@@ -1,4 +1,4 @@
-"""A trial: everything that a manifest leads to, read, checked and brought to the model's frames and units."""
+"""A trial: everything that a manifest leads to, read, checked and brought to the model's frames; and written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trial as it drives the model. Schema only; `motion.trial` and `motion.from_markers` make it."""
+"""A trial as it drives the model (made by `motion.trial`, `motion.from_markers`); its person, weighed by the plates."""
 
 from __future__ import annotations
 

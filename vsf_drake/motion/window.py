@@ -1,4 +1,4 @@
-"""The part of a recording to simulate: where kinematics, forces and the manifest's wish overlap."""
+"""The part of a recording to simulate, where kinematics, forces and manifest overlap; a treadmill's belt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The materials testing machine: the foot's mount held still, a platen pressing it from below."""
+"""The materials testing machine, a platen under the held foot, and the roll-over machine, a mount that turns."""
 
 from __future__ import annotations
 

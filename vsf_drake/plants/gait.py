@@ -1,4 +1,4 @@
-"""The walking person on the ground: plant, contact, friction, socket, foot and driver in one diagram."""
+"""The walking person, on level ground or on patches: plant, contact, friction, socket, foot, driver in one diagram."""
 
 from __future__ import annotations
 

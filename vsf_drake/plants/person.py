@@ -75,7 +75,7 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
 
     28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum
     carriage 1) and the keel's own on top. Thighs may differ in length, and the foot sits under the pylon as
-    the subject says (`placement`).
+    the subject says (`anthropometry.foot_placement`).
 
     Raises:
         InputError: see `anthropometry.scale_body`.

@@ -1,4 +1,4 @@
-"""Mass properties of the solids that the person and the foot are made of.
+"""Mass properties of the solids that person and foot are made of, and chains of one-degree-of-freedom joints.
 
 Each function returns a `SpatialInertia` M_SSo_S about the origin So of the frame S it names.
 """

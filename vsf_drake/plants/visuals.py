@@ -1,4 +1,4 @@
-"""What the foot looks like: visual shapes for a SceneGraph, without any role in the physics.
+"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics.
 
 The shapes follow the model: keel pieces of their size, contact spheres where they touch. Only the frame's box and the
 carriage with its roller under the keel are stand-ins.

@@ -1,4 +1,4 @@
-"""Everything that a bench or a walk leaves on disk: numbers, figures, saved result, replay. All of it or nothing."""
+"""Everything that a bench or a walk leaves on disk, whole or not at all; the bench in one figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Presses the foot on the bench, at each fulcrum position and at the heel, by the implicit stepper."""
+"""Presses the foot on the bench, at each fulcrum position and at the heel; the keel's shape under its load."""
 
 from __future__ import annotations
 

@@ -5,12 +5,12 @@ Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen'
 from where the platen touches the first sphere. Here only these loads are put on, each until the foot rests: at
 50 mm/min damping has less than a thousandth of the slope, inertia nothing.
 
-At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its
-point of the keel whatever the foam does. keel(F) is that of `keel_statics`. foam(F): the spheres in the patch under the
-load, pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's
+At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its point
+of the keel whatever the foam does. keel(F) is that of the keel at rest, below. foam(F): the spheres in the patch under
+the load, pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's
 height s. A sphere that sits higher is met later; where the travel is counted from does not matter to a slope, and a
-rise that all spheres share changes neither a slope nor the travel since the first was touched. At the heel: the spheres
-of the rigid heel block, likewise, and nothing in series.
+rise that all spheres share changes neither a slope nor the travel since the first was touched. At the heel: the
+spheres of the rigid heel block, likewise, and nothing in series.
 """
 
 from __future__ import annotations

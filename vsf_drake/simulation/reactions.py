@@ -1,4 +1,4 @@
-"""What the ground does to a foot, out of the record of its contact sites."""
+"""What the ground does to a foot, and where the energy of a run goes: both out of a run's record."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def _fulcrum_terms(
 
 @compiled
 def _sum_driver_power(tree, q, u, a, driven, sites, site_bodies, ground_height, motion, power):
-    """Writes P of the module's docstring at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
+    """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
     load, V, S = np.empty(q.shape[1]), motion.V, motion.S
     for k in range(q.shape[0]):
         place(tree, q[k], motion)

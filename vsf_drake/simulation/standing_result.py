@@ -1,4 +1,4 @@
-"""What standing still leaves: forces, the pelvis, and what it took to stay up. Plain arrays; knows no Drake."""
+"""What standing still leaves: forces, the pelvis, what it took to stay up; and that in numbers. Knows no Drake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forces that Drake does not have, one LeafSystem a file, for float and AutoDiffXd.
+"""Forces, sensors and controllers that Drake does not have, as LeafSystems for float and AutoDiffXd.
 
 Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by
 name; physical constants are numeric parameters in the Context, read and set by name with

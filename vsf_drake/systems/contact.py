@@ -1,4 +1,4 @@
-"""Normal force of the ground on all contact spheres of the model."""
+"""Normal force and friction of the ground on all contact spheres of the model."""
 
 from __future__ import annotations
 

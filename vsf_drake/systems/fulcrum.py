@@ -1,4 +1,4 @@
-"""The movable support under the keel."""
+"""The movable support under the keel, what commands it, and the motor and screw that carry it."""
 
 from __future__ import annotations
 

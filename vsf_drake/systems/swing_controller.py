@@ -1,4 +1,4 @@
-"""Lets the fulcrum move in swing only."""
+"""Lets the fulcrum move in swing only, told by the shank's angle, and records every adjustment."""
 
 from __future__ import annotations
 

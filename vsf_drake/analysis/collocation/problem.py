@@ -1,6 +1,6 @@
 """A trajectory, and design parameters with it, that minimise a cost: the problem in plain text.
 
-    minimise    sum of the terms (`terms`: residuals, convex penalties, totals) over z (N, Z) and p (P,)
+    minimise    sum of the terms (see the last section: residuals, convex penalties, totals) over z (N, Z) and p (P,)
     subject to  y_e(z_i, p) = 0                     for the outputs that are equations, at every instant i
                 low <= y_c(z_i, p) <= high          for the outputs that have limits
                 q from v, v from a, u from w        by collocation (`grid`), linear
@@ -48,7 +48,7 @@ class TrajectoryProblem:
         layout: of z. grid: of the instants.
         outputs: m, how many outputs the function has.
         equations: indices of the outputs that are 0 at every instant.
-        limits, residuals, convex, totals: see `terms`; all add up.
+        limits, residuals, convex, totals: see the last section; all add up.
         design: parameters p; none by default.
         advance: (n,) by how much the coordinates grow over a period.
         low, high: bounds of z, (Z,) or (N, Z); equal ones fix a variable.

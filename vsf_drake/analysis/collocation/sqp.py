@@ -1,7 +1,7 @@
 """Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
 
     step:    quadratic model of the cost (J'WJ, phi'' J'J, totals) + Levenberg damping, subject to linearised equations,
-             limits and bounds (`step`); where that is slow, with the outputs' own curvature (`curvature`)
+             limits and bounds (`step`); where that is slow, with the outputs' own curvature (the section at the end)
     accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
              at a shorter length; else the damping grows
     end:     violation, first-order residual and step are below their tolerances

@@ -2,8 +2,8 @@
 
 Without inequalities it is one KKT solve. Bounds and limits that the step would break join, as many as needed, through
 their multipliers l: the step is then d0 + W l with W = KKT^-1 B, and 0 <= l, slack + B'(d0 + W l) >= 0, complementary,
-is a small quadratic program with bounds (`box`). Their multipliers are held below a given weight, which makes limits
-elastic: a step always exists.
+is a small quadratic program with bounds (below: projected Newton steps). Their multipliers are held below a given
+weight, which makes limits elastic: a step always exists.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ class FitParameters:
         return np.array([item.slope(values[item.name]) for item in self.free])
 
 
-# What the name of a fit's parameter says (the names are listed in `standard`).
+# What the name of a fit's parameter says (`standard_parameters` lists the names).
 
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")

@@ -1,4 +1,4 @@
-"""What `assessment` finds about a fit."""
+"""What `table.assess` finds about a fit, and that in sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `fit.json` and `fit.npz` hold of a contact fit: all that its figures and its page need, as plain values."""
+"""What a fit is worth on trials seen and unseen, and what `fit.json` and `fit.npz` hold of it, as plain values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a foot moved, and when it stood flat. Arrays only."""
+"""How feet moved and when they stood flat: as markers saw them, and on the model's person; a trial's evidence."""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ The recorded motion prescribes where the limb goes, so that a stiffer foot under
 bears more. A person carries the same weight on either. Here the motion is changed by a course of the pelvis' height
 until the vertical force on the prosthetic foot is that of the walk at the trial's own position; everything else of
 the motion stays. The course is found by Newton's method instant by instant, with how the force depends on the height.
+
+And the energy ledger of the prosthesis over any walk.
 """
 
 from __future__ import annotations

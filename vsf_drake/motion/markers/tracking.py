@@ -1,8 +1,9 @@
 """Joint coordinates of a walk from its markers and a calibration.
 
-Markers are filled (`gaps`), checked (`identity`, `swaps`), filtered once without phase lag, and give the pose of each
-segment by itself, by least squares; joint angles are what turns one segment into the next. Nothing is zeroed. Segments
-may come apart at the joints, by what skin motion and wrong joint centres make: `TrackedMotion.joint_gap_m` says it.
+Markers are filled (`gaps`), checked (`identity`; for exchanges, below), filtered once without phase lag, and give the
+pose of each segment by itself, by least squares; joint angles are what turns one segment into the next. Nothing is
+zeroed. Segments may come apart at the joints, by what skin motion and wrong joint centres make:
+`TrackedMotion.joint_gap_m` says it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One member of a sweep, and the task that a worker gets for it."""
+"""One member of a sweep, the task that a worker gets for it, and the key under which its walk is kept."""
 
 from __future__ import annotations
 
@@ -195,8 +195,8 @@ def _scaled(value: Any, unit: str) -> str:
 
 
 PACKAGE = Path(__file__).resolve().parents[2]
-SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "actuator_parameters.py", "ground.py",
-           "model_file.py", "parameters.py", "schema.py", "subject.py")
+SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "motion/events.py",
+           "actuator_parameters.py", "ground.py", "model_file.py", "parameters.py", "schema.py", "subject.py")
 """Parts of the package that the numbers of a walk come from, once its recording is read."""
 
 

@@ -1,4 +1,4 @@
-"""What runs a task, in whatever process or thread: the part of a sweep that computes.
+"""What runs a task, in whatever process or thread, and what became of it: the part of a sweep that computes.
 
 A process builds a `Walker` once for each person (subject, model, free coordinates) and uses it again for every
 walk of that person; no two threads ever hold the same one. Walkers are kept for good, because Drake does not free

@@ -7,7 +7,7 @@
               foot toes-up (rad), thickness of the keel over the model's (its mass is kept)
 
 Geometry, masses, springs and contact are those of the walker's plant and Context; contact and friction are smoothed
-(`contact_spheres`), and so are the springs' corners and the fulcrum's way over the keel's joints (`support`).
+(`contact_spheres`), and so are the springs' corners and the fulcrum's way over the keel's joints (below).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The stiff forces of one step: contact and friction of sites, sprung coordinates (compiled); the fulcrum: `support`.
+"""The stiff forces of one step: contact and friction of sites, sprung coordinates, the fulcrum (compiled).
 
 Poses are those at the beginning of the step and frozen over it; forces are functions of the velocity at its end.
 A force on a body is a wrench about W's origin (`tree`), so that what a coordinate feels is its joint's
@@ -33,7 +33,7 @@ class Forces(NamedTuple):
 
     sites (S, 11), site_bodies (S,). springs (k, 6), spring_index (k,): coordinates. fulcrum (2,): stiffness
     (N/m), damping (N s/m); zero for none. keel_bodies, keel_coordinates, keel_starts (K,): from A to the toe.
-    frame_body: what the fulcrum stands on. support_width: m on either side of a joint, see `support`.
+    frame_body: what the fulcrum stands on. support_width: m on either side of a joint, see the fulcrum's section.
     """
 
     sites: np.ndarray

@@ -4,7 +4,7 @@ With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, thi
 displacements of the start, by the velocity at the start, by the end velocity of prescribed ways that move and by
 parameters. Those of the inverse dynamics are the
 closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all about the world's origin; contact follows the
-same pattern: derivatives of the wrench on a body by its displacement and velocity (`contact_tangent`) add up
+same pattern: derivatives of the wrench on a body by its displacement and velocity (`add_site_tangents`) add up
 over all that a joint carries. The derivatives by the end velocity of free ones are `newton.tangent_matrix`.
 """
 

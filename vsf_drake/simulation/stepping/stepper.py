@@ -1,8 +1,8 @@
 """The implicit stepper: advances a plant of one-degree-of-freedom joints under stiff forces by fixed steps.
 
-All of a step is compiled (`newton`), and so is the loop over them (`advance`). Mass matrix, Coriolis and gravity terms
-come from compiled rigid-body dynamics, or on request from Drake. Any subset of coordinates is prescribed:
-it follows its values exactly at every step, and the loads that this takes come out with it. First order in
+All of a step is compiled (`newton`), and so is the loop over them (the last section). Mass matrix, Coriolis and
+gravity terms come from compiled rigid-body dynamics, or on request from Drake. Any subset of coordinates is
+prescribed: it follows its values exactly at every step, and the loads that this takes come out with it. First order in
 the step. A step that does not converge is halved.
 """
 
@@ -71,7 +71,7 @@ class Mechanism:
         fulcrum (2,): stiffness (N/m) and damping (N s/m) of the support; zero for none.
         keel_bodies, keel_coordinates, keel_starts, frame_body: what the fulcrum acts on.
         support_width: m on either side of a keel joint over which the support passes from one piece to the next; see
-            `support`. At most half the distance of two joints.
+            the fulcrum's section of `assembly`. At most half the distance of two joints.
         limits (n,): coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed.
     """
 

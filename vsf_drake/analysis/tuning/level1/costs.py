@@ -209,7 +209,7 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
 #
 # over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual
 # shank, both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
-# `analysis.validation.energy_same_load`): what passes from all that is distal of the shank into it, if that had no
+# `analysis.validation.segment_power`): what passes from all that is distal of the shank into it, if that had no
 # mass. The shank's motion is given, so that only the force changes with a setting.
 
 

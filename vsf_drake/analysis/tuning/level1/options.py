@@ -52,7 +52,7 @@ class TuningOptions:
         iterations, tolerance: of a search (major iterations, optimality).
         confirm: of CONFIRM, solvers that search again from where the best search began.
         draws: of the contact's parameters, by which the optimum's uncertainty is judged; 0 for none.
-        same_load: whether the settings are compared under one load too (`same_load`).
+        same_load: whether the settings are compared under one load too (`sweep`).
         pareto: two of COSTS whose trade-off is told; () for none.
         workers: threads; None for one a core.
 

@@ -46,9 +46,9 @@ class TuningSolution:
         searched: the search that `best` is from. searches: of the fulcrum's range. confirmed: by other solvers.
         coarse, sweep: the sweep that searches began from, and the fine one through the best setting.
         settings: what walks are like at the softest, best, stiffest and recorded setting.
-        same_load: outcomes of `same_load` by name, (T, 4) at those settings.
+        same_load: outcomes under one load (`sweep`) by name, (T, 4) at those settings.
         uncertainty: of the fulcrum position. draws: of the contact, and draw_failures: why some could not be walked.
-        tasks, pareto, robustness: see `tasks`; robustness rows are (what, mm, cost).
+        tasks, pareto, robustness: see `sweep`; robustness rows are (what, mm, cost).
         checks: what the solution was held against.
         notes: what a reader has to know. wall_s: of the whole.
     """

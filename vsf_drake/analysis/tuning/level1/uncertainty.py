@@ -3,7 +3,7 @@
 An optimum is worth what sets it apart. Three answers, and the interval holds them all:
 
     trials      how far the optima of single trials are from each other
-    draws       where the cost is least with other contacts that the data would have allowed (`draws`)
+    draws       where the cost is least with other contacts that the data would have allowed (below)
     flatness    where the cost is above its minimum by less than FLAT of its size, or, with enough trials, by less than
                 can be told from zero by their paired differences (t test, 95 %)
 
