@@ -126,8 +126,8 @@ def _wrong_end(command: Command, name: str, moment_s: float, out: Path, whole: P
     sent, over = time.monotonic(), process.poll() is not None
     said = process.communicate(timeout=300.0)[1]
     took, ended = time.monotonic() - sent, process.returncode
-    if name == "TERM" and ended == -signal.SIGTERM and (out / command.table).exists():
-        ended = 0  # the program was over, and Python about to end; a shell says 143
+    if name != "KILL" and ended == -signal.Signals[f"SIG{name}"] and (out / command.table).exists():
+        ended = 0  # the program was over, and Python about to end; a shell says 130 or 143
     if ended not in (0, CODES[name]):
         wrong.append(f"exit code {ended}: {said[-300:]}")
     if "Traceback" in said or (ended == CODES[name] and name != "KILL" and not said.strip()):
