@@ -125,7 +125,8 @@ def test_spellings_of_torque(tmp_path, prefix, torque):
     [((0, -800, 0), "column ground_force_r_vy: the vertical force is negative (-800 N)"),
      ((30, 40, 800), "column ground_force_r_vz: the largest part of the force is along z, not upward along y"),
      ((800, 40, 20), "column ground_force_r_vx: the largest part of the force is along x"),
-     ((0, 4000, 0), "is 5.1 times the body weight of 80 kg")],
+     ((0, 4000, 0), "is 5.1 times the body weight of 80 kg"),
+     ((0, 1e300, 0), "column ground_force_r_vy: 1e+300 N is no force of a person")],
 )
 def test_force_that_no_foot_feels_is_refused(tmp_path, force, wanted):
     storage = storage_of(tmp_path, columns(force=force))

@@ -16,6 +16,7 @@ from vsf_drake.parameters import GRAVITY
 
 SIDES = ("right", "left")
 LIGHTEST_BW, HEAVIEST_BW = 0.3, 4.0
+NOBODY_N = 1e6
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
@@ -163,6 +164,10 @@ def _torque(storage: Storage, prefix: str, axis: str, loaded: np.ndarray) -> np.
 def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: float) -> None:
     weight = mass_kg * GRAVITY
     vertical = force[:, 1]
+    row, column = divmod(int(np.argmax(np.abs(force))), 3)
+    if abs(force[row, column]) > NOBODY_N:
+        raise InputError(f"{force[row, column]:.4g} N is no force of a person", file=storage.path,
+                         where=storage.place(row, f"{prefix}_v{'xyz'[column]}"), right="Forces are in newtons")
     size = np.linalg.norm(force, axis=1)
     row = int(np.argmax(size))
     if size[row] < MINIMUM_PEAK_N:
