@@ -71,6 +71,8 @@ from vsf_drake.simulation.many.worker import Kind, Reply
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000
+DRAWING_S = 60.0
+"""For whole pages with their figures, which take 5 to 10 s undamaged."""
 FRAMES, SAMPLES = 20, 40
 KEY = "ab" * 32
 """Of what is kept under a key."""
@@ -91,6 +93,7 @@ class Reader:
         check: of what a call returns.
         signed: the file beside an NPZ that holds its SHA-256, which is made good, or the reader would look no further.
         slow: how many times fewer mutations it gets in a long run.
+        most_s: of processor time a call may take.
     """
 
     name: str
@@ -99,6 +102,7 @@ class Reader:
     check: Callable[[Any], None]
     signed: str = ""
     slow: int = 1
+    most_s: float = MOST_S
 
 
 def sound(value: Any) -> None:
@@ -173,14 +177,14 @@ READERS = (
     Reader("tuning", ("tuning.json", "tuning.npz"),
            (in_folder(read_tuning), in_folder(check_tuning_folder), read_warm_start), anything, signed="tuning.json"),
     Reader("tuning_page", ("tuning.json", "tuning.npz"), (in_folder(remake_tuning),), anything, "tuning.json",
-           slow=150),
+           slow=150, most_s=DRAWING_S),
     Reader("schedule", ("policy.json",), (load_schedule, in_folder(read_schedule), in_folder(check_schedule_folder)),
            sound),
-    Reader("schedule_page", ("policy.json",), (in_folder(remake_schedule),), anything, slow=100),
+    Reader("schedule_page", ("policy.json",), (in_folder(remake_schedule),), anything, slow=100, most_s=DRAWING_S),
     Reader("validation", ("validation.json", "validation.npz"),
            (in_folder(read_validation), in_folder(check_validation_folder)), anything, signed="validation.json"),
     Reader("validation_page", ("validation.json", "validation.npz"), (in_folder(remake_report),), anything,
-           signed="validation.json", slow=150),
+           signed="validation.json", slow=150, most_s=DRAWING_S),
     Reader("section", ("walking.json", "walking.npz"), (in_folder(lambda at: SectionStore(at, KEY).read("walking")),),
            anything, signed="walking.json"),
     Reader("sweep", ("sweep.json",), (in_folder(lambda out: check_sweep_folder(out, [small_trial()])),), anything),
@@ -228,7 +232,7 @@ class Workbench:
                 signed.write_bytes(re.sub(rb"(arrays_sha256\W+)[0-9a-f]{64}", rb"\g<1>" + sha256(path).encode(),
                                           self._whole[signed]))
             for call in reader.calls:
-                with limited():
+                with limited(reader.most_s):
                     reader.check(call(path))
         except InputError as error:
             said = str(error)
@@ -245,17 +249,17 @@ class Workbench:
 
 
 @contextlib.contextmanager
-def limited() -> Iterator[None]:
-    """Ends what is inside after 10 s of processor time, and (on Linux) refuses it 300 MB beyond what there is."""
+def limited(most_s: float = MOST_S) -> Iterator[None]:
+    """Ends what is inside after so much processor time, and (on Linux) refuses it 300 MB beyond what there is."""
     def late(*_: object) -> None:
-        raise TooLong(f"not back after {MOST_S:g} s")
+        raise TooLong(f"not back after {most_s:g} s")
 
     had, own = getrlimit(RLIMIT_AS), Path("/proc/self/statm")
     if own.exists():
         now = int(own.read_text(encoding="ascii").split()[0]) * getpagesize()
         setrlimit(RLIMIT_AS, (now + MOST_BYTES, had[1]))
     before = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, MOST_S)
+    signal.setitimer(signal.ITIMER_PROF, most_s)
     try:
         yield
     finally:

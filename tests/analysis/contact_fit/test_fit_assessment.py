@@ -212,7 +212,7 @@ def scored(monkeypatch):
         assert not hasattr(fewer, "left") or (label is None and name in fewer.left)
         return SimpleNamespace(metrics={"grf_rmse_bw": trial.fulcrum_m, "cop_rmse_fl": None})
 
-    monkeypatch.setattr(module, "_score", score)
+    monkeypatch.setattr(module, "_trial_score", score)
 
 
 def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
@@ -294,7 +294,7 @@ def test_progress_names_what_is_done(scored, trials):
 def test_held_out_recordings_of_one_file_name_are_told_by_their_folder(scored, trials, monkeypatch):
     model = Refitting([trials["low_1"]])
     named = []
-    monkeypatch.setattr(module, "_score", lambda _, trial, label, name, *__: named.append((label, name)))
+    monkeypatch.setattr(module, "_trial_score", lambda _, trial, label, name, *__: named.append((label, name)))
     assess(model, [replace(trials["high_1"], path=Path("/there/low_1.yaml"))], sweep=False)
     assert named == [("low_1", "low_1"), (None, "there/low_1")]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,8 @@ from vsf_drake.analysis.contact_fit.solve import Search
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
+
+searches = importlib.import_module("vsf_drake.analysis.contact_fit.solve")  # the package has a function of this name
 
 
 @pytest.fixture(scope="module")
@@ -52,9 +55,9 @@ def test_time_left_is_what_the_searches_that_ended_took_for_each_that_has_not(tr
             progress(i, 1.0)
         return Search(start=start, u=start, start_cost=2.0, cost=1.0, success=True, message="", evaluations=5, failed=0)
 
-    monkeypatch.setattr(solve, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    monkeypatch.setattr(solve, "_start", lambda fit, i: fit.parameters.start)
-    monkeypatch.setattr(solve, "search", ten_seconds_long)
-    solve.run_searches(fit, progress=told.append)
+    monkeypatch.setattr(searches, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(searches, "_start", lambda fit, i: fit.parameters.start)
+    monkeypatch.setattr(searches, "search", ten_seconds_long)
+    searches.run_searches(fit, progress=told.append)
     assert [p.left_s for p in told[:5]] == [None] * 5
     assert [p.left_s for p in told[5:]] == [30.0 - p.elapsed_s for p in told[5:]]
