@@ -17,6 +17,7 @@ from vsf_drake.parameters import GRAVITY
 SIDES = ("right", "left")
 LIGHTEST_BW, HEAVIEST_BW = 0.3, 4.0
 NOBODY_N = 1e6
+"""N, in any direction: beyond any person, and below where squares of damaged numbers overflow (a choice)."""
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
