@@ -19,9 +19,9 @@ from made_tuning import (
 )
 from page_reader import Balanced
 
+from vsf_drake.analysis.tuning.common import KEYS
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.output import check_tuning_folder, read_tuning, remake_tuning, write_tuning
-from vsf_drake.report.tuning.words import KEYS
 
 MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
         "failed": (failed_table, dict)}

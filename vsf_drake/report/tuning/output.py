@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning.common import FORMAT, check_tuning_table
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced, sha256
 from vsf_drake.json_file import plain, write_json
@@ -23,7 +24,7 @@ from vsf_drake.report.chapter_files import (
     writing,
 )
 from vsf_drake.report.tuning.chapters import tuning_chapters
-from vsf_drake.report.tuning.words import FORMAT, alarm_of, check_tuning_table, first_line, title_of
+from vsf_drake.report.tuning.words import alarm_of, first_line, title_of
 from vsf_drake.simulation.archive import result_folder
 
 TUNING = "tuning"
@@ -46,7 +47,7 @@ def write_tuning(
     """Writes tuning.json, tuning.npz, report.html, and a file for every figure and table.
 
     Args:
-        table: see `words.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
+        table: see `analysis.tuning.common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
         arrays: any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), and for trial K from 0 `trial_K_time`
             (n,) s, `trial_K_softest`, `trial_K_optimum`, `trial_K_stiffest`, `trial_K_recorded` (n, 3) N in W, or of
             one trial `grf_time`, `grf_softest` and so on; of level 2: `phase` (n,) 0 to 1, `names` (8,),

@@ -168,30 +168,10 @@ def _sentence(text: str) -> str:
 # end.
 
 
-FORMAT = "vsf_drake tuning 1"
-KEYS = (
-    "format", "level", "cost_name", "cost_label", "cost_unit", "optimal", "status", "fulcrum_mm", "cost", "at_bound",
-    "fulcrum_interval_mm", "interval_meaning", "design", "terms", "sweep", "outcomes", "solver", "confirmed_by",
-    "starts", "checks", "tasks", "common_fulcrum_mm", "pareto", "pareto_names", "robustness", "trials", "synthetic",
-    "notes", "wall_s", "provenance")
-"""All of them are always there."""
 HOLDING = ("consistency", "deviation")
 """Terms of a cost that only hold it to the recording, by name: what they add says nothing of the person's gain."""
 COST = "cost"
 """Name of the outcome that is the cost itself, where a backend tells its uncertainty."""
-
-
-def check_tuning_table(table: Mapping[str, Any]) -> None:
-    """Raises ValueError for a table that lacks a key, has another format or claims an optimum without a position."""
-    missing = [key for key in KEYS if key not in table]
-    if missing:
-        raise ValueError(f"the table of a tuning lacks {', '.join(missing)}")
-    if table["format"] != FORMAT:
-        raise ValueError(f"the table's format is {table['format']!r}, not {FORMAT!r}")
-    if table["level"] not in (1, 2):
-        raise ValueError(f"{table['level']!r} is no level of a tuning")
-    if table["optimal"] and (table["fulcrum_mm"] is None or table["cost"] is None):
-        raise ValueError("an optimum has a position and a cost")
 
 
 def cost_outcome(table: Mapping[str, Any]) -> Mapping[str, Any] | None:

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from vsf_drake.analysis.tuning.common import KEYS, check_tuning_table
 from vsf_drake.analysis.tuning.level1 import solve, tuning_arrays, tuning_table
 from vsf_drake.analysis.tuning.level1.search import search
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.report.tuning.words import KEYS, check_tuning_table
 
 QUICK = {"sweep_mm": 5.0}
 

@@ -1,0 +1,155 @@
+"""What the tunings of both levels share: costs by name, options, checks, the table's keys, and its sentences."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import jinja2
+
+from vsf_drake.errors import InputError
+from vsf_drake.schema import check, choice, quantity
+
+COSTS = ("joint_load", "metabolic", "push_off", "tracking")
+"""Costs that stand for themselves; "weighted" adds them up."""
+WEIGHTED = "weighted"
+SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
+"""Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device as it is."""
+FORMAT = "vsf_drake tuning 1"
+KEYS = (
+    "format", "level", "cost_name", "cost_label", "cost_unit", "optimal", "status", "fulcrum_mm", "cost", "at_bound",
+    "fulcrum_interval_mm", "interval_meaning", "design", "terms", "sweep", "outcomes", "solver", "confirmed_by",
+    "starts", "checks", "tasks", "common_fulcrum_mm", "pareto", "pareto_names", "robustness", "trials", "synthetic",
+    "notes", "wall_s", "provenance")
+"""Of `tuning.json`; all are always there. Costs and outcomes are in the units that the table names, positions of the
+fulcrum in mm from the keel's posterior end."""
+
+
+def check_tuning_table(table: Mapping[str, Any]) -> None:
+    """Raises ValueError for a table that lacks a key, has another format or claims an optimum without a position."""
+    missing = [key for key in KEYS if key not in table]
+    if missing:
+        raise ValueError(f"the table of a tuning lacks {', '.join(missing)}")
+    if table["format"] != FORMAT:
+        raise ValueError(f"the table's format is {table['format']!r}, not {FORMAT!r}")
+    if table["level"] not in (1, 2):
+        raise ValueError(f"{table['level']!r} is no level of a tuning")
+    if table["optimal"] and (table["fulcrum_mm"] is None or table["cost"] is None):
+        raise ValueError("an optimum has a position and a cost")
+
+
+def check_cost(cost: str) -> str:
+    """Returns the name of a cost. Raises InputError if there is none of that name."""
+    if cost not in (*COSTS, WEIGHTED):
+        raise InputError(f"there is no cost {cost!r}", where="cost",
+                         right=f"There are: {', '.join((*COSTS, WEIGHTED))}")
+    return cost
+
+
+@dataclass(frozen=True)
+class Check:
+    """What a solution was held against: the value found and the one asked for; `met` None where nothing is demanded or
+    it could not be made."""
+
+    name: str
+    label: str
+    value: float | None
+    unit: str
+    target: float | str | None
+    met: bool | None
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """Options that tunings of both levels have. All numbers without a source are choices.
+
+    Attributes:
+        bounds_mm: least and largest fulcrum position from A; None for the carriage's reach.
+        design: what is tuned together with the fulcrum. design_bounds: (low, high) by name, in its unit; those that are
+            not named have their own.
+        weights: of COSTS in the weighted cost, each divided by its size in what was recorded; their sum counts as 1.
+        socket_weight: of the socket's wrench against the joints' moments in the cost joint_load. The axial force bears
+            the body and its square is about a hundred times those of the normalised moments: with 0.01 both count.
+        late_share: of prosthetic stance, after which positive power counts as push-off.
+        starts: most searches. iterations: of one. confirm: solvers that search again.
+        draws: of the contact's parameters, by which the optimum's uncertainty is judged; 0 for none.
+        seed: of all that is random.
+
+    Raises:
+        InputError: an option is none of what it may be.
+    """
+
+    bounds_mm: tuple[float, float] | None = None
+    design: tuple[str, ...] = choice((), options=(), source="choice")
+    design_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    weights: Mapping[str, float] = field(
+        default_factory=lambda: {"joint_load": 1.0, "metabolic": 1.0, "push_off": 1.0})
+    socket_weight: float = quantity(0.01, unit="1", low=0.0, high=100.0, source="choice")
+    late_share: float = quantity(0.5, unit="1", low=0.0, high=0.95, source="choice")
+    starts: int = quantity(3, unit="1", low=1, source="choice")
+    iterations: int = quantity(60, unit="1", low=1, source="choice")
+    confirm: tuple[str, ...] = choice((), options=("snopt", "ipopt", "nlopt"), source="choice")
+    draws: int = quantity(6, unit="1", low=0, source="choice")
+    seed: int = quantity(0, unit="1", low=0, source="choice")
+
+    def __post_init__(self) -> None:
+        check(self)
+        for item in dataclasses.fields(self):
+            names = getattr(self, item.name)
+            if str(item.type) == "tuple[str, ...]":
+                if not isinstance(names, tuple):
+                    raise InputError(f"is a {type(names).__name__}, no tuple of names", where=item.name)
+                if len(set(names)) != len(names):
+                    raise InputError("names one twice", where=item.name)
+        known = next(item.metadata["options"] for item in dataclasses.fields(self) if item.name == "design")
+        for name, pair in self.design_bounds.items():
+            if name not in known:
+                raise InputError(f"{name!r} is none", where="design_bounds", right=f"There are: {', '.join(known)}")
+            _check_pair(f"design_bounds[{name!r}]", pair)
+        if self.bounds_mm is not None:
+            _check_pair("bounds_mm", self.bounds_mm)
+        for name, value in self.weights.items():
+            if name not in COSTS:
+                raise InputError(f"{name!r} is none", where="weights", right=f"There are: {', '.join(COSTS)}")
+            if not _is_number(value) or value < 0.0:
+                raise InputError(f"{value!r} is no weight", where=f"weights[{name!r}]",
+                                 right="It must be a number from 0 on")
+        if not sum(self.weights.values()) > 0.0:
+            raise InputError("are all zero", where="weights", right="One of them must be above 0")
+
+    @property
+    def weighed(self) -> tuple[str, ...]:
+        """Costs with a weight above zero."""
+        return tuple(name for name, weight in self.weights.items() if weight > 0.0)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _check_pair(where: str, pair: Any) -> None:
+    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(map(_is_number, pair)):
+        raise InputError(f"{pair!r} is no pair of numbers", where=where, right="Give (low, high)")
+    if not pair[0] < pair[1]:
+        raise InputError(f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}", where=where,
+                         right="No setting meets both: give the lower one first")
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    found = jinja2.Environment(loader=jinja2.PackageLoader("vsf_drake.analysis.tuning", "wording"), trim_blocks=True,
+                               lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    found.filters["form"] = format
+    return found
+
+
+def say(template: str, part: str, **numbers: Any) -> list[str]:
+    """The paragraphs that the macro `part` of `wording/TEMPLATE.txt.j2` makes of numbers, each on one line."""
+    module = _environment().get_template(f"{template}.txt.j2").module
+    text = str(getattr(module, part)(**numbers))
+    return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
