@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pydrake.systems.framework import PortDataType
 
-from vsf_drake.ground import Ground
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram, make_bench, make_roll_over_machine
-from vsf_drake.plants.gait import GaitDiagram, GroundedGait, make_gait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, make_gait
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 """A person like any other: sizes of ports do not depend on the body."""
@@ -22,7 +21,6 @@ def build(cls: type) -> object:
     model = ModelParameters()
     recipes = {
         GaitDiagram: lambda: make_gait(SUBJECT, model),
-        GroundedGait: lambda: make_gait_over(SUBJECT, model, Ground()),
         BenchDiagram: lambda: make_bench(model.foot),
         RollOverDiagram: lambda: make_roll_over_machine(model.foot, friction=True),
     }

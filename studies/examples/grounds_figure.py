@@ -13,7 +13,7 @@ from vsf_drake.ground import Ground
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.foot_handles import ContactSites
-from vsf_drake.plants.gait import GroundedGait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.report.style import MEASURED, NEUTRAL, label, new_figure, style
 from vsf_drake.simulation.walk_over_ground import ReferenceWalk
 
@@ -24,7 +24,7 @@ PERSON_M_PER_BW, FOOT_M_PER_BW, SHOWN_N = 0.5, 0.08, 20.0
 
 def draw(runs: dict[str, ReferenceWalk], grounds: dict[str, Ground], trial: Trial) -> Figure:
     """The figure of `runs` by ground name."""
-    gait = make_gait_over(trial.subject, trial.model, Ground())
+    gait = make_gait(trial.subject, trial.model)
     colours = {name: colormaps["viridis"](0.9 * i / max(len(grounds) - 1, 1)) for i, name in enumerate(grounds)}
     weight = GRAVITY * trial.subject.mass_kg
     with style():
@@ -61,7 +61,7 @@ def _draw_ground(axes: Any, ground: Ground) -> None:
     axes.plot(x, z, color="0.35", lw=0.8)
 
 
-def _shown(gait: GroundedGait, run: ReferenceWalk) -> Any:
+def _shown(gait: GaitDiagram, run: ReferenceWalk) -> Any:
     """Index, opacity and plant's Context of each instant that is drawn."""
     context = gait.plant.CreateDefaultContext()
     for share in SHARES:
@@ -70,7 +70,7 @@ def _shown(gait: GroundedGait, run: ReferenceWalk) -> Any:
         yield i, 0.3 + 0.7 * share, context
 
 
-def _draw_person(axes: Any, gait: GroundedGait, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
+def _draw_person(axes: Any, gait: GaitDiagram, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
     person, plant = gait.person, gait.plant
     body, own = person.body, person.subject.prosthetic_side
     other = "left" if own == "right" else "right"
@@ -89,7 +89,7 @@ def _draw_person(axes: Any, gait: GroundedGait, run: ReferenceWalk, colour: Any,
             _arrow(axes, force[i], cop[i], PERSON_M_PER_BW / body_weight_n, colour, fade)
 
 
-def _draw_foot(axes: Any, gait: GroundedGait, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
+def _draw_foot(axes: Any, gait: GaitDiagram, run: ReferenceWalk, colour: Any, body_weight_n: float) -> None:
     for i, fade, context in _shown(gait, run):
         sole = _sole(gait.plant, gait.person.foot.sites, context)
         axes.plot(*sole.T, color="0.15", lw=1.2, alpha=fade)

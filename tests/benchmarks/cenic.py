@@ -102,8 +102,8 @@ def _respond(scheme: str, accuracy: float, max_step_s: float, *, alone: bool) ->
     bench.plant.GetJointByName(bench.foot.carriage_joint_name).set_translation(plant_context, FULCRUM_M)
     joints = [bench.plant.GetJointByName(name) for name in bench.foot.keel_joint_names]
     if alone:
-        support = bench.device.fulcrum
-        support.SetParameters(support.GetMyMutableContextFromRoot(context), stiffness=0.0, damping=0.0)
+        forces = bench.forces
+        forces.SetParameters(forces.GetMyMutableContextFromRoot(context), fulcrum_stiffness=0.0, fulcrum_damping=0.0)
         for joint in joints[1:]:
             joint.set_angle(plant_context, BENT_RAD)
     lift = -1.0 if alone else PRESSED_M

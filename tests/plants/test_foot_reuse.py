@@ -197,7 +197,7 @@ def test_two_hundred_builds_leave_nothing_behind():
 def test_bench_is_freed_with_its_last_reference():
     bench = make_bench(PARAMETERS)
     bench.diagram.CreateDefaultContext()
-    seen = [weakref.ref(x) for x in (bench.diagram, bench.plant, bench.machine, bench.device.fulcrum)]
+    seen = [weakref.ref(x) for x in (bench.diagram, bench.plant, bench.machine, bench.forces)]
     del bench
     collect()
     assert [ref() for ref in seen] == [None] * 4

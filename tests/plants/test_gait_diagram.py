@@ -14,7 +14,8 @@ from vsf_drake.plants.gait import make_gait
 
 INPUTS = {"fulcrum_position", "desired_state"}
 FOOT = ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force")
-OUTPUTS = {"state", "support_force", "socket_wrench", "driver_force", *FOOT, *(f"intact_{name}" for name in FOOT)}
+OUTPUTS = {"state", "support_force", "joint_moment", "socket_wrench", "driver_force", *FOOT,
+           *(f"intact_{name}" for name in FOOT)}
 
 
 def input_names(diagram):

@@ -1,4 +1,4 @@
-"""The person over a ground of patches: on the plane it is the person of the separate systems."""
+"""The person over a ground of patches, and on the plane as separate systems have it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.gait import make_gait, make_gait_over
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.systems import GroundReaction, KelvinVoigtContact, StickSlipFriction
 
 SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
 STANDING_M = 0.93
@@ -33,26 +34,46 @@ def standing(gait):
     return context
 
 
-def test_a_person_over_patches_has_on_the_plane_the_forces_of_the_separate_systems():
-    ports = (*FOOT, *(f"intact_{name}" for name in FOOT), "support_force", "socket_wrench", "driver_force")
+def separate_systems(gait, context, sites, friction):
+    """The outputs of one foot on the plane z = 0 by a system for each force, at the plant's state."""
+    place = {"body_indices": sites.body_indices, "p_BS": sites.p_BS, "radius": sites.radius}
+    contact = KelvinVoigtContact(**place, **sites.law)
+    slip = StickSlipFriction(**place, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic,
+                             threshold_velocity=friction.threshold_velocity_m_per_s)
+    inputs = dict(outputs(gait.plant, gait.plant_context(context), ("body_poses", "body_spatial_velocities")))
+    found = {}
+    for system, names in ((contact, ("normal_force", "depth")), (slip, ("friction_force",)),
+                          (GroundReaction(**place), ("grf", "cop", "free_moment"))):
+        own = system.CreateDefaultContext()
+        for i in range(system.num_input_ports()):
+            port = system.get_input_port(i)
+            port.FixValue(own, found[port.get_name()] if port.get_name() in found else inputs[port.get_name()])
+        found |= dict(outputs(system, own, names))
+    return found
+
+
+def outputs(system, context, names):
+    return ((name, system.GetOutputPort(name).Eval(context)) for name in names)
+
+
+def test_a_person_has_on_the_plane_the_forces_of_the_separate_systems():
     model = ModelParameters()
     rubber = replace(model.intact_foot.friction, mu_static=0.9, mu_kinetic=0.7)
     model = replace(model, intact_foot=replace(model.intact_foot, friction=rubber))
-    plane, patches = make_gait(SUBJECT, model), make_gait_over(SUBJECT, model, Ground())
-    contexts = standing(plane), standing(patches)
-    one, two = values(plane.diagram, contexts[0], ports), values(patches.diagram, contexts[1], ports)
-    assert one["grf"][2] > 100.0
-    assert one["intact_grf"][2] > 100.0
-    for name, value in one.items():
-        np.testing.assert_allclose(two[name], value, rtol=1e-9, atol=1e-9, err_msg=name)
-    rates = [gait.diagram.EvalTimeDerivatives(context).CopyToVector() for gait, context in
-             zip((plane, patches), contexts, strict=True)]
-    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-9, atol=1e-9 * np.abs(rates[0]).max())
+    gait = make_gait(SUBJECT, model)
+    context = standing(gait)
+    for prefix, sites, friction in (("", gait.person.foot.sites, model.foot.friction),
+                                    ("intact_", gait.person.intact_sites, rubber)):
+        expected = separate_systems(gait, context, sites, friction)
+        assert expected["grf"][2] > 100.0
+        for name in FOOT:
+            found = gait.diagram.GetOutputPort(prefix + name).Eval(context)
+            np.testing.assert_allclose(found, expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone():
     ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
-    level, kerb = (make_gait_over(SUBJECT, ModelParameters(), g) for g in (Ground(), ground))
+    level, kerb = (make_gait(SUBJECT, ModelParameters(), g) for g in (Ground(), ground))
     one, two = (values(g.diagram, standing(g), ("grf", "intact_grf")) for g in (level, kerb))
     assert two["intact_grf"][2] > one["intact_grf"][2] + 50.0
     np.testing.assert_array_equal(one["grf"], two["grf"])

@@ -7,8 +7,8 @@ import pytest
 
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
-from vsf_drake.plants.device import velocity_indices
 from vsf_drake.plants.foot import sole_height
+from vsf_drake.plants.wiring import velocity_indices
 
 FOOT = FootParameters()
 
@@ -47,8 +47,8 @@ def test_nothing_weighs(machine):
 
 
 def test_friction_is_an_option(machine):
-    smooth = make_roll_over_machine(FOOT, friction=False).ground.friction
+    smooth = make_roll_over_machine(FOOT, friction=False).forces
     own = smooth.CreateDefaultContext()
-    assert float(smooth.GetParameter(own, "mu_static")) == 0.0 == float(smooth.GetParameter(own, "mu_kinetic"))
-    rough = machine.ground.friction
-    assert float(rough.GetParameter(rough.CreateDefaultContext(), "mu_static")) == FOOT.friction.mu_static
+    assert float(smooth.GetParameter(own, "mu_static")[0]) == 0.0 == float(smooth.GetParameter(own, "mu_kinetic")[0])
+    rough = machine.forces
+    assert float(rough.GetParameter(rough.CreateDefaultContext(), "mu_static")[0]) == FOOT.friction.mu_static

@@ -97,7 +97,7 @@ def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it
     station = make_station(Scenario(kind="bench", fulcrum_mm=87.0))
     bench = make_bench(ModelParameters().foot)
     contexts = [station.diagram.CreateDefaultContext(), bench.diagram.CreateDefaultContext()]
-    bench.diagram.GetInputPort("fulcrum_position").FixValue(contexts[1], 0.087)
+    bench.diagram.GetInputPort("fulcrum_position").FixValue(contexts[1], 1e-3 * 87.0)
     q = np.linspace(-0.01, 0.02, 20)
     for diagram, plant, context in ((station.diagram, station.plant, contexts[0]),
                                     (bench.diagram, bench.plant, contexts[1])):

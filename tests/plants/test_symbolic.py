@@ -11,8 +11,7 @@ from pydrake.systems.primitives import FirstOrderLowPassFilter, LinearSystem
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.plants.device import to_symbolic
+from vsf_drake.plants import add_foot, to_symbolic, wire_foot
 from vsf_drake.systems import GaitDriver, KeelElasticity
 
 

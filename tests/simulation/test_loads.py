@@ -30,7 +30,7 @@ def inverse_dynamics(gait, context, q, v, acceleration, fulcrum_m):
     for applied in plant.get_applied_spatial_force_input_port().Eval(plant_context):
         plant.get_body(applied.body_index).AddInForce(
             plant_context, applied.p_BoBq_B, applied.F_Bq_W, plant.world_frame(), forces)
-    for system in (gait.device.keel, gait.bushing):
+    for system in (gait.forces["prosthetic"], gait.bushing):
         forces.mutable_generalized_forces()[:] += system.GetOutputPort("generalized_force").Eval(
             system.GetMyContextFromRoot(context))
     return plant.CalcInverseDynamics(plant_context, acceleration, forces)

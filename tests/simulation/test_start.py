@@ -59,8 +59,8 @@ def test_keel_that_folds_up_has_failed(trial):
 
 def test_result_tells_the_numbers_that_were_used(trial):
     walker = Walker(trial.subject, trial.model)
-    fulcrum = walker.gait.device.fulcrum
-    fulcrum.SetParameters(fulcrum.GetMyContextFromRoot(walker.context), stiffness=5e4)
+    forces = walker.gait.forces["prosthetic"]
+    forces.SetParameters(forces.GetMyContextFromRoot(walker.context), fulcrum_stiffness=5e4)
     walk = walked(trial, walker, fulcrum_m=0.151)
     parameters = walker.result(walk, trial, GeometricOffsets()).parameters
     assert parameters["fulcrum_m"] == [0.151, 0.151]

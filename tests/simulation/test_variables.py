@@ -68,7 +68,7 @@ def test_contact_variable_is_that_parameter_of_the_zones_spheres_in_the_systems_
     value = 1.1 * variable.default
     found = walked(person, motion, values={variable.name: value})
     rows = zone_rows(person.gait, zone)
-    with parameter(person.gait.ground["prosthetic"].contact, person.context, name, put(rows, value)):
+    with parameter(person.gait.forces["prosthetic"], person.context, name, put(rows, value)):
         wanted = walked(person, motion)
     assert_same_walk(found, wanted)
     assert np.abs(found.record.q - walked(person, motion).record.q).max() > 0.0
@@ -79,7 +79,7 @@ def test_friction_variable_is_that_parameter_of_the_prosthetic_foots_friction(wa
     person = walker("right")
     value = 0.7 * person.variables[f"friction.{name}"].default
     found = walked(person, motion, values={f"friction.{name}": value})
-    with parameter(person.gait.ground["prosthetic"].friction, person.context, name, lambda _: value):
+    with parameter(person.gait.forces["prosthetic"], person.context, name, lambda _: value):
         wanted = walked(person, motion)
     assert_same_walk(found, wanted)
 

@@ -14,7 +14,7 @@ from vsf_drake.ground import Ground
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.plants.gait import make_gait_over
+from vsf_drake.plants.gait import make_gait
 
 PAPER_BW = 0.053
 """Body weights, root mean square, that McGeehan's model left in the very trial it was fitted to."""
@@ -36,7 +36,7 @@ def weight(trial):
 @pytest.fixture(scope="module")
 def gait(trial):
     """The person, for poses."""
-    return make_gait_over(trial.subject, trial.model, Ground())
+    return make_gait(trial.subject, trial.model)
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,19 @@ from pydrake.autodiffutils import ExtractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import AffineSystem
 
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.plants import add_foot
-from vsf_drake.plants.device import add_device
-from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
-from vsf_drake.systems import GroundReaction, KelvinVoigtContact, StickSlipFriction
+from vsf_drake.plants.wiring import (
+    connect_kinematics,
+    servo,
+    share_generalized_forces,
+    share_spatial_forces,
+    velocity_indices,
+)
+from vsf_drake.systems import FulcrumSupport, GroundReaction, KeelElasticity, KelvinVoigtContact, StickSlipFriction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, FootForces
 
 SEEDS = (1, 2, 3)
@@ -40,6 +46,20 @@ def feet():
     return foot
 
 
+def device_systems(plant, foot):
+    """Keel springs, fulcrum support and the carriage's servo."""
+    fulcrum = foot.parameters.fulcrum
+    return (
+        KeelElasticity(num_velocities=plant.num_velocities(),
+                       velocity_indices=velocity_indices(plant, foot.keel_joint_names),
+                       stiffness=foot.joint_stiffness, damping=foot.joint_damping),
+        FulcrumSupport(frame_body_index=foot.frame.index(), X_FK=RigidTransform(),
+                       keel_body_indices=[body.index() for body in foot.keel], keel_body_starts=foot.keel_starts,
+                       stiffness=fulcrum.stiffness_n_per_m,
+                       damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s),
+        servo(plant, (foot.carriage_joint_name,), np.array([fulcrum.carriage_mass_kg])))
+
+
 class Apart:
     """The same foot under the same shank with every force from a system of its own."""
 
@@ -48,7 +68,11 @@ class Apart:
         self.plant = builder.AddSystem(MultibodyPlant(0.0))
         foot = add_foot(self.plant, add_loose_shank(self.plant, "rpy").body_frame(), PARAMETERS)
         self.plant.Finalize()
-        device = add_device(builder, self.plant, foot)
+        keel, support, carriage = (builder.AddSystem(system) for system in device_systems(self.plant, foot))
+        desired = builder.AddSystem(AffineSystem(D=np.array([[1.0], [0.0]])))
+        builder.Connect(desired.get_output_port(), carriage.GetInputPort("desired_state"))
+        builder.ExportInput(support.GetInputPort("fulcrum_position"), "fulcrum_position")
+        builder.ConnectInput("fulcrum_position", desired.get_input_port())
         place = {"body_indices": foot.sites.body_indices, "p_BS": foot.sites.p_BS, "radius": foot.sites.radius}
         friction = PARAMETERS.friction
         contact = builder.AddSystem(KelvinVoigtContact(**place, **foot.sites.law))
@@ -59,11 +83,12 @@ class Apart:
         for receiver in (slip, reaction):
             builder.Connect(contact.GetOutputPort("normal_force"), receiver.GetInputPort("normal_force"))
         builder.Connect(slip.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
-        connect_kinematics(builder, self.plant, [device.keel, device.fulcrum, device.carriage, contact, slip, reaction])
-        connect_spatial_forces(builder, self.plant, [
-            *device.spatial_ports, contact.GetOutputPort("spatial_forces"), slip.GetOutputPort("spatial_forces")])
-        connect_generalized_forces(builder, self.plant, device.generalized_ports)
-        self.sources = {"support_force": device.fulcrum, "joint_moment": device.keel, "normal_force": contact,
+        connect_kinematics(builder, self.plant, [keel, support, carriage, contact, slip, reaction])
+        for system in (support, contact, slip):
+            share_spatial_forces(builder, self.plant, system.GetOutputPort("spatial_forces"))
+        for system in (keel, carriage):
+            share_generalized_forces(builder, self.plant, system.GetOutputPort("generalized_force"))
+        self.sources = {"support_force": support, "joint_moment": keel, "normal_force": contact,
                         "depth": contact, "depth_rate": contact, "friction_force": slip,
                         **dict.fromkeys(("grf", "cop", "free_moment"), reaction)}
         self.diagram = builder.Build()

@@ -9,10 +9,9 @@ import pytest
 from made_systems import force_systems, further_systems, public_diagrams, public_systems
 from pydrake.systems.framework import PortDataType
 
-from vsf_drake.ground import Ground
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram, make_bench, make_roll_over_machine
-from vsf_drake.plants.gait import GaitDiagram, GroundedGait, make_gait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.station import Station
 
 SYSTEMS = sorted(public_systems(), key=lambda cls: cls.__module__)
@@ -74,7 +73,6 @@ def test_documented_parameters_are_those_in_the_context(systems, cls):
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 DIAGRAMS = {
     GaitDiagram: lambda model: make_gait(SUBJECT, model, free=("pelvis_ty",)),
-    GroundedGait: lambda model: make_gait_over(SUBJECT, model, Ground(), free=("pelvis_ty",)),
     BenchDiagram: lambda model: make_bench(model.foot, heel=True),
     RollOverDiagram: lambda model: make_roll_over_machine(model.foot, friction=True),
 }

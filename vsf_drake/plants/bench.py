@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -10,15 +11,16 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
-from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters, FrictionParameters
-from vsf_drake.plants.device import DeviceSystems, add_device, servo
+from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.gait import FootGround, add_foot_ground
+from vsf_drake.plants.foot_wiring import wire_foot, wire_unloaded_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
-from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
+from vsf_drake.plants.wiring import connect_kinematics, servo, share_generalized_forces, share_spatial_forces
+from vsf_drake.systems.foot_forces import FootForces
 from vsf_drake.systems.testing_machine import TestingMachine
 
 
@@ -43,6 +45,7 @@ class BenchDiagram:
     the fulcrum on the keel along z_K).
 
     Attributes:
+        forces: of keel and fulcrum, without contact.
         machine_bodies: body of each site that the platen presses.
         contact_height: height (m) in W at which the platen touches the unloaded foot.
     """
@@ -50,7 +53,7 @@ class BenchDiagram:
     diagram: Diagram
     plant: MultibodyPlant
     foot: FootHandles
-    device: DeviceSystems
+    forces: FootForces
     machine: TestingMachine
     machine_bodies: list
     contact_height: float
@@ -73,38 +76,41 @@ def make_bench(
             seen only, and the diagram the output `query`. None: no shapes.
     """
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant = _weightless_plant(builder)
     if scene_graph is not None:
         connect_scene_graph(builder, plant, scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters)
     if scene_graph is not None:
         add_foot_visuals(plant, foot)
     plant.Finalize()
-    device = add_device(builder, plant, foot)
-    sites = _sites(parameters, foot, heel)
-    machine = builder.AddNamedSystem("testing_machine", TestingMachine(**sites))
-    systems = [device.keel, device.fulcrum, device.carriage, machine]
-    connect_kinematics(builder, plant, systems)
-    connect_spatial_forces(builder, plant, [*device.spatial_ports, machine.GetOutputPort("spatial_forces")])
-    connect_generalized_forces(builder, plant, device.generalized_ports)
+    forces = wire_unloaded_foot(builder, plant, foot)
+    pressed = _pressed(parameters, foot, heel)
+    machine = builder.AddNamedSystem("testing_machine", TestingMachine(**pressed))
+    connect_kinematics(builder, plant, [machine])
+    share_spatial_forces(builder, plant, machine.GetOutputPort("spatial_forces"))
+    builder.ExportInput(forces.GetInputPort("fulcrum_position"), "fulcrum_position")
     builder.ExportInput(machine.GetInputPort("platen"), "platen")
     for name in ("load", "depth"):
         builder.ExportOutput(machine.GetOutputPort(name), name)
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    builder.ExportOutput(device.fulcrum.GetOutputPort("support_force"), "support_force")
+    builder.ExportOutput(forces.GetOutputPort("support_force"), "support_force")
     if scene_graph is not None:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
-    diagram = builder.Build()
+    diagram, bodies = builder.Build(), pressed["body_indices"]
     context = plant.CreateDefaultContext()
-    heights = [
-        (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
-        for body, point in zip(sites["body_indices"], sites["p_BS"], strict=True)]
-    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, device=device, machine=machine,
-                        machine_bodies=sites["body_indices"], contact_height=float(min(heights)))
+    heights = [(plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
+               for body, point in zip(bodies, pressed["p_BS"], strict=True)]
+    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, forces=forces, machine=machine, machine_bodies=bodies,
+                        contact_height=float(min(heights)))
 
 
-def _sites(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict:
+def _weightless_plant(builder: DiagramBuilder) -> MultibodyPlant:
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    return plant
+
+
+def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[str, Any]:
     """Arguments of the testing machine: where it presses and through which contact law."""
     if heel:
         sites = foot.sites
@@ -166,15 +172,14 @@ class RollOverDiagram:
 
     Attributes:
         mount: body whose frame is the foot's mount M.
-        ground: contact and friction of all the foot's spheres.
+        forces: on the foot.
     """
 
     diagram: Diagram
     plant: MultibodyPlant
     foot: FootHandles
     mount: RigidBody
-    device: DeviceSystems
-    ground: FootGround
+    forces: FootForces
 
 
 def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> RollOverDiagram:
@@ -184,8 +189,7 @@ def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> Rol
         friction: the foot's friction with the ground, or none.
     """
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant = _weightless_plant(builder)
     instance = plant.AddModelInstance("machine")
     mount = plant.AddRigidBody("machine_mount", instance, box(_MOUNT_MASS_KG, _MOUNT_SIZE_M, (0.0, 0.0, 0.0)))
     forward, up, pitch = MOUNT_COORDINATES
@@ -193,17 +197,14 @@ def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> Rol
         (forward, PrismaticJoint, FORWARD), (up, PrismaticJoint, UPWARD), (pitch, RevoluteJoint, RIGHTWARD)])
     foot = add_foot(plant, mount.body_frame(), parameters)
     plant.Finalize()
-    device = add_device(builder, plant, foot)
     driver = builder.AddNamedSystem("driver", servo(plant, MOUNT_COORDINATES, np.full(3, _SERVO_INERTIA)))
+    connect_kinematics(builder, plant, [driver])
+    share_generalized_forces(builder, plant, driver.GetOutputPort("generalized_force"))
+    patch = GroundPatch() if friction else GroundPatch(mu_static=0.0, mu_kinetic=0.0)
+    wired = wire_foot(builder, plant, foot, ground=Ground(patches=(patch,)))
+    builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
-    law = parameters.friction if friction else FrictionParameters(mu_static=0.0, mu_kinetic=0.0)
-    ground = add_foot_ground(builder, "", foot.sites, law, 0.0)
-    connect_kinematics(builder, plant, [
-        device.keel, device.fulcrum, device.carriage, driver, ground.contact, ground.friction, ground.reaction])
-    connect_spatial_forces(builder, plant, [
-        *device.spatial_ports, ground.contact.GetOutputPort("spatial_forces"),
-        ground.friction.GetOutputPort("spatial_forces")])
-    connect_generalized_forces(builder, plant, [*device.generalized_ports, driver.GetOutputPort("generalized_force")])
+    for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
+        builder.ExportOutput(wired.GetOutputPort(name), name)
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    return RollOverDiagram(
-        diagram=builder.Build(), plant=plant, foot=foot, mount=mount, device=device, ground=ground)
+    return RollOverDiagram(diagram=builder.Build(), plant=plant, foot=foot, mount=mount, forces=wired.forces)

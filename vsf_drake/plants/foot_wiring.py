@@ -7,27 +7,19 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import (
-    Context,
-    DiagramBuilder,
-    EventStatus,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    PortDataType,
-)
+from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, OutputPort, PortDataType
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
-from vsf_drake.parameters import ActuatorParameters
+from vsf_drake.parameters import ActuatorParameters, FrictionParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
-from vsf_drake.plants.device import SERVO_FREQUENCY
 from vsf_drake.plants.discrete_foot import grip_limit, place_fulcrum, support_of
-from vsf_drake.plants.foot_handles import FootHandles, check_type
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.plants.wiring import (
+    SERVO_FREQUENCY,
     check_open,
     check_port,
     check_shareable,
@@ -95,11 +87,12 @@ class WiredFoot:
         Raises:
             InputError: there is none of that name.
         """
-        ports = {port.get_name(): port for port in _outputs(self.forces)}
-        if self.reaction:
-            ports |= {port.get_name(): port for port in _outputs(self.reaction)}
-        if self.device:
-            ports |= {port.get_name(): port for port in _outputs(self.device) if port.get_name() in FORCES}
+        ports: dict[str, OutputPort] = {}
+        for system in (self.forces, self.reaction, self.device):
+            for i in range(system.num_output_ports() if system else 0):
+                port = system.get_output_port(i)
+                if system is not self.device or port.get_name() in FORCES:
+                    ports[port.get_name()] = port
         if name not in ports:
             raise InputError(f"there is no output {name!r}", where=self.forces.get_name(),
                              right=f"There are {', '.join(ports)}")
@@ -132,21 +125,23 @@ def wire_foot(
     check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
-    _check_wiring(builder, plant, foot, f"{foot.name}_forces")
+    _check_wiring(builder, plant, foot)
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
-    _check_suits(plant, foot, ground, fulcrum_m)
-    _check_geometry(plant, foot, own_ground)
-    law = foot.contact if foot.contact in CONTACT_LAWS else None
-    device = _device_constants(foot, fulcrum_m)
-    contact = _contact_constants(foot, check_ground(ground or Ground())) if law else {}
+    _check_suits(plant, foot, ground, fulcrum_m, own_ground)
+    law, device, contact = None, _device_constants(foot, fulcrum_m), {}
+    if foot.contact in CONTACT_LAWS:
+        law = foot.contact
+        contact = _contact_constants(foot.sites, foot.parameters.friction, check_ground(ground or Ground()))
     reaction = _add_reaction(builder, plant, foot) if foot.contact in DRAKE_CONTACTS else None
     if foot.support is None:
-        # Otherwise the servo would pull the carriage from A to the fulcrum in the first millisecond.
-        plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
         forces = _add_forces(builder, plant, foot, "forces", law, device | contact)
+        _rest_on_fulcrum(plant, foot, fulcrum_m)
         _apply(builder, plant, forces)
         return WiredFoot(foot=foot, forces=forces, reaction=reaction)
-    command = _add_command(builder, plant, foot, fulcrum_m)
+    joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
+    command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
+        num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
+    builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
     if law:
         without = dict.fromkeys(device, 0.0) | {"fulcrum_m": fulcrum_m}
         forces = _add_forces(builder, plant, foot, "forces", law, without | contact,
@@ -157,6 +152,40 @@ def wire_foot(
         forces = told = _add_forces(builder, plant, foot, "forces", None, device)
     builder.Connect(command.GetOutputPort("position"), told.GetInputPort("fulcrum_position"))
     return WiredFoot(foot=foot, forces=forces, reaction=reaction, device=told, command=command)
+
+
+def wire_unloaded_foot(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> FootForces:
+    """Connects what acts on `foot`, in a continuous plant, but for contact and friction: nothing is under it."""
+    forces = _add_forces(builder, plant, foot, "forces", None, _device_constants(foot, foot.fulcrum_m))
+    _rest_on_fulcrum(plant, foot, foot.fulcrum_m)
+    _apply(builder, plant, forces)
+    return forces
+
+
+def add_rigid_foot(
+    builder: DiagramBuilder, plant: MultibodyPlant, sites: ContactSites, friction: FrictionParameters, ground: Ground,
+    *, name: str
+) -> FootForces:
+    """Adds contact and friction of spheres on one rigid body, on `ground`, and applies them to `plant`.
+
+    It is a `FootForces` whose keel has no stiffness, no support and no spheres, so that it exerts nothing there.
+
+    Raises:
+        ValueError: the sites are on several bodies.
+    """
+    bodies = {int(index) for index in sites.body_indices}
+    if len(bodies) != 1:
+        raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
+    no_keel = dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "carriage_gain", "carriage_rate_gain",
+                             "fulcrum_m", "joint_stiffness", "joint_damping"), 0.0)
+    forces = builder.AddNamedSystem(name, FootForces(
+        num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
+        velocity_indices=[0, 0], frame_body_index=BodyIndex(bodies.pop()), keel_starts=np.zeros(1),
+        site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
+        constants=no_keel | _contact_constants(sites, friction, check_ground(ground))))
+    connect_kinematics(builder, plant, [forces])
+    _apply(builder, plant, forces)
+    return forces
 
 
 def _add_forces(
@@ -176,6 +205,11 @@ def _add_forces(
     return forces
 
 
+def _rest_on_fulcrum(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float) -> None:
+    """Otherwise the servo would pull the carriage from A to the fulcrum in the first millisecond."""
+    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
+
+
 def _apply(builder: DiagramBuilder, plant: MultibodyPlant, forces: FootForces) -> None:
     share_spatial_forces(builder, plant, forces.GetOutputPort("spatial_forces"))
     share_generalized_forces(builder, plant, forces.GetOutputPort("generalized_force"))
@@ -184,27 +218,27 @@ def _apply(builder: DiagramBuilder, plant: MultibodyPlant, forces: FootForces) -
 def _add_reaction(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DrakeReaction:
     part_own_geometry(builder, plant, foot)
     reaction = builder.AddNamedSystem(f"{foot.name}_reaction", DrakeReaction(
-        body_indices=[body.index() for body in (foot.frame, *foot.keel)],
-        geometry_ids=own_geometry(plant, foot)))
+        body_indices=[body.index() for body in (foot.frame, *foot.keel)], geometry_ids=own_geometry(plant, foot)))
     builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
     return reaction
 
 
-def _add_command(
-    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float
-) -> FulcrumCommand:
-    joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
-    command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
-        num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
-    builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
-    return command
+def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> None:
+    if not plant.is_finalized():
+        raise InputError("is not finalised", where="plant", right="Call plant.Finalize() after the last add_foot")
+    check_shareable(builder, plant)
+    if not plant.HasModelInstanceNamed(foot.name) or plant.get_body(foot.frame.index()) is not foot.frame:
+        raise InputError(f"the foot {foot.name!r} is part of another plant", where="foot",
+                         right="Wire it in the diagram of the plant that it was added to")
+    if builder.HasSubsystemNamed(f"{foot.name}_forces"):
+        raise InputError(f"the foot {foot.name!r} is wired already", where="foot",
+                         right="Keep what the first wire_foot returned; a second foot needs a name of its own")
 
 
-def _outputs(system: LeafSystem) -> list[OutputPort]:
-    return [system.get_output_port(i) for i in range(system.num_output_ports())]
-
-
-def _check_suits(plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float) -> None:
+def _check_suits(
+    plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float, own_ground: bool
+) -> None:
+    """Raises InputError unless time step, ground and position go with the foot's contact and support."""
     if plant.time_step() > 0.0 and foot.support is None:
         raise InputError(f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it",
                          where="plant", right="Add the foot with add_foot, or take a continuous plant")
@@ -214,10 +248,6 @@ def _check_suits(plant: MultibodyPlant, foot: FootHandles, ground: Ground | None
     if foot.support is not None and abs(fulcrum_m - foot.fulcrum_m) > 1e-9:
         raise InputError(f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step",
                          where="fulcrum_m", right=f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
-
-
-def _check_geometry(plant: MultibodyPlant, foot: FootHandles, own_ground: bool) -> None:
-    """Whether a foot of Drake's own contact has geometry to stand on, or is said to get some."""
     if foot.contact not in DRAKE_CONTACTS:
         if own_ground:
             raise InputError(f"contact {foot.contact} meets no geometry", where="own_ground",
@@ -228,18 +258,6 @@ def _check_geometry(plant: MultibodyPlant, foot: FootHandles, own_ground: bool) 
         raise InputError(f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
                          where="ground", right="Call add_ground_geometry(plant, ground) before plant.Finalize(), or "
                          "say wire_foot(..., own_ground=True) if it is to meet a ground of yours that moves, or none")
-
-
-def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str) -> None:
-    if not plant.is_finalized():
-        raise InputError("is not finalised", where="plant", right="Call plant.Finalize() after the last add_foot")
-    check_shareable(builder, plant)
-    if not plant.HasModelInstanceNamed(foot.name) or plant.get_body(foot.frame.index()) is not foot.frame:
-        raise InputError(f"the foot {foot.name!r} is part of another plant", where="foot",
-                         right="Wire it in the diagram of the plant that it was added to")
-    if builder.HasSubsystemNamed(name):
-        raise InputError(f"the foot {foot.name!r} is wired already", where="foot",
-                         right="Keep what the first wire_foot returned; a second foot needs a name of its own")
 
 
 def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:
@@ -253,10 +271,9 @@ def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:
     }
 
 
-def _contact_constants(foot: FootHandles, ground: Ground) -> dict[str, Any]:
-    friction = foot.parameters.friction
+def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground: Ground) -> dict[str, Any]:
     return {
-        "p_BS": foot.sites.p_BS, "radius": foot.sites.radius, **foot.sites.law, "dissipation": dissipation(foot.sites),
+        "p_BS": sites.p_BS, "radius": sites.radius, **sites.law, "dissipation": dissipation(sites),
         "depth_width": DEPTH_WIDTH_M, "rate_width": RATE_WIDTH_M_PER_S,
         "threshold_velocity": friction.threshold_velocity_m_per_s,
         **ground_arrays(ground, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic),

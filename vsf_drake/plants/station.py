@@ -18,7 +18,7 @@ Ports mean the same under every kind that has them. With several feet, a foot's 
     normal_force       spheres     person, leg     N
     depth              spheres     all             m, on the bench of the sites that the platen presses
     friction_force     3 spheres   person, leg     N in W
-    joint_moment       keel joints leg, person over a ground     N m of the keel's springs and dampers
+    joint_moment       keel joints person, leg     N m of the keel's springs and dampers
     socket_wrench      6           person          see `SocketBushing`
     driver_force       nv          person          of the servos that prescribe
     load               1           bench           N on the platen
@@ -63,7 +63,7 @@ from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
-from vsf_drake.plants.gait import make_gait, make_gait_over
+from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
@@ -80,7 +80,7 @@ class Station:
         plant: the bodies. Its part of a Context: `plant_context`.
         feet: variable-stiffness feet by name.
         parts: what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`,
-            `GroundedGait`, or a dict of `WiredFoot` by name for a leg.
+            or a dict of `WiredFoot` by name for a leg.
     """
 
     scenario: Scenario
@@ -103,8 +103,8 @@ class Station:
 def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat | None = None) -> Station:
     """Builds what `scenario` describes. It can be added to a larger diagram, any number of times.
 
-    A bench is `make_bench`, a person on the plane z = 0 `make_gait`, on any other ground `make_gait_over`, inside; a
-    foot under a leg is wired by `wire_foot`, found by `find_foot` if the model has it already.
+    A bench is `make_bench` inside, a person `make_gait`; a foot under a leg is wired by `wire_foot`, found by
+    `find_foot` if the model has it already.
 
     Args:
         visual: with shapes to be seen by, and the output `query` of the SceneGraph.
@@ -152,8 +152,7 @@ def _person(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters,
     subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
     ground, scene_graph = scenario_ground(scenario), SceneGraph() if visual else None
     try:
-        gait: Any = (make_gait(subject, model, free=scenario.free, scene_graph=scene_graph) if ground is None
-                     else make_gait_over(subject, model, ground, free=scenario.free, scene_graph=scene_graph))
+        gait = make_gait(subject, model, ground, free=scenario.free, scene_graph=scene_graph)
     except ValueError as error:
         raise InputError(str(error), where="free") from error
     _embed(builder, scenario, gait.diagram, "person", meshcat)

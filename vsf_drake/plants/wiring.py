@@ -1,21 +1,35 @@
-"""Sums the forces of several systems into a plant's two force ports."""
+"""Connections between a plant and systems: kinematics out, forces in, servos; and diagrams as symbolic expressions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import count
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     ExternallyAppliedSpatialForceMultiplexer,
     MultibodyPlant,
 )
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+    System,
+)
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.foot_handles import check_type
+from vsf_drake.systems.driver import GaitDriver
+
+SERVO_FREQUENCY = 2 * np.pi * 600.0
+"""Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
 
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: Sequence[LeafSystem]) -> None:
@@ -31,20 +45,18 @@ def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: 
                 builder.Connect(source, system.GetInputPort(name))
 
 
-def connect_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, ports: Sequence[OutputPort]) -> None:
-    """Applies the union of the lists of spatial forces in `ports` to `plant`."""
-    union = builder.AddNamedSystem("spatial_forces", ExternallyAppliedSpatialForceMultiplexer(len(ports)))
-    for i, port in enumerate(ports):
-        builder.Connect(port, union.get_input_port(i))
-    builder.Connect(union.get_output_port(), plant.get_applied_spatial_force_input_port())
+def velocity_indices(
+    plant: MultibodyPlant, names: Sequence[str], instance: ModelInstanceIndex | None = None
+) -> list[int]:
+    """Where the joints `names` (of `instance`, where they stand in several) are in the plant's velocities."""
+    return [plant.GetJointByName(name, instance).velocity_start() for name in names]
 
 
-def connect_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, ports: Sequence[OutputPort]) -> None:
-    """Applies the sum of the generalized forces in `ports` to `plant`."""
-    total = builder.AddNamedSystem("generalized_forces", Adder(len(ports), plant.num_velocities()))
-    for i, port in enumerate(ports):
-        builder.Connect(port, total.get_input_port(i))
-    builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+def servo(plant: MultibodyPlant, names: Sequence[str], inertia: np.ndarray) -> GaitDriver:
+    """A driver that holds the joints `names`, critically damped at SERVO_FREQUENCY on `inertia` (kg or kg m^2)."""
+    return GaitDriver(
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, names),
+        position_gain=SERVO_FREQUENCY**2 * inertia, velocity_gain=2 * SERVO_FREQUENCY * inertia)
 
 
 def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
@@ -160,3 +172,27 @@ def _share(
     builder.Connect(earlier, union.get_input_port(0))
     builder.Connect(port, union.get_input_port(1))
     builder.Connect(union.get_output_port(), target)
+
+
+def to_symbolic(diagram: Diagram) -> Diagram:
+    """Converts `diagram` to symbolic expressions (`pydrake.symbolic.Expression`), as its `ToSymbolic` does.
+
+    The keel's springs, servos and commands, which are linear, have a symbolic form, as Drake's MultibodyPlant has; what
+    stands on the ground has none. For derivatives of a whole diagram take `ToAutoDiffXd`.
+
+    Raises:
+        InputError: a system in it has no symbolic form; the message names each and says why.
+    """
+    converted = diagram.ToSymbolicMaybe()
+    if converted is not None:
+        return converted
+    reasons = [f"{system.GetSystemPathname()} ({type(system).__name__.split('_')[0]}): "
+               f"{getattr(system, 'why_not_symbolic', 'its type has no symbolic form')}"
+               for system in _leaves(diagram) if system.ToSymbolicMaybe() is None]
+    raise InputError("has no symbolic form, for " + "; ".join(reasons), where=diagram.get_name() or "diagram",
+                     right="Take diagram.ToAutoDiffXd() for derivatives, or convert the part without these systems")
+
+
+def _leaves(system: System) -> list[System]:
+    """All systems in `system` that are no diagrams."""
+    return [leaf for part in system.GetSystems() for leaf in _leaves(part)] if isinstance(system, Diagram) else [system]

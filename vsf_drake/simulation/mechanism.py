@@ -15,12 +15,13 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.bench import BenchDiagram
-from vsf_drake.plants.device import DeviceSystems, velocity_indices
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.gait import FootGround, GaitDiagram
+from vsf_drake.plants.gait import GaitDiagram
+from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, check_number, walk_variables
+from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
 LARGEST_KEEL_ANGLE = 1.0
@@ -37,39 +38,35 @@ def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no part.
     frictionless = [np.zeros(len(points)), np.zeros(len(points)), np.ones(len(points))]
     plant_context = bench.plant.GetMyContextFromRoot(context)
-    springs, index = keel_springs(bench.plant, bench.foot, bench.device, context)
+    springs, index = keel_springs(bench.plant, bench.foot, bench.forces, context)
     return Mechanism(
         plant=bench.plant, context=plant_context, tree=tree_of(bench.plant, plant_context),
         sites=np.column_stack([points, np.zeros(len(points)), *law, *frictionless]),
         site_bodies=_integers(bench.machine_bodies), ground_height=bench.contact_height,
-        springs=springs, spring_index=index, **fulcrum_arrays(bench.plant, bench.foot, bench.device, context),
+        springs=springs, spring_index=index, **fulcrum_arrays(bench.plant, bench.foot, bench.forces, context),
         limits=coordinate_limits(bench.plant.num_velocities(), keel=index))
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
     """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first.
 
-    The diagram's contact and friction are those of `make_gait`: the stepper knows the continuous
-    unloading branch and the piecewise friction law, not their variants.
-
     Raises:
-        ValueError: the two feet stand on different levels.
+        ValueError: the two feet do not stand on one level plane, the only ground that the stepper knows.
     """
-    plant_context = gait.plant_context(context)
-    keel, keel_index = keel_springs(gait.plant, gait.person.foot, gait.device, context)
+    plant_context, foot = gait.plant_context(context), gait.person.foot
+    keel, keel_index = keel_springs(gait.plant, foot, gait.forces["prosthetic"], context)
     socket, socket_index = _socket_springs(gait, context)
-    feet = (gait.ground["prosthetic"], gait.ground["intact"])
-    heights = [float(_reader(foot.contact, context)("ground_height")) for foot in feet]
+    heights = [level_ground(forces, context) for forces in gait.forces.values()]
     if heights[0] != heights[1]:
         raise ValueError(f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the other; "
                          "the stepper knows one level")
     return Mechanism(
         plant=gait.plant, context=plant_context, tree=tree_of(gait.plant, plant_context),
-        sites=np.vstack([ground_sites(foot, context) for foot in feet]),
-        site_bodies=np.concatenate([_integers(foot.sites.body_indices) for foot in feet]),
+        sites=np.vstack([ground_sites(forces, context) for forces in gait.forces.values()]),
+        site_bodies=_integers([*foot.sites.body_indices, *gait.person.intact_sites.body_indices]),
         ground_height=heights[0],
         springs=np.vstack([keel, socket]), spring_index=np.concatenate([keel_index, socket_index]),
-        **fulcrum_arrays(gait.plant, gait.person.foot, gait.device, context),
+        **fulcrum_arrays(gait.plant, foot, gait.forces["prosthetic"], context),
         limits=coordinate_limits(gait.plant.num_velocities(), keel=keel_index, socket=socket_index))
 
 
@@ -123,10 +120,10 @@ def _integers(indices) -> np.ndarray:
     return np.array([int(index) for index in indices], dtype=np.int64)
 
 
-def keel_springs(plant, foot: FootHandles, device: DeviceSystems, context: Context) -> tuple[np.ndarray, np.ndarray]:
+def keel_springs(plant, foot: FootHandles, forces: FootForces, context: Context) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the keel's springs, and their coordinates."""
-    keel = _reader(device.keel, context)
-    stiffness, damping = keel("stiffness"), keel("damping")
+    read = _reader(forces, context)
+    stiffness, damping = read("joint_stiffness"), read("joint_damping")
     never = np.full(len(stiffness), UNLIMITED)
     rows = np.column_stack([stiffness, stiffness, damping, never, never, np.zeros(len(stiffness))])
     return rows, _integers(velocity_indices(plant, foot.keel_joint_names))
@@ -139,20 +136,32 @@ def _socket_springs(gait: GaitDiagram, context: Context) -> tuple[np.ndarray, np
     return rows, _integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names))
 
 
-def fulcrum_arrays(plant: MultibodyPlant, foot: FootHandles, device: DeviceSystems, context: Context) -> dict:
+def fulcrum_arrays(plant: MultibodyPlant, foot: FootHandles, forces: FootForces, context: Context) -> dict:
     """What a `Mechanism` knows of the fulcrum and of the keel over it, by name."""
-    support = _reader(device.fulcrum, context)
+    read = _reader(forces, context)
     return {
-        "fulcrum": np.array([float(support("stiffness")), float(support("damping"))]),
+        "fulcrum": np.array([float(read("fulcrum_stiffness")), float(read("fulcrum_damping"))]),
         "keel_bodies": _integers(body.index() for body in foot.keel), "keel_starts": foot.keel_starts,
         "keel_coordinates": _integers(velocity_indices(plant, foot.keel_joint_names, foot.instance)),
         "frame_body": int(foot.frame.index())}
 
 
-def ground_sites(foot: FootGround, context: Context) -> np.ndarray:
-    """Rows of the foot's contact sites."""
-    contact, friction = _reader(foot.contact, context), _reader(foot.friction, context)
-    count = len(foot.sites.radius)
-    normal = [contact(name) for name in ("radius", "stiffness", "exponent", "damping", "full_damping_depth")]
-    tangential = [np.full(count, friction(name)) for name in ("mu_static", "mu_kinetic", "threshold_velocity")]
-    return np.column_stack([contact("p_BS"), *normal, *tangential])
+def ground_sites(forces: FootForces, context: Context) -> np.ndarray:
+    """Rows of the foot's contact sites, on a ground of one patch."""
+    read = _reader(forces, context)
+    names = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
+             "threshold_velocity")
+    points = read("p_BS")
+    return np.column_stack([points, *(np.broadcast_to(read(name), len(points)) for name in names)])
+
+
+def level_ground(forces: FootForces, context: Context) -> float:
+    """Height (m) of the one rigid level plane under a foot.
+
+    Raises:
+        ValueError: the ground is another one.
+    """
+    read = _reader(forces, context)
+    if len(read("ground_height")) != 1 or any(read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance")):
+        raise ValueError("the stepper knows one level plane as ground, neither patches nor slopes nor what gives way")
+    return float(read("ground_height")[0])

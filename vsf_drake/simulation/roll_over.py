@@ -438,9 +438,9 @@ def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism
     """The machine with the parameters in `context` (the diagram's)."""
     plant, foot = machine.plant, machine.foot
     own = plant.GetMyContextFromRoot(context)
-    springs, index = keel_springs(plant, foot, machine.device, context)
+    springs, index = keel_springs(plant, foot, machine.forces, context)
     return Mechanism(
-        plant=plant, context=own, tree=tree_of(plant, own), sites=ground_sites(machine.ground, context),
+        plant=plant, context=own, tree=tree_of(plant, own), sites=ground_sites(machine.forces, context),
         site_bodies=np.array([int(body) for body in foot.sites.body_indices], dtype=np.int64), ground_height=0.0,
-        springs=springs, spring_index=index, **fulcrum_arrays(plant, foot, machine.device, context),
+        springs=springs, spring_index=index, **fulcrum_arrays(plant, foot, machine.forces, context),
         limits=coordinate_limits(plant.num_velocities(), keel=index))

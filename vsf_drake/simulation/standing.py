@@ -366,7 +366,7 @@ class Posture:
             positions[gait.plant.GetJointByName(name).position_start()] = value
         gait.plant.SetPositions(context, positions)
         lowest = []
-        for foot in (gait.ground["prosthetic"].sites, gait.ground["intact"].sites):
+        for foot in (gait.person.foot.sites, gait.person.intact_sites):
             centres = [(gait.plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2]
                        for body, p in zip(foot.body_indices, foot.p_BS, strict=True)]
             lowest.append(float(np.min(np.array(centres) - foot.radius)))

@@ -24,9 +24,9 @@ from vsf_drake.model_file import check_fulcrum, check_model
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.device import velocity_indices
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.plants.gait import GaitDiagram, GroundedGait, make_gait, make_gait_over
+from vsf_drake.plants.gait import GaitDiagram, make_gait
+from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.schema import check
 from vsf_drake.simulation.adaptive import advance, check_integrator, drive
 from vsf_drake.simulation.mechanism import gait_mechanism
@@ -85,7 +85,7 @@ def walk_over(
     if not isinstance(offsets, GeometricOffsets):
         raise InputError(f"is a {type(offsets).__name__}, no GeometricOffsets", where="offsets")
     check(offsets)
-    gait = make_gait_over(subject, model, ground, free=free)
+    gait = make_gait(subject, model, ground, free=free)
     whole = trajectory.ordered(gait.person.coordinate_names)
     motion = motion_path(trajectory.ordered(gait.prescribed), start_s, end_s)
     commanded = fulcrum_on_grid(fulcrum_m, moments)
@@ -104,7 +104,7 @@ def walk_over(
 
 
 def _start(
-    gait: GroundedGait, diagram: Diagram, context: Context, trajectory: CoordinateTrajectory,
+    gait: GaitDiagram, diagram: Diagram, context: Context, trajectory: CoordinateTrajectory,
     motion: PiecewisePolynomial, fulcrum_m: float
 ) -> None:
     """Writes the state at the time of `context`: on the motion, but for what the servos must be off to bear their load.
@@ -132,7 +132,7 @@ def _start(
     plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
 
 
-def _settle(gait: GroundedGait, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]) -> None:
+def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]) -> None:
     """Brings `q` (coordinates,) to rest in all but `known`, these held: no force is left on the others."""
     plant, plant_context = gait.plant, gait.plant_context(context)
     loose = np.setdiff1d(np.arange(len(q)), known)
@@ -151,7 +151,7 @@ def _settle(gait: GroundedGait, diagram: Diagram, context: Context, q: np.ndarra
 
 # The walking person under Drake's `Simulator` with error control: slow, but owing nothing to the stepper.
 #
-# Prescribed coordinates are held by stiff servos (`plants.device`) instead of exactly, so they lag by
+# Prescribed coordinates are held by stiff servos (`plants.wiring.servo`) instead of exactly, so they lag by
 # what their load bends them: micrometres and hundredths of a degree. For checking the stepper, and
 # for diagrams that carry more than the stepper knows.
 
@@ -233,7 +233,7 @@ def simulate_reference(
         check_fulcrum(float(extreme), walker.model.foot)
 
     mechanism = gait_mechanism(walker.gait, walker.context)
-    gait = make_gait(walker.subject, walker.model, free=walker.free, ground_height=mechanism.ground_height)
+    gait = make_gait(walker.subject, walker.model, free=walker.free)
     diagram = driven(gait, motion, position)
     context = diagram.CreateDefaultContext()
     own = gait.diagram.GetMyMutableContextFromRoot(context)
@@ -250,7 +250,7 @@ def simulate_reference(
     return recorded(diagram, context, gait, motion, moments, config, progress)
 
 
-def driven(gait: GaitDiagram | GroundedGait, motion: PiecewisePolynomial, position: PiecewisePolynomial) -> Diagram:
+def driven(gait: GaitDiagram, motion: PiecewisePolynomial, position: PiecewisePolynomial) -> Diagram:
     """`gait` whose prescribed coordinates are to follow `motion` (rad, m), and its fulcrum `position` (1,) m from A."""
     builder = DiagramBuilder()
     builder.AddSystem(gait.diagram)
@@ -260,7 +260,7 @@ def driven(gait: GaitDiagram | GroundedGait, motion: PiecewisePolynomial, positi
 
 
 def recorded(
-    diagram: Diagram, context: Context, gait: GaitDiagram | GroundedGait, motion: PiecewisePolynomial,
+    diagram: Diagram, context: Context, gait: GaitDiagram, motion: PiecewisePolynomial,
     moments: np.ndarray, config: SimulatorConfig, progress: Callable[[float], None] | None
 ) -> ReferenceWalk:
     """Advances `diagram`, which has `gait` in it, through `moments` (n,) s, and keeps what it did there.

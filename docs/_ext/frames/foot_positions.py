@@ -166,15 +166,14 @@ def foot_signs(parameters: FootParameters) -> FootSigns:
 
 
 def support_force(parameters: FootParameters, fulcrum_m: float, angles: np.ndarray) -> float:
-    """What `FulcrumSupport` says (N) of the bench's foot with its keel at `angles` (m,) rad."""
+    """What `FootForces` says (N) of the bench's foot with its keel at `angles` (m,) rad."""
     bench = make_bench(parameters)
     context = bench.diagram.CreateDefaultContext()
     own = bench.plant.GetMyMutableContextFromRoot(context)
     for name, angle in zip(bench.foot.keel_joint_names, angles, strict=True):
         bench.plant.GetJointByName(name).set_angle(own, float(angle))
     bench.diagram.GetInputPort("fulcrum_position").FixValue(context, [fulcrum_m])
-    system = bench.device.fulcrum
-    return float(system.GetOutputPort("support_force").Eval(system.GetMyContextFromRoot(context))[0])
+    return float(bench.diagram.GetOutputPort("support_force").Eval(context)[0])
 
 
 def ground_forces(parameters: FootParameters, *, speed: float = 0.0, turning: float = 0.0, slope_deg: float = 0.0,

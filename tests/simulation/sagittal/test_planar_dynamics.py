@@ -20,7 +20,7 @@ SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-
 
 
 def spheres_of(walker, foot):
-    return walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.ground["intact"].sites
+    return walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.person.intact_sites
 
 
 def test_inverse_dynamics_are_the_plants(person, drawn, plant_state):

@@ -196,7 +196,7 @@ def _scaled(value: Any, unit: str) -> str:
 
 PACKAGE = Path(__file__).resolve().parents[2]
 SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "motion/events.py",
-           "actuator_parameters.py", "ground.py", "model_file.py", "parameters.py", "schema.py", "subject.py")
+           "ground.py", "model_file.py", "parameters.py", "schema.py", "subject.py")
 """Parts of the package that the numbers of a walk come from, once its recording is read."""
 
 

@@ -10,9 +10,8 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.device import add_device
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.wiring import connect_generalized_forces, connect_kinematics, connect_spatial_forces
+from vsf_drake.plants.foot_wiring import wire_unloaded_foot
 
 
 @pytest.fixture
@@ -25,10 +24,9 @@ def two_feet():
         frame = plant.AddFrame(FixedOffsetFrame(f"{name}_place", plant.world_frame(), RigidTransform([0.0, y, 0.0])))
         feet[name] = add_foot(plant, frame, FootParameters(), name=name)
     plant.Finalize()
-    devices = [add_device(builder, plant, foot, prefix=f"{name}_") for name, foot in feet.items()]
-    connect_kinematics(builder, plant, [system for d in devices for system in (d.keel, d.fulcrum, d.carriage)])
-    connect_spatial_forces(builder, plant, [port for d in devices for port in d.spatial_ports])
-    connect_generalized_forces(builder, plant, [port for d in devices for port in d.generalized_ports])
+    for name, foot in feet.items():
+        forces = wire_unloaded_foot(builder, plant, foot)
+        builder.ExportInput(forces.GetInputPort("fulcrum_position"), f"{name}_fulcrum_position")
     return builder.Build(), plant, feet
 
 
