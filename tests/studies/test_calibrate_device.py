@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from calibrate_device import calibrate_device, with_compliances
 
 from vsf_drake.analysis.bench_metrics import bench_table, displacement, stiffness
-from vsf_drake.analysis.calibration import calibrate_device, with_compliances
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import foam_under_load, load_model
