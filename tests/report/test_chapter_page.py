@@ -4,10 +4,25 @@ from __future__ import annotations
 
 import pytest
 from browser import chromium, look
+from jinja2 import ChoiceLoader, DictLoader, UndefinedError
 from page_reader import Balanced
 
-from vsf_drake.report.chapter_files import cell, chapter_page
-from vsf_drake.report.page import Bullets, Chapter, Column, Grid, Heading, Missing, Picture, Text
+from vsf_drake.report import page as page_module
+from vsf_drake.report.page import (
+    Bullets,
+    Chapter,
+    Column,
+    Grid,
+    Heading,
+    Missing,
+    Picture,
+    Text,
+    cell,
+    chapter_page,
+    listed,
+    number,
+    said,
+)
 from vsf_drake.report.style import label, new_figure, style
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
@@ -27,8 +42,8 @@ def chapter(*pieces) -> Chapter:
 
 
 def page(*pieces, **options) -> str:
-    settings = {"synthetic": True, "links": {}} | options
-    return chapter_page("A <title>", "Walking data are SYNTHETIC.", [chapter(*pieces)], **settings)
+    settings = {"title": "A <title>", "first_line": "Walking data are SYNTHETIC.", "synthetic": True} | options
+    return chapter_page([chapter(*pieces)], **settings)[0]
 
 
 WIDE = Grid(name="wide", caption="Forty columns.", rows=[{f"c{i}": 1.0 / 3.0 for i in range(40)}],
@@ -134,3 +149,58 @@ def test_figures_keep_a_size_that_can_be_read_on_a_telephone_and_scroll_by_thems
     seen = look(file, tmp_path / "work", width=390)
     assert seen.scroll == seen.width
     assert "width:720px" in file.read_text(encoding="utf-8")
+
+
+TEMPLATE = """
+{% if bad %}<p>{{ name }} failed, {{ share | number("{:.0f}", 100) }} %.</p>{% endif %}
+{% call missing() %}No <b>{{ name }}</b>
+   was measured.{% endcall %}
+{% call table("wide") %}Forty of {{ name }}.{% endcall %}
+{% call figure("line", alt="Rises to " ~ name) %}Force of {{ name }}.{% endcall %}
+"""
+
+
+@pytest.fixture
+def templates(monkeypatch):
+    """Templates of a test beside those of the package."""
+    own: dict[str, str] = {}
+    monkeypatch.setattr(page_module._PAGES, "loader", ChoiceLoader([DictLoader(own), page_module._PAGES.loader]))
+    return own
+
+
+def written(templates, text, folder, **options):
+    templates["own.html.j2"] = text
+    made = Chapter(name="own", title="Own", template="own.html.j2", tables=[WIDE], figures={"line": drawn().figure},
+                   facts={"bad": True, "name": "<x>", "share": 0.5})
+    return chapter_page([made], title="t", first_line="f", synthetic=False, folder=folder, **options)
+
+
+def test_a_chapter_is_its_template_filled_in_and_leaves_files_of_what_it_shows(templates, tmp_path):
+    text, [shown] = written(templates, TEMPLATE, tmp_path)
+    reader = Balanced()
+    reader.feed(text.partition("\n")[2])
+    assert reader.open == []
+    assert "<p>&lt;x&gt; failed, 50 %.</p>" in text and 'alt="Rises to &lt;x&gt;"' in text and "<x>" not in text
+    assert "Forty of &lt;x&gt;." in text and "Force of &lt;x&gt;." in text
+    assert {str(path) for path in shown.files} == {"tables/wide.csv", "figures/line.png", "figures/line.svg"}
+    assert all((tmp_path / path).is_file() for path in shown.files)
+    assert shown.missing == ["No <x> was measured."]
+
+
+def test_a_template_that_asks_for_what_nobody_gave_is_an_error_or_said_in_its_place(templates, tmp_path):
+    with pytest.raises(UndefinedError):
+        written(templates, "{{ nobody }}", tmp_path)
+    text, [shown] = written(templates, "{{ nobody }}", None, lenient=True)
+    assert "This version cannot show what the results hold of it" in text and "nobody" in shown.missing[0]
+
+
+@pytest.mark.parametrize(("value", "form", "text"), [
+    (None, "{:.1f}", "–"), (-0.001, "{:+.2f}", "0.00"), (0.5, "{:.0f}", "50"), ("low", "{:.1f}", "low"),
+    (True, "{}", "yes")])
+def test_numbers_of_templates(value, form, text):
+    assert number(value, form, 100.0 if form == "{:.0f}" else 1.0) == text
+
+
+def test_plain_values_and_lists_are_said_in_words():
+    assert said({"a": [1, 2.5, None], "b": True, "c": []}) == "a 1, 2.5, –, b yes, c –"
+    assert [listed(names) for names in ([], ["a"], ["a", "b"], "abc")] == ["–", "a", "a and b", "a, b and c"]

@@ -1,62 +1,303 @@
-"""What pages of results share: one HTML file with its style and figures inside, which needs no network."""
+"""Pages of results: Jinja2 templates in `report/templates`, filled with numbers and decisions.
+
+`render` fills any template. A page of chapters has a template for each `Chapter`, and leaves a CSV file for every table
+and a PNG and an SVG for every figure that its templates show.
+"""
 
 from __future__ import annotations
 
 import base64
-import html
+import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from vsf_drake.report.style import style
+from vsf_drake.errors import InputError, raise_if_interrupted
+from vsf_drake.files import csv_cells, replaced
+from vsf_drake.report.style import save_figure, style
 
-_STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:1120px;margin:0 auto;padding:1.5rem}
-h1{font-size:1.5rem;margin:0 0 .3rem}h2{font-size:1.2rem;margin:2.2rem 0 .4rem;border-bottom:1px solid #ddd}
-h3{font-size:1rem;margin:1.2rem 0 .3rem}table{border-collapse:collapse;margin:.5rem 0}
-td,th{padding:.22rem .7rem .22rem 0;text-align:left;vertical-align:top;border-bottom:1px solid #eee}
-td.number{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}
-.mark{color:#fff;border-radius:3px;padding:0 .45rem;font-size:.85rem;white-space:nowrap}
-.synthetic{background:#fff3cd;padding:.4rem .8rem;border-radius:4px}ul{margin:.3rem 0;padding-left:1.2rem}
-img{max-width:100%;margin:.4rem 0}.error{color:#b3261e}summary{cursor:pointer}.quiet{color:#666}
-@media print{details{display:block}}
-"""
+FIGURES, TABLES = "figures", "tables"
+"""Folders of the files of chapters."""
+UNKNOWN = "–"
+_PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
+"""Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
+_NUMBER = r"[+-]?[0-9.]+(e[+-]?[0-9]+)?"
 
 
-def document(title: str, parts: Iterable[str], *, more_style: str = "") -> str:
-    """The whole page around its parts, which are HTML; `title` is plain text."""
-    return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-            f'<meta name="viewport" content="width=device-width"><style>{_STYLE}{more_style}</style></head><body>\n'
-            + "\n".join(parts) + "\n</body></html>\n")
+def render(template: str, /, **context: Any) -> Markup:
+    """The template filled in; texts are escaped where they are shown, and a name that is not given is an error.
+
+    Besides Jinja2's own, templates have the filters `number`, `said`, `listed`, `data_uri` of this module and the
+    macros of macros.html.j2.
+    """
+    return Markup(_PAGES.get_template(template).render(context))
 
 
-def bullets(lines: Sequence[str]) -> str:
-    """Plain lines as a list."""
-    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+def number(value: Any, form: str = "{}", factor: float = 1.0) -> str:
+    """`value` times `factor` in this format, a zero without sign; a text as it is, None as a dash."""
+    if value is None or isinstance(value, (str, bool)):
+        return said(value)
+    text = form.format(value if factor == 1.0 else factor * value)
+    return text.lstrip("+-") if not text.strip("+-0.") else text
 
 
-def picture(figure: Figure, *, name: str = "") -> str:
-    """The figure as SVG within the page; letters are drawn as paths, so that no font is needed."""
-    stream = io.BytesIO()
-    with style(), rc_context({"svg.fonttype": "path"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    return embedded(stream.getvalue(), name=name)
+def said(value: Any, none: str = UNKNOWN) -> str:
+    """Any plain value, such as that of an option, in words; `none` for None and for what is empty."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {said(item, none)}" for name, item in value.items()) or none
+    if isinstance(value, (list, tuple)):
+        return ", ".join(said(item, none) for item in value) or none
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return none if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def embedded(svg: bytes, *, name: str = "") -> str:
-    """A drawing within the page; `name` is what it shows, in words."""
-    data = base64.b64encode(svg).decode("ascii")
-    return f'<img alt="{html.escape(name)}" src="data:image/svg+xml;base64,{data}">'
+def listed(names: Iterable[Any], last: str = " and ") -> str:
+    """`names` with commas between them, and `last` before the last one."""
+    *first, end = [str(name) for name in names] or [UNKNOWN]
+    return f"{', '.join(first)}{last}{end}" if first else end
 
 
-# What a chapter of a report is made of: text, tables and figures, before they are written anywhere.
-#
-# A chapter is a function of saved results: `chapter(table, arrays) -> Chapter`. It never simulates. The page shows
-# its pieces in order; every `Grid` also becomes a CSV file, every `Picture` a PNG and an SVG.
+def data_uri(figure: Figure | bytes) -> str:
+    """A figure, or its SVG, as an image within the page; its letters are drawn as paths, so that no font is needed."""
+    if isinstance(figure, Figure):
+        stream = io.BytesIO()
+        with style(), rc_context({"svg.fonttype": "path"}):
+            figure.savefig(stream, format="svg", metadata={"Date": None})
+        figure = stream.getvalue()
+    return f"data:image/svg+xml;base64,{base64.b64encode(figure).decode('ascii')}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a grid.
+
+    Attributes:
+        key: of the row's value, with its unit at the end; the CSV's heading.
+        heading: with its unit, as the page shows it.
+        form: how a number is shown (the column is then set to the right), "" for text; a string shows as it is, None as
+            an en dash.
+        scale: what the page multiplies the value by (the CSV keeps it as it is).
+    """
+
+    key: str
+    heading: str
+    form: str = ""
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.form and "{" not in self.form:
+            raise ValueError(f"{self.form!r} would show itself, not a number: write {{:{self.form}}}")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table: `name` is the stem of its CSV file, unlike that of any other of the page; `rows` are values by key.
+
+    A row whose `met` is False is marked.
+    """
+
+    name: str
+    columns: Sequence[Column]
+    rows: Sequence[Mapping[str, Any]]
+    caption: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chapter:
+    """A chapter of a page, made of saved results.
+
+    Attributes:
+        name: HTML anchor. title: its heading.
+        template: its text. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`,
+            `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
+            `{% call missing() %}what is not there, and why{% endcall %}`.
+        facts: numbers and decisions, by the names that the template calls them.
+        tables: in any order. figures: by name, the stem of their files, unlike that of any other of the page.
+        missing: what is not there, and why, above the rest.
+    """
+
+    name: str
+    title: str
+    template: str = "pieces.html.j2"
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    tables: Sequence[Grid] = ()
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    missing: Sequence[str] = ()
+    pieces: tuple[Piece, ...] = ()
+
+
+def absent_chapter(name: str, title: str, why: str) -> Chapter:
+    """A chapter that only says why it is empty."""
+    return Chapter(name=name, title=title, missing=(why,))
+
+
+def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
+    """What `make` makes; if `lenient` and it cannot, a chapter of that name that says so."""
+    try:
+        return make()
+    except Exception as error:  # whatever another version or an editor left there
+        raise_if_interrupted()
+        if not lenient:
+            raise
+        return absent_chapter(name, title, _unshown("what the results hold of it", error))
+
+
+class ShownChapter:
+    """A chapter in HTML.
+
+    Attributes:
+        name, title: of the chapter. html: its content.
+        files: paths of its figures and tables within the folder. missing: what is not there, in sentences.
+    """
+
+    def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool) -> None:
+        self.name, self.title, self.files, self.missing = chapter.name, chapter.title, set[Path](), list[str]()
+        self._chapter, self._folder, self._lenient = chapter, folder, lenient
+        above = Markup("").join(map(self._missing, chapter.missing))
+        try:
+            self.html = above + render(chapter.template, **{"pieces": chapter.pieces, **chapter.facts},
+                                       table=self._table, figure=self._figure, missing=self._missing)
+        except (InputError, OSError):
+            raise
+        except Exception as error:
+            raise_if_interrupted()
+            if not lenient:
+                raise
+            self.html = above + self._missing(_unshown("what the results hold of it", error))
+
+    def _missing(self, text: str = "", caller: Callable[[], str] | None = None) -> Markup:
+        """What is not there: also told to who made the page."""
+        text = _one_line(text, caller)
+        self.missing.append(text.striptags() if isinstance(text, Markup) else text)
+        return _macros.absent(text)
+
+    def _table(self, name: str | Grid, text: str = "", caller: Callable[[], str] | None = None) -> Markup:
+        grid = name if isinstance(name, Grid) else next(each for each in self._chapter.tables if each.name == name)
+        try:
+            shown = _grid(grid, _one_line(text, caller))
+            if self._folder is not None:
+                path = self._folder / TABLES / f"{grid.name}.csv"
+                write_csv(path, [column.key for column in grid.columns],
+                          ([row.get(column.key) for column in grid.columns] for row in grid.rows))
+                self.files.add(path.relative_to(self._folder))
+            return shown
+        except (InputError, OSError):
+            raise
+        except Exception as error:  # whatever another version or an editor left there
+            return self._instead(f"the table {grid.name}", error)
+
+    def _figure(self, name: str | Picture, alt: str, text: str = "",
+                caller: Callable[[], str] | None = None) -> Markup:
+        figure: Figure | bytes
+        name, figure = (name.name, name.figure) if isinstance(name, Picture) else (name, self._chapter.figures[name])
+        try:
+            if self._folder is not None:
+                paths = save_figure(figure, self._folder / FIGURES / name, letters="path")
+                self.files |= {path.relative_to(self._folder) for path in paths}
+                figure = paths[1].read_bytes()
+            return _macros.figure(figure, _one_line(alt), _one_line(text, caller))
+        except (InputError, OSError):
+            raise
+        except Exception as error:
+            return self._instead(f"the figure {name}", error)
+
+    def _instead(self, what: str, error: Exception) -> Markup:
+        raise_if_interrupted()
+        if not self._lenient:
+            raise error
+        return self._missing(_unshown(what, error))
+
+
+def chapter_page(
+    chapters: Sequence[Chapter], *, title: str, first_line: str, synthetic: bool,
+    links: Mapping[str, str] | None = None, alarm: str = "", folder: Path | None = None, lenient: bool = False
+) -> tuple[Markup, list[ShownChapter]]:
+    """The page, and its chapters as they are shown.
+
+    Args:
+        first_line: what is measured and what is not, in plain text; the first thing that one reads.
+        links: file beside the page by what it is called.
+        alarm: why nothing on the page may be taken for a result; red, above everything else.
+        folder: an existing one, for the files of figures and tables.
+        lenient: whether what cannot be shown is named in its place instead of raising, as for results that another
+            version wrote or somebody edited.
+    """
+    for name in (FIGURES, TABLES) if folder is not None else ():
+        (folder / name).mkdir(exist_ok=True)  # type: ignore[operator]
+    shown = [ShownChapter(chapter, folder, lenient=lenient) for chapter in chapters]
+    return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, links=links or {},
+                  alarm=alarm, chapters=shown), shown
+
+
+def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Values as they are, in full precision; nothing for what is unknown."""
+    with replaced(path) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(headings)
+        writer.writerows(csv_cells(row) for row in rows)
+
+
+def _grid(grid: Grid, caption: str) -> Markup:
+    rows = [[cell(column, row.get(column.key)) for column in grid.columns] for row in grid.rows]
+    return _macros.table([column.heading for column in grid.columns], rows, caption,
+                         right=[bool(column.form) for column in grid.columns],
+                         unmet=[i for i, row in enumerate(grid.rows) if row.get("met") is False])
+
+
+def cell(column: Column, value: Any) -> str:
+    """A value of a grid as the page shows it."""
+    return number(value, column.form, column.scale) if column.form else UNKNOWN if value is None else (
+        said(value) if isinstance(value, bool) else str(value))
+
+
+def _one_line(text: str, caller: Callable[[], str] | None = None) -> str:
+    """A text of a template, which may be broken into lines there; it stays Markup if it is."""
+    text = caller() if caller else text
+    return type(text)(" ".join(text.split()))
+
+
+def _unshown(what: str, error: Exception) -> str:
+    return f"This version cannot show {what} ({type(error).__name__}: {error})."
+
+
+def _print_size_pt(rows: Sequence[Sequence[str]], headings: Sequence[str]) -> float:
+    """The size at which a table is as wide as the paper, words unbroken, or the largest."""
+    letters = sum(max(len(word) for text in column for word in (str(text).split() or [""]))
+                  for column in zip(headings, *rows, strict=True))
+    return min(_LARGEST_PT, _PAPER_PT / max(_LETTER_EM * letters + _BETWEEN_EM * len(headings), 1.0))
+
+
+def _is_numeral(text: str) -> bool:
+    return text == UNKNOWN or re.fullmatch(rf"{_NUMBER}( to {_NUMBER})?", text) is not None
+
+
+def _environment() -> Environment:
+    pages = Environment(loader=PackageLoader("vsf_drake.report"), autoescape=True, undefined=StrictUndefined,
+                        trim_blocks=True, lstrip_blocks=True)
+    pages.filters |= {
+        "number": number, "said": said, "listed": listed, "data_uri": data_uri, "print_size_pt": _print_size_pt,
+        "kind": lambda piece: type(piece).__name__,
+        "number_columns": lambda rows, count: [bool(rows) and all(_is_numeral(row[i]) for row in rows)
+                                               for i in range(count)],
+        "number_class": lambda right: Markup(' class="number"') if right else ""}
+    pages.tests["numeral"] = _is_numeral
+    return pages
+
+
+_PAGES = _environment()
+_macros: Any = _PAGES.get_template("macros.html.j2").module
+
+
+# What chapters are made of until they have a template of their own.
 
 
 @dataclass(frozen=True)
@@ -88,52 +329,8 @@ class Bullets:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
-    """A column of a grid.
-
-    Attributes:
-        key: of the row's value, with its unit at the end; the CSV's heading.
-        heading: with its unit, as the page shows it.
-        form: how a number is shown (the column is then set to the right), "" for text; a string shows as it is, None as
-            an en dash.
-        scale: what the page multiplies the value by (the CSV keeps it as it is).
-    """
-
-    key: str
-    heading: str
-    form: str = ""
-    scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        if self.form and "{" not in self.form:
-            raise ValueError(f"{self.form!r} would show itself, not a number: write {{:{self.form}}}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Grid:
-    """A table.
-
-    Attributes:
-        name: stem of its CSV file, unlike that of any other grid of the report.
-        caption: a sentence: what it shows, in which units.
-        rows: values by column key.
-    """
-
-    name: str
-    caption: str
-    columns: Sequence[Column]
-    rows: Sequence[Mapping[str, Any]]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure.
-
-    Attributes:
-        name: stem of its files, unlike that of any other figure of the report.
-        alt: what it shows, for who cannot see it: the finding in words and numbers, not "a plot".
-        caption: what is drawn and how to read it.
-    """
+    """A figure; `alt` is what it shows, in words and numbers."""
 
     name: str
     figure: Figure
@@ -144,10 +341,16 @@ class Picture:
 Piece = Text | Missing | Heading | Bullets | Grid | Picture
 
 
-@dataclass(frozen=True, kw_only=True)
-class Chapter:
-    """One chapter: `name` (an HTML anchor), `title`, and its pieces in order."""
+def document(title: str, parts: Iterable[str], *, more_style: str = "") -> str:
+    """A page around parts that are HTML, until it has a template of its own."""
+    return render("parts.html.j2", title=title, parts=[Markup(part) for part in parts])
 
-    name: str
-    title: str
-    pieces: tuple[Piece, ...]
+
+def bullets(lines: Sequence[str]) -> str:
+    """See macros.html.j2."""
+    return str(_macros.bullets(lines))
+
+
+def picture(figure: Figure, *, name: str = "") -> str:
+    """See macros.html.j2."""
+    return str(_macros.image(figure, name))

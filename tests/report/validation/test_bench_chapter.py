@@ -14,8 +14,7 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import embedded_bench
 from vsf_drake.analysis.validation.bench_section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.report.chapter_files import cell, chapter_page
-from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text
+from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text, cell, chapter_page
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.bench_chapter import bench_chapter, result_text
 from vsf_drake.report.validation.bench_figures import bench_agreement_figure
@@ -66,7 +65,7 @@ def test_every_chapter_has_its_figures_with_numbers_in_words_and_tables_that_pri
         elif isinstance(piece, Grid):
             assert piece.rows and all(cell(column, row.get(column.key)) for row in piece.rows
                                       for column in piece.columns)
-    page = chapter_page("t", "SYNTHETIC", [chapter], synthetic=True, links={})
+    page = chapter_page([chapter], title="t", first_line="SYNTHETIC", synthetic=True)[0]
     assert ">nan<" not in page and ">None<" not in page
 
 

@@ -8,8 +8,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation.standing_section import standing_section
-from vsf_drake.report.chapter_files import cell
-from vsf_drake.report.page import Grid, Picture, Text
+from vsf_drake.report.page import Grid, Picture, Text, cell
 from vsf_drake.report.validation.standing_chapter import standing_chapter
 
 

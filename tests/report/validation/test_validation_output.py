@@ -107,7 +107,7 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     missing = remake_report(out)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "These results have format 7" in page
-    assert "This version cannot show what the results hold of it (KeyError: &#x27;error_bw&#x27;)" in page
+    assert "This version cannot show what the results hold of it (KeyError: &#39;error_bw&#39;)" in page
     assert any(sentence.startswith("Walking: This version cannot show") for sentence in missing)
     assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
 

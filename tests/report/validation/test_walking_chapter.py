@@ -14,8 +14,7 @@ from made_study_walk import with_plate, with_walks
 
 from vsf_drake.analysis.validation.walking_ensembles import PUBLISHED
 from vsf_drake.analysis.validation.walking_section import walking_section
-from vsf_drake.report.chapter_files import cell
-from vsf_drake.report.page import Bullets, Grid, Picture, Text
+from vsf_drake.report.page import Bullets, Grid, Picture, Text, cell
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation import walking_chapter as walking_text
 from vsf_drake.report.validation.walking_chapter import table_3, walking_chapter

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.chapter_files import made_chapter
-from vsf_drake.report.page import Bullets, Chapter, Column, Grid, Missing, Picture, Piece, Text
+from vsf_drake.report.page import Bullets, Chapter, Column, Grid, Missing, Picture, Piece, Text, made_chapter
 from vsf_drake.report.tuning.choices_figure import (
     cost_alt,
     excess,

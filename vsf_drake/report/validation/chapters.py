@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.report.chapter_files import absent_chapter, made_chapter
-from vsf_drake.report.page import Bullets, Chapter, Column, Grid, Heading, Missing, Piece, Text
+from vsf_drake.report.page import (
+    Bullets,
+    Chapter,
+    Column,
+    Grid,
+    Heading,
+    Missing,
+    Piece,
+    Text,
+    absent_chapter,
+    made_chapter,
+)
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
@@ -49,8 +60,8 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
             own = {key.partition("/")[2]: array for key, array in arrays.items() if key.partition("/")[0] == name}
             made = made_chapter(
                 name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
-            missing: list[Piece] = [Missing(str(sentence)) for sentence in section.get("missing") or ()]
-            chapters.append(Chapter(name=name, title=made.title, pieces=(*missing, *made.pieces)))
+            missing = [str(sentence) for sentence in section.get("missing") or ()]
+            chapters.append(replace(made, name=name, missing=[*missing, *made.missing]))
     return [*chapters, made_chapter("made", "How this was made", lambda: making_chapter(content), lenient)]
 
 
