@@ -14,8 +14,7 @@ def path_of(time: np.ndarray) -> np.ndarray:
     noise = 0.02 * np.random.default_rng(3).standard_normal(len(time))
     cop = np.where(loaded, time + noise, np.nan)[:, np.newaxis]
     instants = np.linspace(0.44, 1.09, 101)
-    return filtered_while_loaded(cop, time, vertical, cop, instants, threshold_n=20.0, force_cutoff_hz=40.0,
-                                 cutoff_hz=6.0)[:, 0]
+    return filtered_while_loaded(cop, time, vertical, cop, instants)[:, 0]
 
 
 def test_clock_that_is_off_by_rounding_gives_the_same_path():

@@ -94,21 +94,13 @@ class Comparison:
         return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
 
 
-def compare(result: WalkResult, plate: Plate, *, force_cutoff_hz: float = FORCE_CUTOFF_HZ,
-            cop_cutoff_hz: float = COP_CUTOFF_HZ, threshold_n: float = THRESHOLD_N,
-            margin_s: float = MARGIN_S) -> Comparison:
-    """Brings model and plate together.
+def compare(result: WalkResult, plate: Plate) -> Comparison:
+    """Brings a finished walk and the record of the plate under the prosthetic foot together.
 
-    Forces: the plate is resampled to the model's instants (and beyond the simulated time where
-    it has data, so that its filter has no edge there), then both are low-passed, zero-phase.
-    Centre of pressure: low-passed inside each loaded interval only, never across a gap.
-
-    Args:
-        result: the finished walk.
-        plate: the record of the plate under the prosthetic foot; it may be longer or shorter.
-        force_cutoff_hz, cop_cutoff_hz: zero-phase Butterworth, 4th order.
-        threshold_n: vertical force above which a foot is loaded.
-        margin_s: what is scored before and after each stance.
+    Forces: the plate, which may be longer or shorter, is resampled to the model's instants (and beyond the simulated
+    time where it has data, so that its filter has no edge there), then both are low-passed, zero-phase (Butterworth,
+    4th order, FORCE_CUTOFF_HZ). Centre of pressure: low-passed at COP_CUTOFF_HZ inside each interval with more than
+    THRESHOLD_N only, never across a gap. Stances are scored with MARGIN_S before and after.
 
     Raises:
         ValueError: the two have no time in common.
@@ -116,34 +108,34 @@ def compare(result: WalkResult, plate: Plate, *, force_cutoff_hz: float = FORCE_
     grid = uniform_grid(result.time_s)
     step = float(grid[1] - grid[0])
     heading = walking_direction(result)
-    raw = resample(grid, result.time_s, _to_walk_axes(result.grf_W, heading))
-    model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=force_cutoff_hz)
-    plate_force = _to_walk_axes(plate.force_W, heading)
+    axes = walk_axes(heading)
+    raw = resample(grid, result.time_s, result.grf_W @ axes.T)
+    model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
+    plate_force = plate.force_W @ axes.T
     kept = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
     if np.count_nonzero(kept) < 2:
         raise ValueError(f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
                          f"simulation, {grid[0]:g} to {grid[-1]:g} s")
-    measured = _filtered_plate(grid[kept], step, plate, plate_force, force_cutoff_hz, margin_s)
     time = grid[kept]
-    found = find_stances(plate.time_s, plate_force[:, 2], threshold_n=threshold_n)
-    model_stances = find_stances(grid, raw[:, 2], threshold_n=threshold_n)
+    found = find_stances(plate.time_s, plate_force[:, 2], threshold_n=THRESHOLD_N)
+    model_stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
     stances = []
     for stance in (s for s in found if s.end_s > time[0] and s.start_s < time[-1]):
         instants = percent_instants(stance)
-        cop = [filtered_while_loaded(
-            _to_walk_axes(p, heading)[:, :2], t, force, p, instants, threshold_n=threshold_n,
-            force_cutoff_hz=force_cutoff_hz, cutoff_hz=cop_cutoff_hz)
-            for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
-                                (result.time_s, result.grf_W[:, 2], result.cop_W))]
+        cop = [filtered_while_loaded((p @ axes.T)[:, :2], t, force, p, instants)
+               for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
+                                   (result.time_s, result.grf_W[:, 2], result.cop_W))]
         cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
-        wanted = (stance.start_s - margin_s, stance.end_s + margin_s)
+        partner = max(model_stances, key=lambda candidate: _overlap(candidate, stance), default=None)
+        wanted = (stance.start_s - MARGIN_S, stance.end_s + MARGIN_S)
         stances.append(StanceComparison(
-            measured=stance, model=_partner(stance, model_stances), measured_cop=cop[0], model_cop=cop[1],
+            measured=stance, model=partner if partner is not None and _overlap(partner, stance) > 0.0 else None,
+            measured_cop=cop[0], model_cop=cop[1],
             inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
             span=(max(wanted[0], float(time[0])), min(wanted[1], float(time[-1]))), wanted_s=wanted[1] - wanted[0]))
     comparison = Comparison(
-        time_s=time, step_s=step, model=model[kept], measured=measured, scored=np.zeros(len(time), dtype=bool),
-        stances=tuple(stances), heading=heading,
+        time_s=time, step_s=step, model=model[kept], measured=_filtered_plate(time, step, plate, plate_force),
+        scored=np.zeros(len(time), dtype=bool), stances=tuple(stances), heading=heading,
         extra_model_stances=sum(all(_overlap(m, s) <= 0.0 for s in found) for m in model_stances))
     for item in stances:
         comparison.scored[comparison.within(*item.span)] = True
@@ -173,40 +165,30 @@ def resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarr
     return np.column_stack([np.interp(grid, time, column) for column in values.T])
 
 
-def _to_walk_axes(vectors_W: np.ndarray, heading: np.ndarray) -> np.ndarray:
-    """(n, 3) vectors in W -> fore-aft, lateral (left), vertical."""
-    return np.asarray(vectors_W @ walk_axes(heading).T)
-
-
-def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarray, cutoff_hz: float,
-                    margin_s: float) -> np.ndarray:
-    before = int(min(margin_s, time[0] - plate.time_s[0]) / step + 1e-6)
-    after = int(min(margin_s, plate.time_s[-1] - time[-1]) / step + 1e-6)
+def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarray) -> np.ndarray:
+    before = int(min(MARGIN_S, time[0] - plate.time_s[0]) / step + 1e-6)
+    after = int(min(MARGIN_S, plate.time_s[-1] - time[-1]) / step + 1e-6)
     wide = time[0] + step * np.arange(-before, len(time) + after)
-    return low_pass(resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)[
-        before:before + len(time)]
+    smooth = low_pass(resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
+    return smooth[before : before + len(time)]
 
 
 def filtered_while_loaded(
-    series: np.ndarray, time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray, *,
-    threshold_n: float, force_cutoff_hz: float, cutoff_hz: float
+    series: np.ndarray, time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray
 ) -> np.ndarray:
-    """A series at other instants, low-passed inside each interval in which the foot is loaded; NaN elsewhere.
+    """(k, m) a series at other instants, low-passed inside each interval in which the foot is loaded; NaN elsewhere.
 
     Args:
         series: (n, m) the centre of pressure, or what is as linear as it: a derivative of it.
         time, vertical, cop: (n,) s, (n,) N and (n, 2 or 3) m, which tell when the foot is loaded.
         instants: (k,) s.
-
-    Returns:
-        (k, m).
     """
     grid = uniform_grid(time)
     rate = 1.0 / float(grid[1] - grid[0])
     curve = np.full((len(instants), series.shape[1]), np.nan)
-    smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(force_cutoff_hz, 0.45 * rate))
-    valid = (vertical > threshold_n) & np.isfinite(cop).all(axis=1)
-    for start, stop in runs(smooth > threshold_n):
+    smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
+    valid = (vertical > THRESHOLD_N) & np.isfinite(cop).all(axis=1)
+    for start, stop in runs(smooth > THRESHOLD_N):
         own = valid & (time >= grid[start] - 1e-9) & (time <= grid[stop - 1] + 1e-9)  # the grid is rounded
         if np.count_nonzero(own) < 2:
             continue
@@ -214,7 +196,8 @@ def filtered_while_loaded(
         points = grid[(grid >= first - 1e-9) & (grid <= last + 1e-9)]
         if last - first < _SHORTEST_RUN_S or len(points) < 2:
             continue
-        filtered = low_pass(resample(points, time[own], series[own]), rate_hz=rate, cutoff_hz=cutoff_hz)
+        filtered = low_pass(resample(points, time[own], series[own]), rate_hz=rate,
+                            cutoff_hz=min(COP_CUTOFF_HZ, 0.45 * rate))
         here = (instants >= points[0]) & (instants <= points[-1])
         curve[here] = resample(instants[here], points, filtered)
     return curve
@@ -222,11 +205,6 @@ def filtered_while_loaded(
 
 def _overlap(a: Stance, b: Stance) -> float:
     return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
-
-
-def _partner(stance: Stance, candidates: list[Stance]) -> Stance | None:
-    best = max(candidates, key=lambda candidate: _overlap(candidate, stance), default=None)
-    return best if best is not None and _overlap(best, stance) > 0.0 else None
 
 
 # How the model's series of a comparison change with variables of the walk.
@@ -252,15 +230,9 @@ class ComparisonSensitivity:
 
 
 def compare_sensitivity(
-    comparison: Comparison, result: WalkResult, sensitivity: ReactionSensitivity, *,
-    force_cutoff_hz: float = FORCE_CUTOFF_HZ, cop_cutoff_hz: float = COP_CUTOFF_HZ, threshold_n: float = THRESHOLD_N
+    comparison: Comparison, result: WalkResult, sensitivity: ReactionSensitivity
 ) -> ComparisonSensitivity:
-    """Derivatives of what `compare` made of `result`.
-
-    Args:
-        comparison: of `result` and a plate, with the same cut-offs and threshold.
-        result: the finished walk.
-        sensitivity: of the same walk.
+    """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk.
 
     Raises:
         ValueError: the sensitivity is not of this walk.
@@ -269,26 +241,19 @@ def compare_sensitivity(
         raise ValueError(f"sensitivities at {len(sensitivity.grf_W)} instants are not of a walk with "
                          f"{len(result.time_s)}")
     axes, grid = walk_axes(comparison.heading), uniform_grid(result.time_s)
-    force = _columns(axes @ sensitivity.grf_W)
-    cop = _columns(axes[:2, :2] @ sensitivity.cop_W)
+    force, cop = (by.reshape(len(by), -1) for by in (axes @ sensitivity.grf_W, axes[:2, :2] @ sensitivity.cop_W))
     filtered = low_pass(resample(grid, result.time_s, force), rate_hz=1.0 / comparison.step_s,
-                        cutoff_hz=force_cutoff_hz)
+                        cutoff_hz=FORCE_CUTOFF_HZ)
     first = int(np.searchsorted(grid, comparison.time_s[0]))
     stances = []
     for item in comparison.stances:
-        curve = filtered_while_loaded(
-            cop, result.time_s, result.grf_W[:, 2], result.cop_W, percent_instants(item.measured),
-            threshold_n=threshold_n, force_cutoff_hz=force_cutoff_hz, cutoff_hz=cop_cutoff_hz)
+        curve = filtered_while_loaded(cop, result.time_s, result.grf_W[:, 2], result.cop_W,
+                                      percent_instants(item.measured))
         curve[np.isnan(item.model_cop).any(axis=1)] = np.nan
         stances.append(curve.reshape(len(curve), 2, -1))
     return ComparisonSensitivity(
         names=sensitivity.names, cop=tuple(stances),
         model=filtered[first : first + len(comparison.time_s)].reshape(len(comparison.time_s), 3, -1))
-
-
-def _columns(values: np.ndarray) -> np.ndarray:
-    """(n, k, P) -> (n, k P)."""
-    return values.reshape(len(values), -1)
 
 
 # Small measures between two series that share their instants.

@@ -10,8 +10,6 @@ import numpy as np
 
 from vsf_drake.analysis.bench_metrics import stiffness
 from vsf_drake.analysis.comparison import (
-    COP_CUTOFF_HZ,
-    FORCE_CUTOFF_HZ,
     PERCENT,
     THRESHOLD_N,
     StanceComparison,
@@ -296,9 +294,7 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
         for name, time, force, cop, free in (
                 ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
                 ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
-            smooth = filtered_while_loaded(
-                cop[:, :2], time, force[:, 2], cop, instants, threshold_n=THRESHOLD_N,
-                force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=COP_CUTOFF_HZ)
+            smooth = filtered_while_loaded(cop[:, :2], time, force[:, 2], cop, instants)
             smooth[~rolled] = np.nan
             at = np.column_stack([smooth, np.zeros(len(smooth))])
             curves[name] = at

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import (
-    COP_CUTOFF_HZ,
     FORCE_CUTOFF_HZ,
     THRESHOLD_N,
     Comparison,
@@ -95,9 +94,7 @@ class WalkScorer:
     def _cop_error(self, item: Any, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
         """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
         instants = percent_instants(item.measured)
-        curve = filtered_while_loaded(
-            cop @ self._axes[:2].T, time, grf[:, 2], cop, instants, threshold_n=THRESHOLD_N,
-            force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=COP_CUTOFF_HZ)[:, 0]
+        curve = filtered_while_loaded(cop @ self._axes[:2].T, time, grf[:, 2], cop, instants)[:, 0]
         outside = (instants < self.comparison.time_s[0] - 1e-9) | (instants > self.comparison.time_s[-1] + 1e-9)
         curve[outside] = np.nan
         return np.asarray(curve - item.measured_cop[:, 0])

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.analysis.comparison import (
-    COP_CUTOFF_HZ,
     FORCE_CUTOFF_HZ,
     MARGIN_S,
     PERCENT,
@@ -279,9 +278,8 @@ def stance_record(
     instants = percent_instants(stance)
     cop = np.full(len(PERCENT), np.nan)
     if cop_W is not None:
-        path = filtered_while_loaded(
-            (cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants, threshold_n=THRESHOLD_N,
-            force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=min(COP_CUTOFF_HZ, 0.45 / step))[:, 0] / foot_length_m
+        path = filtered_while_loaded((cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants)[:, 0]
+        path /= foot_length_m
         if np.isfinite(path).any():
             cop = path - np.nanmin(path)
             values |= {"cop_excursion_fl": np.nanmax(cop), "cop_mid_stance_fl": cop[len(PERCENT) // 2]}

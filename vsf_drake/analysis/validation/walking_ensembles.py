@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import (
-    COP_CUTOFF_HZ,
-    FORCE_CUTOFF_HZ,
     PERCENT,
-    THRESHOLD_N,
     Comparison,
     StanceComparison,
     cumulative_integral,
@@ -214,8 +211,7 @@ def stance_free_moments(
     """(101,) measured and (101,) model's, N m, at 0-100 % of a measured stance; NaN where there is nothing."""
     instants = percent_instants(stance.measured)
     measured, model = (
-        filtered_while_loaded(moment[:, None], time, force, cop, instants, threshold_n=THRESHOLD_N,
-                              force_cutoff_hz=FORCE_CUTOFF_HZ, cutoff_hz=COP_CUTOFF_HZ)[:, 0]
+        filtered_while_loaded(moment[:, None], time, force, cop, instants)[:, 0]
         for time, force, cop, moment in (
             (plate.time_s, plate.force_W[:, 2], plate.cop_W, plate.free_moment_nm),
             (result.time_s, result.grf_W[:, 2], result.cop_W, result.free_moment_nm)))
