@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -32,11 +32,12 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.model_file import check_model, foam_under_load
 from vsf_drake.motion.kinematics import person_coordinates
-from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters, SocketParameters
+from vsf_drake.parameters import ModelParameters
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.subject import SIDES
 from vsf_drake.yaml_file import Dumper
 
+T = TypeVar("T")
 FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4
 """Of a cubic spline."""
@@ -144,34 +145,52 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
             or corrected beyond reason; a curve or path has too few coefficients; a coordinate or a recording stands
             twice; the provenance is missing, as in a file that was cut short.
     """
+    def refuse(what: str, where: str, right: str | None = None) -> InputError:
+        return InputError(what, file=file, where=where, right=right)
+
+    def check_coordinate(name: str, known: tuple[str, ...], where: str) -> None:
+        if name not in known:
+            raise refuse(f"{name!r} is no coordinate that can be corrected", where, f"There are: {', '.join(known)}")
+
+    def check_number(value: Any, where: str, *, corrects: bool) -> None:
+        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+            raise refuse(f"{value!r} is not a finite number", where)
+        if corrects and abs(value) > LARGEST_CORRECTION:
+            raise refuse(f"{value:g} corrects no recording", where,
+                         f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
+
+    def check_coefficients(values: tuple[float, ...], where: str) -> None:
+        if len(values) < FEWEST_COEFFICIENTS:
+            raise refuse(f"{len(values)} coefficients make no cubic spline", where,
+                         f"At least {FEWEST_COEFFICIENTS} are needed")
+        for i, value in enumerate(values):
+            check_number(value, f"{where}[{i}]", corrects=True)
+
     check(contact, file=file)
     if not contact.provenance:
-        raise InputError("is missing", file=file, where="provenance",
-                         right="It stands last: without it the file may have been cut short, with values missing too")
+        raise refuse("is missing", "provenance",
+                     "It stands last: without it the file may have been cut short, with values missing too")
     coordinates = person_coordinates(contact.subject.prosthetic_side)
     for name, value in contact.values.items():
-        where = f"values.{name}"
+        where, corrects = f"values.{name}", name.startswith("coordinate.")
         variable_unit(name, file=file, where=where)
-        _check_number(value, where, file)
-        if name.startswith("coordinate."):
-            _check_coordinate(name.removeprefix("coordinate."), coordinates, where, file)
-            _check_correction(value, where, file)
+        if corrects:
+            check_coordinate(name.removeprefix("coordinate."), coordinates, where)
+        check_number(value, where, corrects=corrects)
     for i, curve in enumerate(contact.curves):
-        where = f"curves[{i}].coordinate"
-        _check_coordinate(curve.coordinate, coordinates, where, file)
+        check_coordinate(curve.coordinate, coordinates, f"curves[{i}].coordinate")
         if curve.coordinate in [other.coordinate for other in contact.curves[:i]]:
-            raise InputError(f"{curve.coordinate} has two curves", file=file, where=where)
-        _check_coefficients(curve.coefficients, f"curves[{i}].coefficients", file)
+            raise refuse(f"{curve.coordinate} has two curves", f"curves[{i}].coordinate")
+        check_coefficients(curve.coefficients, f"curves[{i}].coefficients")
     for i, trial in enumerate(contact.trials):
-        where = f"trials[{i}]"
+        where = f"trials[{i}].fingerprint"
         if not re.fullmatch(r"[0-9a-f]{64}", trial.fingerprint):
-            raise InputError("is no fingerprint of a recording: 64 hexadecimal digits", file=file,
-                             where=f"{where}.fingerprint")
+            raise refuse("is no fingerprint of a recording: 64 hexadecimal digits", where)
         if trial.fingerprint in [other.fingerprint for other in contact.trials[:i]]:
-            raise InputError("the same recording stands twice", file=file, where=f"{where}.fingerprint")
+            raise refuse("the same recording stands twice", where)
         for name, coefficients in trial.path.items():
-            _check_coordinate(name, PATHS, f"{where}.path", file)
-            _check_coefficients(coefficients, f"{where}.path.{name}", file)
+            check_coordinate(name, PATHS, f"trials[{i}].path")
+            check_coefficients(coefficients, f"trials[{i}].path.{name}")
     return contact
 
 
@@ -189,32 +208,6 @@ def variable_unit(name: str, *, file: str | Path | None = None, where: str | Non
         right="There are contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise, friction.mu_static | "
               "mu_kinetic | threshold_velocity, keel.flexural_modulus, fulcrum.stiffness, socket.AXIS.stiffness, "
               "offset.height | fore_aft | alignment, coordinate.NAME")
-
-
-def _check_coordinate(name: str, known: tuple[str, ...], where: str, file: str | Path | None) -> None:
-    if name not in known:
-        raise InputError(f"{name!r} is no coordinate that can be corrected", file=file, where=where,
-                         right=f"There are: {', '.join(known)}")
-
-
-def _check_coefficients(values: tuple[float, ...], where: str, file: str | Path | None) -> None:
-    if len(values) < FEWEST_COEFFICIENTS:
-        raise InputError(f"{len(values)} coefficients make no cubic spline", file=file, where=where,
-                         right=f"At least {FEWEST_COEFFICIENTS} are needed")
-    for i, value in enumerate(values):
-        _check_number(value, f"{where}[{i}]", file)
-        _check_correction(value, f"{where}[{i}]", file)
-
-
-def _check_number(value: Any, where: str, file: str | Path | None) -> None:
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-        raise InputError(f"{value!r} is not a finite number", file=file, where=where)
-
-
-def _check_correction(value: float, where: str, file: str | Path | None) -> None:
-    if abs(value) > LARGEST_CORRECTION:
-        raise InputError(f"{value:g} corrects no recording", file=file, where=where,
-                         right=f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
 
 
 class _Dumper(Dumper):
@@ -262,20 +255,17 @@ def _commented(section: str, line: str) -> str:
 # (`model_file.foam_under_load`), so that the bench presses the foot that walks.
 
 
-_ZONE_FIELDS = {"stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
-                "full_damping_depth": "full_damping_depth_m"}
-_FRICTION_FIELDS = {"mu_static": "mu_static", "mu_kinetic": "mu_kinetic",
-                    "threshold_velocity": "threshold_velocity_m_per_s"}
-_NOT_THE_MODELS = ("offset", "coordinate")
+_FIELDS = {"stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
+           "full_damping_depth": "full_damping_depth_m", "mu_static": "mu_static", "mu_kinetic": "mu_kinetic",
+           "threshold_velocity": "threshold_velocity_m_per_s"}
+_DEVICE = {"keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
+           "fulcrum.stiffness": ("fulcrum", "stiffness_n_per_m")}
 
 
 def model_with(
     model: ModelParameters, values: Mapping[str, float], *, file: str | Path | None = None
 ) -> ModelParameters:
-    """`model` with those of `values` (SI, by name) that are its own.
-
-    Args:
-        file: where the values come from, for messages.
+    """`model` with those of `values` (SI, by name) that are its own; `file` is where they come from.
 
     Raises:
         InputError: a name is unknown, or is of a zone that the model lacks; a number is out of the model's range, or
@@ -287,47 +277,32 @@ def model_with(
         variable_unit(name, file=file, where=where)
         group, rest = name.split(".", 1)
         if group == "contact":
-            zone, law = rest.rsplit(".", 1)
-            names = [other.name for other in foot.zones]
-            if names.count(zone) != 1:
-                raise InputError(f"the model has {names.count(zone) or 'no'} contact zones {zone!r}", file=file,
-                                 where=where, right=f"It has: {', '.join(names)}")
-            foot = _with_zone(foot, zone, law, float(value))
+            zone_name, law = rest.rsplit(".", 1)
+            names = [zone.name for zone in foot.zones]
+            if names.count(zone_name) != 1:
+                raise InputError(f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
+                                 file=file, where=where, right=f"It has: {', '.join(names)}")
+            i = names.index(zone_name)
+            rise = tuple(r + 1e3 * float(value) for r in foot.zones[i].rise_mm)
+            changed = _with(foot.zones[i], "rise_mm" if law == "rise" else _FIELDS[law],
+                            rise if law == "rise" else float(value))
+            foot = dataclasses.replace(foot, zones=(*foot.zones[:i], changed, *foot.zones[i + 1 :]))
         elif group == "socket":
-            axis = rest.split(".")[0]
-            if not getattr(socket, axis).stiffness > 0.0:
-                raise InputError(f"the model's {axis} axis has no stiffness to go with", file=file, where=where)
-            socket = _with_axis(socket, axis, float(value))
-        elif group not in _NOT_THE_MODELS:
-            foot = _with_device(foot, name, float(value))
+            axis = getattr(socket, rest.split(".")[0])
+            if not axis.stiffness > 0.0:
+                raise InputError(f"the model's {rest.split('.')[0]} axis has no stiffness to go with", file=file,
+                                 where=where)
+            stiffer = dataclasses.replace(axis, stiffness=float(value),
+                                          stiffness_negative=float(value) * (axis.stiffness_negative / axis.stiffness))
+            socket = _with(socket, rest.split(".")[0], stiffer)
+        elif group not in ("offset", "coordinate"):  # those are no part of a model
+            part, field = _DEVICE.get(name) or ("friction", _FIELDS[rest])
+            foot = _with(foot, part, _with(getattr(foot, part), field, float(value)))
     foam = foam_under_load(foot)
     if foam is not None and foam != foam_under_load(model.foot):
         foot = dataclasses.replace(foot, series_stiffness_n_per_m=foam[0], series_exponent=foam[1])
     return check_model(dataclasses.replace(model, foot=foot, socket=socket), file=file)
 
 
-def _with_zone(foot: FootParameters, name: str, law: str, value: float) -> FootParameters:
-    def changed(zone: ContactZone) -> ContactZone:
-        if law == "rise":
-            return dataclasses.replace(zone, rise_mm=tuple(rise + 1e3 * value for rise in zone.rise_mm))
-        field: dict[str, Any] = {_ZONE_FIELDS[law]: value}
-        return dataclasses.replace(zone, **field)
-
-    return dataclasses.replace(
-        foot, zones=tuple(changed(zone) if zone.name == name else zone for zone in foot.zones))
-
-
-def _with_axis(socket: SocketParameters, name: str, stiffness: float) -> SocketParameters:
-    axis = getattr(socket, name)
-    negative = stiffness * (axis.stiffness_negative / axis.stiffness)
-    return dataclasses.replace(
-        socket, **{name: dataclasses.replace(axis, stiffness=stiffness, stiffness_negative=negative)})
-
-
-def _with_device(foot: FootParameters, name: str, value: float) -> FootParameters:
-    if name == "keel.flexural_modulus":
-        return dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=value))
-    if name == "fulcrum.stiffness":
-        return dataclasses.replace(foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=value))
-    field = _FRICTION_FIELDS[name.removeprefix("friction.")]
-    return dataclasses.replace(foot, friction=dataclasses.replace(foot.friction, **{field: value}))
+def _with(part: T, field: str, value: Any) -> T:
+    return dataclasses.replace(part, **{field: value})  # type: ignore[type-var]

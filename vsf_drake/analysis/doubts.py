@@ -20,63 +20,40 @@ SCUFF_BW = 0.05
 
 
 def doubts(result: WalkResult, comparison: Comparison, metrics: dict[str, Any], fit: OffsetFit | None) -> list[str]:
-    """What in `metrics` and `comparison` does not look like one person walking over one plate.
+    """What in `comparison` and its `walk_metrics` does not look like one person walking over one plate.
 
-    Args:
-        metrics: `walk_metrics` of the same walk.
-        fit: the fit of the offsets, if there was one.
+    `fit` is that of the offsets, if there was one.
     """
-    found = [*_mass(comparison, metrics), *_frame(metrics), *_foot(result, comparison), *_agreement(metrics)]
-    found += _scuffs(result, metrics)
+    found = []
+    weight, heading, r2 = metrics["body_weight_n"], metrics["heading_deg"], metrics["grf_r2"]
+    whole = [s.measured for s in comparison.stances if s.inside]
+    peaks = [np.linalg.norm(comparison.measured[comparison.within(s.start_s, s.end_s)], axis=1).max() for s in whole]
+    if peaks and not USUAL_PEAK_BW[0] <= (peak := float(np.mean(peaks)) / weight) <= USUAL_PEAK_BW[1]:
+        found.append(f"The plate's peak is {peak:.2f} body weights: is the subject's mass_kg right (kilograms, not "
+                     "pounds)?")
+    if abs(heading) > 90.0:
+        found.append(f"The person walks at {heading:.0f} degrees to the laboratory's x axis, which should point "
+                     "forward: is pelvis_tx, or the sign of belt_speed_m_per_s, the wrong way round?")
+    apart = np.concatenate([np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]])
+    apart = apart[np.isfinite(apart)]
+    if apart.size and np.median(apart) >= FAR_COP_FL * result.foot_length_m:
+        found.append(f"The plate's centre of pressure is {np.median(apart):.2f} m from the model's foot: are the "
+                     "plates assigned to the right feet, is the centre of pressure in metres, do the files share "
+                     "frame and clock?")
+    if r2 is not None and r2 < 0.0:
+        found.append(f"The predicted force is further from the plate than a constant would be (R² = {r2:.2f}): the "
+                     "height or angle of the prosthesis is off (fit the offsets), or sides, signs or clock of "
+                     "kinematics and forces do not belong together.")
+    time, vertical, scuffs = result.time_s, result.grf_W[:, 2], []
+    for contact in find_scuffs(time, vertical):
+        peak = vertical[(time >= contact.start_s) & (time <= contact.end_s)].max(initial=0.0) / weight
+        if peak > SCUFF_BW and contact.complete:
+            scuffs.append(f"{contact.start_s:.3f} s ({peak:.2f} body weights)")
+    if scuffs:
+        found.append(f"The model's prosthetic foot brushes the ground outside a stance at {', '.join(scuffs)}.")
     if fit is not None:
-        for name in fit.at_bound:
-            found.append(f"The fitted offset {name} ended on its bound: the fit has not found the prosthesis's place.")
+        found += [f"The fitted offset {name} ended on its bound: the fit has not found the prosthesis's place."
+                  for name in fit.at_bound]
         if not fit.success:
             found.append(f"The fit of the offsets did not converge: {fit.message}")
     return found
-
-
-def _mass(comparison: Comparison, metrics: dict[str, Any]) -> list[str]:
-    whole = [s.measured for s in comparison.stances if s.inside]
-    peaks = [np.linalg.norm(comparison.measured[comparison.within(s.start_s, s.end_s)], axis=1).max() for s in whole]
-    peak = float(np.mean(peaks)) / metrics["body_weight_n"] if peaks else None
-    if peak is None or USUAL_PEAK_BW[0] <= peak <= USUAL_PEAK_BW[1]:
-        return []
-    return [f"The plate's peak is {peak:.2f} body weights: is the subject's mass_kg right (kilograms, not pounds)?"]
-
-
-def _frame(metrics: dict[str, Any]) -> list[str]:
-    if abs(metrics["heading_deg"]) <= 90.0:
-        return []
-    return [f"The person walks at {metrics['heading_deg']:.0f} degrees to the laboratory's x axis, which should point "
-            "forward: is pelvis_tx, or the sign of belt_speed_m_per_s, the wrong way round?"]
-
-
-def _foot(result: WalkResult, comparison: Comparison) -> list[str]:
-    apart = np.concatenate([np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]])
-    apart = apart[np.isfinite(apart)]
-    if not apart.size or np.median(apart) < FAR_COP_FL * result.foot_length_m:
-        return []
-    return [f"The plate's centre of pressure is {np.median(apart):.2f} m from the model's foot: are the plates "
-            "assigned to the right feet, is the centre of pressure in metres, do the files share frame and clock?"]
-
-
-def _agreement(metrics: dict[str, Any]) -> list[str]:
-    r2 = metrics["grf_r2"]
-    if r2 is None or r2 >= 0.0:
-        return []
-    return [f"The predicted force is further from the plate than a constant would be (R² = {r2:.2f}): the height or "
-            "angle of the prosthesis is off (fit the offsets), or sides, signs or clock of kinematics and forces do "
-            "not belong together."]
-
-
-def _scuffs(result: WalkResult, metrics: dict[str, Any]) -> list[str]:
-    weight, vertical = metrics["body_weight_n"], result.grf_W[:, 2]
-    scuffs = []
-    for contact in find_scuffs(result.time_s, vertical):
-        peak = vertical[(result.time_s >= contact.start_s) & (result.time_s <= contact.end_s)].max(initial=0.0) / weight
-        if peak > SCUFF_BW and contact.complete:
-            scuffs.append(f"{contact.start_s:.3f} s ({peak:.2f} body weights)")
-    if not scuffs:
-        return []
-    return [f"The model's prosthetic foot brushes the ground outside a stance at {', '.join(scuffs)}."]

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import (
+    FORCE_CUTOFF_HZ,
     PERCENT,
     THRESHOLD_N,
     Comparison,
@@ -88,10 +89,10 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
     return content
 
 
-def stance_curve(plate: Plate, *, subject_mass_kg: float, cutoff_hz: float = 40.0) -> np.ndarray | None:
+def stance_curve(plate: Plate, *, subject_mass_kg: float) -> np.ndarray | None:
     """(101,) measured resultant in BW over 0-100 % of stance, mean of the complete stances; None without one."""
     rate = 1.0 / float(np.median(np.diff(plate.time_s)))
-    force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(cutoff_hz, 0.45 * rate))
+    force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
     resultant = np.linalg.norm(force, axis=1) / (subject_mass_kg * GRAVITY)
     stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N) if s.complete]
     curves = [np.interp(s.start_s + PERCENT / 100.0 * (s.end_s - s.start_s), plate.time_s, resultant) for s in stances]
@@ -123,32 +124,17 @@ def _centre_of_pressure(c: Comparison, foot_length: float) -> dict[str, Any]:
 
 
 def _times(c: Comparison) -> dict[str, float | None]:
+    """Mean stance times (s) and how late the model is (model minus measured) where both events are seen."""
     whole = [item for item in c.stances if item.inside]
-    paired = [item.model for item in whole if item.model is not None and item.model.complete]
-    strikes = [late for item in c.stances if (late := _strike_error(c, item)) is not None]
-    lifts = [late for item in c.stances if (late := _lift_error(c, item)) is not None]
+    both = [(item.model, item.measured) for item in c.stances if item.model is not None]
     return {
         "stance_measured_s": _mean([item.measured.duration_s for item in whole]),
-        "stance_model_s": _mean([stance.duration_s for stance in paired]),
-        "heel_strike_error_s": _mean(strikes),
-        "toe_off_error_s": _mean(lifts),
+        "stance_model_s": _mean([s.model.duration_s for s in whole if s.model is not None and s.model.complete]),
+        "heel_strike_error_s": _mean([model.start_s - plate.start_s for model, plate in both if model.start_seen
+                                      and plate.start_seen and plate.start_s >= c.time_s[0]]),
+        "toe_off_error_s": _mean([model.end_s - plate.end_s for model, plate in both if model.end_seen
+                                  and plate.end_seen and plate.end_s <= c.time_s[-1]]),
     }
-
-
-def _strike_error(c: Comparison, item: StanceComparison) -> float | None:
-    """Heel strike, model minus measured (s), where both are seen."""
-    measured, model = item.measured, item.model
-    if model is None or not (model.start_seen and measured.start_seen and measured.start_s >= c.time_s[0]):
-        return None
-    return model.start_s - measured.start_s
-
-
-def _lift_error(c: Comparison, item: StanceComparison) -> float | None:
-    """Toe-off, model minus measured (s), where both are seen."""
-    measured, model = item.measured, item.model
-    if model is None or not (model.end_seen and measured.end_seen and measured.end_s <= c.time_s[-1]):
-        return None
-    return model.end_s - measured.end_s
 
 
 def _angle_rmse_deg(result: WalkResult) -> float | None:
