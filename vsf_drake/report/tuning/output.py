@@ -47,7 +47,7 @@ def write_tuning(
     """Writes tuning.json, tuning.npz, report.html, and a file for every figure and table.
 
     Args:
-        table: see `analysis.tuning.common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
+        table: see `common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
         arrays: any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), and for trial K from 0 `trial_K_time`
             (n,) s, `trial_K_softest`, `trial_K_optimum`, `trial_K_stiffest`, `trial_K_recorded` (n, 3) N in W, or of
             one trial `grf_time`, `grf_softest` and so on; of level 2: `phase` (n,) 0 to 1, `names` (8,),

@@ -100,10 +100,10 @@ def test_bounds_of_the_design_out_of_range_are_refused(trial):
     ({"weights": {"joint_load": -1.0}}, "no weight"),
     ({"weights": {"joint_load": 0.0}}, "all zero"),
     ({"weights": {"comfort": 1.0}}, "'comfort' is none"),
-    ({"consistency_weight": -0.1}, "from 0 to 100"),
+    ({"consistency_weight": -0.1}, "between 0 and 100"),
     ({"step_s": 0.0}, "step_s"), ({"step_s": float("nan")}, "step_s"), ({"draws": 1.5}, "whole number"),
     ({"cutoff_hz": 150.0, "search_step_s": 4e-3}, "below 125 Hz"),
-    ({"pareto": ("joint_load",)}, "Give two costs"), ({"same_load": 1}, "neither True nor False"),
+    ({"pareto": ("joint_load",)}, "Give two costs"), ({"same_load": 1}, "not a true or false"),
     ({"confirm": ("gurobi",)}, "ipopt, nlopt")])
 def test_an_option_that_makes_no_sense_is_refused(options, message):
     with pytest.raises(InputError, match=message):

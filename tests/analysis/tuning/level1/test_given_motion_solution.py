@@ -7,7 +7,7 @@ import pytest
 
 from vsf_drake.analysis.tuning.common import KEYS, check_tuning_table
 from vsf_drake.analysis.tuning.level1 import solve, tuning_arrays, tuning_table
-from vsf_drake.analysis.tuning.level1.search import search
+from vsf_drake.analysis.tuning.level1.solve import search
 from vsf_drake.errors import FitError, InputError
 
 QUICK = {"sweep_mm": 5.0}

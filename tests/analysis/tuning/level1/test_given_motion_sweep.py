@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.tuning.level1 import WEIGHTED, solve
-from vsf_drake.analysis.tuning.level1.options import COSTS
+from vsf_drake.analysis.tuning.level1 import COSTS, WEIGHTED, solve
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, local_minima, lowest, positions
 from vsf_drake.analysis.tuning.level1.uncertainty import difference, flat_range, fulcrum_uncertainty
 
@@ -89,8 +88,8 @@ def test_settings_that_repeated_trials_cannot_tell_apart_are_as_good():
 def swept(each, change=0.0):
     """A sweep of these costs (T, m) with a change of force of `change` body weights a millimetre from 108 mm."""
     force = np.tile((change * (GRID - 108.0)) ** 2, (len(each), 1))
-    return Sweep(fulcrum_mm=GRID, x=GRID[:, None], step_s=1e-3, costs={"consistency": force}, terms={"only": each},
-                 labels={}, outcomes={}, failures=(), unconverged=0)
+    return Sweep(fulcrum_mm=GRID, x=GRID[:, None], costs={"consistency": force}, terms={"only": each},
+                 outcomes={}, failures=(), unconverged=0)
 
 
 def test_a_setting_that_changes_nothing_is_said_to_hardly_matter():

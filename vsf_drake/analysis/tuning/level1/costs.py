@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.analysis.comparison import resample
-from vsf_drake.analysis.tuning.level1.options import COSTS, WEIGHTED, TuningOptions
+from vsf_drake.analysis.tuning.common import COSTS, WEIGHTED
+from vsf_drake.analysis.tuning.level1.options import TuningOptions
 from vsf_drake.analysis.validation.segment_power import follow
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
@@ -19,247 +20,25 @@ from vsf_drake.plants.person import PELVIS_COORDINATES
 from vsf_drake.simulation.reactions import sum_sites
 from vsf_drake.simulation.walk import Walk, Walker
 
-# One part of a cost, with its derivative.
-
-
-@dataclass(frozen=True, eq=False)
-class CostTerm:
-    """A part of a cost for one walk.
-
-    Attributes:
-        name, label: for tables and for people.
-        value: in the cost's unit. by: (P,) derivatives by the design variables; P = 0 without.
-    """
-
-    name: str
-    label: str
-    value: float
-    by: np.ndarray
-
-    def times(self, factor: float) -> CostTerm:
-        """The term multiplied."""
-        return CostTerm(self.name, self.label, factor * self.value, factor * self.by)
-
-
-def mean_square(value: np.ndarray, by: np.ndarray, weight_s: np.ndarray, duration_s: float) -> tuple[float, np.ndarray]:
-    """Time-weighted sum of squares over a duration, and its derivative.
-
-    Args:
-        value: (n, k). by: (n, k, P). weight_s: (n,) s. duration_s: that the sum is divided by.
-
-    Returns:
-        The sum over n and k of weight value^2 / duration, and (P,).
-    """
-    weighted = value * weight_s[:, None] / duration_s
-    return float(np.sum(weighted * value)), 2.0 * np.einsum("nk,nkp->p", weighted, by)
-
-
-def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.ndarray]:
-    """A max(power, 0) with a continuous derivative, and that derivative by the power.
-
-        p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
-    """
-    inside = np.clip(power + smooth_w, 0.0, 2.0 * smooth_w)
-    return inside**2 / (4.0 * smooth_w) + np.maximum(power - smooth_w, 0.0), inside / (2.0 * smooth_w)
-
-
-CONSISTENCY = "consistency"
-TRACKING = "tracking"
-LABELS = {"joint_load": "load on the prosthetic leg and residual limb", "metabolic": "joint-work estimate of energy",
-          "push_off": "push-off work, with a minus", "tracking": "deviation from the recorded ground reaction force",
-          WEIGHTED: "weighted sum of costs"}
-UNITS = {"joint_load": "1", "metabolic": "J/kg", "push_off": "J/kg", "tracking": "BW²", WEIGHTED: "1"}
+CONSISTENCY, TRACKING = "consistency", "tracking"
+KINDS = {"joint_load": ("load on the prosthetic leg and residual limb", "1"),
+         "metabolic": ("joint-work estimate of energy", "J/kg"), "push_off": ("push-off work, with a minus", "J/kg"),
+         TRACKING: ("deviation from the recorded ground reaction force", "BW²"),
+         WEIGHTED: ("weighted sum of costs", "1")}
+"""Label and unit of each cost."""
 LEAST_TRACKING = 0.01**2
 """BW²: a recorded force is not known better than 1 % of body weight, so that tracking is not divided by less."""
-
-Terms = dict[str, tuple[CostTerm, ...]]
-"""Terms of one walk by cost, those of CONSISTENCY too."""
-
-
-@dataclass(frozen=True)
-class Combination:
-    """J = sum over costs of factor times cost.
-
-    Attributes:
-        name, label, unit: of the whole. factors: by cost, CONSISTENCY among them.
-        size: of J without the consistency at the trials' own settings, positive.
-    """
-
-    name: str
-    label: str
-    unit: str
-    factors: Mapping[str, float]
-    size: float
-
-    def terms(self, walk: Terms) -> tuple[CostTerm, ...]:
-        """What it is the sum of, for one walk: parts of a single cost, or the costs of a weighted one."""
-        found: list[CostTerm] = []
-        for name, factor in self.factors.items():
-            if self.name == WEIGHTED and name != CONSISTENCY:
-                found.append(total(name, LABELS[name], walk[name]).times(factor))
-            else:
-                found += [term.times(factor) for term in walk[name]]
-        return tuple(found)
-
-
-def total(name: str, label: str, terms: tuple[CostTerm, ...]) -> CostTerm:
-    """The sum of terms as one."""
-    return CostTerm(name, label, sum(term.value for term in terms), np.sum([term.by for term in terms], axis=0))
-
-
-def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> Terms:
-    """All costs of one walk; `tracking` only where the trial has a plate."""
-    found: Terms = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
-                    "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
-    if frame.plate_W is not None:
-        found[TRACKING] = tracking(frame, loads)
-    return found | {CONSISTENCY: (consistency(frame, loads),)}
-
-
-def sizes(own: list[Terms]) -> dict[str, float]:
-    """Size of each cost that every trial has: its mean over the trials' own settings, without sign."""
-    found = {}
-    for name in COSTS:
-        if all(name in terms for terms in own):
-            mean = float(np.mean([sum(term.value for term in terms[name]) for terms in own]))
-            found[name] = max(abs(mean), LEAST_TRACKING if name == TRACKING else 1e-12)
-    return found
-
-
-def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:
-    """The cost `name` of COSTS, or the weighted one, with its consistency.
-
-    A change of force of `consistency_bw` counts `consistency_weight` of the cost's size; tracking has no such part.
-
-    Args:
-        size: see `sizes`; of every cost that is needed.
-    """
-    if name == TRACKING:
-        return Combination(name, LABELS[name], UNITS[name], {TRACKING: 1.0}, size[TRACKING])
-    share = options.consistency_weight / options.consistency_bw**2
-    if name != WEIGHTED:
-        return Combination(name, LABELS[name], UNITS[name], {name: 1.0, CONSISTENCY: share * size[name]}, size[name])
-    whole = sum(options.weights.values())
-    factors = {cost: weight / whole / size[cost] for cost, weight in options.weights.items() if weight > 0.0}
-    return Combination(name, LABELS[name], UNITS[name], factors | {CONSISTENCY: share}, 1.0)
-
-
-# How far the ground reaction force is from another, over stance: the cost `tracking`, and what keeps other costs sane.
-#
-#     T = 1/T int |F - F_0|^2 / (m g)^2 dt            body weights squared
-#
-# With the recorded force as F_0 it is the tracking cost. With that of the model at the trial's own setting it measures
-# how much a setting makes of the force that nothing in the given motion pays for: the pelvis is carried along by what
-# records the motion, and would be carried by it just as well with no foot at all.
-
-
-AXES = (("fore_aft", "fore-aft force"), ("lateral", "lateral force"), ("vertical", "vertical force"))
-
-
-def tracking(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """Terms by component of the force in W, against the plate.
-
-    Raises:
-        ValueError: the trial has no plate.
-    """
-    if frame.plate_W is None:
-        raise ValueError("there is no plate to track")
-    return _deviation(frame, loads, frame.plate_W)
-
-
-def consistency(frame: StanceFrame, loads: WalkLoads) -> CostTerm:
-    """The change of the force from the trial's own setting, all components together."""
-    parts = _deviation(frame, loads, frame.own.grf.value)
-    return CostTerm("consistency", "change of the ground reaction force", sum(part.value for part in parts),
-                    np.sum([part.by for part in parts], axis=0))
-
-
-def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tuple[CostTerm, ...]:
-    away, by = (loads.grf.value - from_W) / frame.weight_n, loads.grf.by / frame.weight_n
-    return tuple(CostTerm(name, label, *mean_square(away[:, i : i + 1], by[:, i : i + 1], frame.inside,
-                                                    frame.duration_s))
-                 for i, (name, label) in enumerate(AXES))
-
-
-# Load on the prosthetic leg: moments at hip and knee, and what the socket passes to the residual limb.
-#
-#     J = 1/T int  sum_j (tau_j / (m g L))^2  +  w [ |F|^2 / (m g)^2 + |M|^2 / (m g L)^2 ]  dt
-#
-# over prosthetic stance of duration T, with leg length L, the moments tau_j of the prosthetic joints and the bushing's
-# force F and moment M; without unit. The squared moment is the usual measure where no muscle is modelled. The intact
-# leg is left out because it cannot change: with the motion given, its forces are those of the recording at every
-# setting.
-
-
-def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> tuple[CostTerm, ...]:
-    """Terms "joint_moments" and "socket", the latter multiplied by its weight."""
-    force, moment = frame.weight_n, frame.weight_n * frame.leg_m
-    joints = mean_square(loads.joints.value / moment, loads.joints.by / moment, frame.inside, frame.duration_s)
-    found = [CostTerm("joint_moments", "prosthetic hip and knee moments squared", *joints)]
-    parts = [mean_square(loads.socket.value[:, rows] / scale, loads.socket.by[:, rows] / scale, frame.inside,
-                         frame.duration_s) for rows, scale in ((slice(0, 3), force), (slice(3, 6), moment))]
-    value, by = (a + b for a, b in zip(*parts, strict=True))
-    found.append(CostTerm("socket", "socket force and moment squared", value, by).times(socket_weight))
-    return tuple(found)
-
-
-# Push-off: the work that the prosthesis does on the residual shank in late stance, as a cost with a minus.
-#
-#     J = -1/m int max(F . V, 0) dt           J/kg and stance
-#
-# over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual
-# shank, both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
-# `analysis.validation.segment_power`): what passes from all that is distal of the shank into it, if that had no
-# mass. The shank's motion is given, so that only the force changes with a setting.
-
-
-def push_off(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """The term "push_off_work", negative."""
-    power = np.sum(loads.ground.value * frame.twist, axis=1)
-    part, slope = positive_part(power, SMOOTH_W_PER_KG * frame.mass_kg)
-    scale = -frame.late / (frame.mass_kg * frame.count)
-    by = np.einsum("n,nk,nkp->p", scale * slope, frame.twist, loads.ground.by)
-    return (CostTerm("push_off_work", "minus the work on the shank in late stance", float(scale @ part), by),)
-
-
-# Joint work of the prosthetic leg as an estimate of metabolic energy.
-#
-#     E = (W+ / 0.25 + W- / 1.2) / m          J/kg and stance
-#
-# with the positive and negative work of each prosthetic joint over stance, W- counted positive. The efficiencies are
-# Margaria's for muscle; applied to joints they leave out co-contraction, tendons and muscles over two joints, so that
-# differences between settings mean more than the number. Only the prosthetic leg changes while the motion is given.
-
-
 POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
 SMOOTH_W_PER_KG = 0.01
 """Nearer to zero than this powers are part positive and part negative, so that work has a derivative (a choice)."""
 
 
-def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """Terms "positive_work" and "negative_work", over their efficiencies."""
-    power, by = loads.joints.value * frame.rates, loads.joints.by * frame.rates[:, :, None]
-    found = []
-    for name, sign, efficiency in (("positive_work", 1.0, POSITIVE_EFFICIENCY),
-                                   ("negative_work", -1.0, NEGATIVE_EFFICIENCY)):
-        part, slope = positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg)
-        scale = frame.inside[:, None] / (efficiency * frame.mass_kg * frame.count)
-        label = f"{name.replace('_', ' ')} of the prosthetic joints / {efficiency:g}"
-        found.append(CostTerm(name, label, float(np.sum(scale * part)),
-                              np.einsum("nj,njp->p", scale * sign * slope, by)))
-    return tuple(found)
-
-
-# Forces and moments of one walk, low-passed, with their derivatives by what is tuned.
+# Forces and moments of one walk, low-passed, with their derivatives by the P design variables (P = 0 without).
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A series of n instants and k columns.
-
-    Attributes:
-        value: (n, k). by: (n, k, P) derivatives by the P design variables; P = 0 without.
-    """
+    """A series of n instants and k columns: value (n, k) and its derivatives by (n, k, P)."""
 
     value: np.ndarray
     by: np.ndarray
@@ -299,22 +78,21 @@ def walk_loads(
         cutoff_hz: of the zero-phase low-pass, which is linear: derivatives go through the same one.
     """
     record, tree = walk.record, walk.mechanism.tree
-    columns = [tree.index(name) for name in joints]
-    pelvis = [tree.index(name) for name in PELVIS_COORDINATES[:3]]
+    columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
+    height = walk.mechanism.ground_height
     wrench = np.zeros((len(record.q), 6))
     sum_sites(record.sites, 0, len(walker.gait.person.foot.sites.radius), wrench)
-    raw = [_about_origin(wrench, walk.mechanism.ground_height), record.load[:, columns], walk.socket_wrench,
-           record.load[:, pelvis]]
-    values = _filtered(raw, walk.step_s, cutoff_hz)
-    slopes = [np.zeros((*value.shape, 0)) for value in values[:3]]
+    values = _filtered([_about_origin(wrench, height), record.load[:, columns], walk.socket_wrench,
+                        record.load[:, pelvis]], walk.step_s, cutoff_hz)
+    slopes = [np.zeros((*value.shape, 0)) for value in values]
     if by is not None:
         loads = walk.load_sensitivity
         assert loads is not None
-        ground_by = _about_origin(record.wrench_by, walk.mechanism.ground_height)
-        parts = [series @ by for series in (ground_by, loads.load[:, columns], loads.socket)]
+        parts = [series @ by for series in (_about_origin(record.wrench_by, height), loads.load[:, columns],
+                                            loads.socket)]
         flat = _filtered([part.reshape(len(part), -1) for part in parts], walk.step_s, cutoff_hz)
         slopes = [item.reshape(part.shape) for item, part in zip(flat, parts, strict=True)]
-    ground, moments, bushing = (Signal(value, slope) for value, slope in zip(values[:3], slopes, strict=True))
+    ground, moments, bushing = map(Signal, values[:3], slopes[:3])
     return WalkLoads(ground=ground, joints=moments, socket=bushing, pelvis=values[3])
 
 
@@ -328,11 +106,7 @@ def _about_origin(wrench: np.ndarray, z: float) -> np.ndarray:
 
 def _filtered(parts: list[np.ndarray], step_s: float, cutoff_hz: float) -> list[np.ndarray]:
     smooth = low_pass(np.column_stack(parts), rate_hz=1.0 / step_s, cutoff_hz=cutoff_hz)
-    ends = np.cumsum([part.shape[1] for part in parts])
-    return np.split(smooth, ends[:-1], axis=1)
-
-
-# One trial prepared for tuning: its stance, the motion that is given, and the forces that were recorded.
+    return np.split(smooth, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,7 +116,6 @@ class StanceFrame:
     Attributes:
         time_s: (n,). step_s: between them.
         stances: of the model's prosthetic foot at the trial's own setting, whole ones.
-        duration_s: theirs, summed; count: how many.
         inside: (n,) s, weight of each instant in an integral over stance, its margins included; 0 outside.
         late: (n,) s, the same for push-off.
         rates: (n, J) rad/s of the joints. twist: (n, 6) of the residual shank about W's origin.
@@ -368,23 +141,17 @@ class StanceFrame:
         """Of all stances together."""
         return float(sum(stance.duration_s for stance in self.stances))
 
-    @property
-    def count(self) -> int:
-        """Of stances."""
-        return len(self.stances)
-
 
 def stance_frame(
-    walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, *, joints: Sequence[str], late_share: float,
-    margin_s: float, cutoff_hz: float
+    walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, *, joints: Sequence[str], options: TuningOptions
 ) -> StanceFrame:
     """Prepares `trial` from its `walk` at its own setting.
 
     Raises:
         InputError: the prosthetic foot has no whole stance in the walk.
     """
-    record, tree = walk.record, walk.mechanism.tree
-    time, step = record.time_s, walk.step_s
+    record, tree, subject = walk.record, walk.mechanism.tree, trial.subject
+    time, step, margin = record.time_s, walk.step_s, options.margin_s
     found = find_stances(time, walk.prosthetic.grf_W[:, 2])
     stances = tuple(stance for stance in found if stance.complete)
     if not stances:
@@ -395,21 +162,22 @@ def stance_frame(
                                "or motion, or fit the contact if the foot misses the ground")
     inside, late = np.zeros(len(time)), np.zeros(len(time))
     for stance in stances:
-        start = stance.start_s + late_share * stance.duration_s
-        inside[(time >= stance.start_s - margin_s) & (time <= stance.end_s + margin_s)] = step
-        late[(time >= start) & (time <= stance.end_s + margin_s)] = step
+        start = stance.start_s + options.late_share * stance.duration_s
+        inside[(time >= stance.start_s - margin) & (time <= stance.end_s + margin)] = step
+        late[(time >= start) & (time <= stance.end_s + margin)] = step
+    # The mean of the rates at both ends of a step: with it a load's work is the change of kinetic energy.
     rates = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
     person = walker.gait.person
-    shank = int(person.segments[f"shank_{trial.subject.prosthetic_side}"].index())
+    shank = int(person.segments[f"shank_{subject.prosthetic_side}"].index())
     socket = tree.index(person.socket.coordinate_names[-1])
     motion = follow(tree, record.q, rates, bodies=[shank], coordinates=[socket], inside=tree.ancestors[:, socket])
     body = person.body
     return StanceFrame(
         time_s=time, step_s=step, stances=stances, inside=inside, late=late,
         rates=rates[:, [tree.index(name) for name in joints]], twist=motion.twist[:, 0],
-        weight_n=trial.subject.mass_kg * GRAVITY, mass_kg=trial.subject.mass_kg,
+        weight_n=subject.mass_kg * GRAVITY, mass_kg=subject.mass_kg,
         leg_m=body.thigh_length + body.shank_length + body.ankle_height, own=own,
-        plate_W=_plate(trial, time, step, cutoff_hz))
+        plate_W=_plate(trial, time, step, options.cutoff_hz))
 
 
 def _plate(trial: Trial, time: np.ndarray, step: float, cutoff_hz: float) -> np.ndarray | None:
@@ -419,3 +187,192 @@ def _plate(trial: Trial, time: np.ndarray, step: float, cutoff_hz: float) -> np.
         return None
     force = low_pass(resample(time, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)
     return force if find_stances(time, force[:, 2]) else None
+
+
+@dataclass(frozen=True, eq=False)
+class CostTerm:
+    """A part of a cost for one walk: its value in the cost's unit, and its derivatives by (P,) the design variables."""
+
+    name: str
+    label: str
+    value: float
+    by: np.ndarray
+
+    def times(self, factor: float) -> CostTerm:
+        """The term multiplied."""
+        return CostTerm(self.name, self.label, factor * self.value, factor * self.by)
+
+
+Terms = dict[str, tuple[CostTerm, ...]]
+"""Terms of one walk by cost, those of CONSISTENCY too."""
+
+
+def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> Terms:
+    """All costs of one walk; `tracking` only where the trial has a plate."""
+    found: Terms = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
+                    "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
+    if frame.plate_W is not None:
+        found[TRACKING] = tracking(frame, loads)
+    return found | {CONSISTENCY: (consistency(frame, loads),)}
+
+
+def total(terms: tuple[CostTerm, ...], name: str, label: str) -> CostTerm:
+    """The sum of terms as one."""
+    return CostTerm(name, label, sum(term.value for term in terms), np.sum([term.by for term in terms], axis=0))
+
+
+def mean_square(value: np.ndarray, by: np.ndarray, weight_s: np.ndarray, duration_s: float) -> tuple[float, np.ndarray]:
+    """Sum over n and k of weight_s (n,) value (n, k)^2 / duration_s, and its derivatives (P,) by `by` (n, k, P)."""
+    weighted = value * weight_s[:, None] / duration_s
+    return float(np.sum(weighted * value)), 2.0 * np.einsum("nk,nkp->p", weighted, by)
+
+
+def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.ndarray]:
+    """A max(power, 0) with a continuous derivative, and that derivative by the power.
+
+        p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
+    """
+    inside = np.clip(power + smooth_w, 0.0, 2.0 * smooth_w)
+    return inside**2 / (4.0 * smooth_w) + np.maximum(power - smooth_w, 0.0), inside / (2.0 * smooth_w)
+
+
+# How far the ground reaction force is from another, over stance: the cost `tracking`, and what keeps other costs sane.
+#
+#     T = 1/T int |F - F_0|^2 / (m g)^2 dt            body weights squared
+#
+# With the recorded force as F_0 it is the tracking cost. With that of the model at the trial's own setting it measures
+# how much a setting makes of the force that nothing in the given motion pays for: the pelvis is carried along by what
+# records the motion, and would be carried by it just as well with no foot at all.
+
+
+def tracking(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """Terms by component of the force in W, against the plate. Raises ValueError if the trial has none."""
+    if frame.plate_W is None:
+        raise ValueError("there is no plate to track")
+    return _deviation(frame, loads, frame.plate_W)
+
+
+def consistency(frame: StanceFrame, loads: WalkLoads) -> CostTerm:
+    """The change of the force from the trial's own setting, all components together."""
+    return total(_deviation(frame, loads, frame.own.grf.value), CONSISTENCY, "change of the ground reaction force")
+
+
+def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tuple[CostTerm, ...]:
+    away, by = (loads.grf.value - from_W) / frame.weight_n, loads.grf.by / frame.weight_n
+    names = (("fore_aft", "fore-aft force"), ("lateral", "lateral force"), ("vertical", "vertical force"))
+    return tuple(CostTerm(*name, *mean_square(away[:, [i]], by[:, [i]], frame.inside, frame.duration_s))
+                 for i, name in enumerate(names))
+
+
+# Load on the prosthetic leg: moments at hip and knee, and what the socket passes to the residual limb.
+#
+#     J = 1/T int  sum_j (tau_j / (m g L))^2  +  w [ |F|^2 / (m g)^2 + |M|^2 / (m g L)^2 ]  dt
+#
+# over prosthetic stance of duration T, with leg length L, the moments tau_j of the prosthetic joints and the bushing's
+# force F and moment M; without unit. The squared moment is the usual measure where no muscle is modelled. The intact
+# leg is left out because it cannot change: with the motion given, its forces are those of the recording at every
+# setting.
+
+
+def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> tuple[CostTerm, ...]:
+    """Terms "joint_moments" and "socket", the latter multiplied by its weight."""
+    def normalised(signal: Signal, scale: np.ndarray) -> tuple[float, np.ndarray]:
+        return mean_square(signal.value / scale, signal.by / scale[:, None], frame.inside, frame.duration_s)
+
+    force, moment = frame.weight_n, frame.weight_n * frame.leg_m
+    joints = normalised(loads.joints, np.full(loads.joints.value.shape[1], moment))
+    socket = normalised(loads.socket, np.repeat([force, moment], 3))
+    return (CostTerm("joint_moments", "prosthetic hip and knee moments squared", *joints),
+            CostTerm("socket", "socket force and moment squared", *socket).times(socket_weight))
+
+
+# Push-off: the work that the prosthesis does on the residual shank in late stance, as a cost with a minus.
+#
+#     J = -1/m int max(F . V, 0) dt           J/kg and stance
+#
+# over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual
+# shank, both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
+# `analysis.validation.segment_power`): what passes from all that is distal of the shank into it, if that had no
+# mass. The shank's motion is given, so that only the force changes with a setting.
+
+
+def push_off(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """The term "push_off_work", negative."""
+    power = np.sum(loads.ground.value * frame.twist, axis=1)
+    part, slope = positive_part(power, SMOOTH_W_PER_KG * frame.mass_kg)
+    scale = -frame.late / (frame.mass_kg * len(frame.stances))
+    by = np.einsum("n,nk,nkp->p", scale * slope, frame.twist, loads.ground.by)
+    return (CostTerm("push_off_work", "minus the work on the shank in late stance", float(scale @ part), by),)
+
+
+# Joint work of the prosthetic leg as an estimate of metabolic energy.
+#
+#     E = (W+ / 0.25 + W- / 1.2) / m          J/kg and stance
+#
+# with the positive and negative work of each prosthetic joint over stance, W- counted positive. The efficiencies are
+# Margaria's for muscle; applied to joints they leave out co-contraction, tendons and muscles over two joints, so that
+# differences between settings mean more than the number. Only the prosthetic leg changes while the motion is given.
+
+
+def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
+    """Terms "positive_work" and "negative_work", over their efficiencies."""
+    power, by = loads.joints.value * frame.rates, loads.joints.by * frame.rates[:, :, None]
+    found = []
+    for name, sign, efficiency in (("positive", 1.0, POSITIVE_EFFICIENCY), ("negative", -1.0, NEGATIVE_EFFICIENCY)):
+        part, slope = positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg)
+        scale = frame.inside[:, None] / (efficiency * frame.mass_kg * len(frame.stances))
+        found.append(CostTerm(f"{name}_work", f"{name} work of the prosthetic joints / {efficiency:g}",
+                              float(np.sum(scale * part)), np.einsum("nj,njp->p", scale * sign * slope, by)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """J = sum over costs of factor times cost.
+
+    Attributes:
+        name, label, unit: of the whole. factors: by cost, CONSISTENCY among them.
+        size: of J without the consistency at the trials' own settings, positive.
+    """
+
+    name: str
+    label: str
+    unit: str
+    factors: Mapping[str, float]
+    size: float
+
+    def terms(self, walk: Terms) -> tuple[CostTerm, ...]:
+        """What it is the sum of, for one walk: parts of a single cost, or the costs of a weighted one."""
+        found: list[CostTerm] = []
+        for name, factor in self.factors.items():
+            whole = self.name == WEIGHTED and name != CONSISTENCY
+            found += [term.times(factor) for term in
+                      ((total(walk[name], name, KINDS[name][0]),) if whole else walk[name])]
+        return tuple(found)
+
+
+def sizes(own: Sequence[Terms]) -> dict[str, float]:
+    """Size of each cost that every trial has: its mean over the trials' own settings, without sign."""
+    found = {}
+    for name in COSTS:
+        if all(name in terms for terms in own):
+            mean = float(np.mean([sum(term.value for term in terms[name]) for terms in own]))
+            found[name] = max(abs(mean), LEAST_TRACKING if name == TRACKING else 1e-12)
+    return found
+
+
+def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:
+    """The cost `name` of COSTS, or the weighted one, with its consistency.
+
+    A change of force of `consistency_bw` counts `consistency_weight` of the cost's size; tracking has no such part.
+
+    Args:
+        size: see `sizes`; of every cost that is needed.
+    """
+    share = options.consistency_weight / options.consistency_bw**2
+    if name == WEIGHTED:
+        whole = sum(options.weights.values())
+        factors = {cost: options.weights[cost] / whole / size[cost] for cost in options.weighed}
+        return Combination(name, *KINDS[name], factors | {CONSISTENCY: share}, 1.0)
+    holding = {} if name == TRACKING else {CONSISTENCY: share * size[name]}
+    return Combination(name, *KINDS[name], {name: 1.0} | holding, size[name])

@@ -21,12 +21,100 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.recordings import labels_of
-from vsf_drake.analysis.tuning.level1.costs import TRACKING, Combination, CostTerm, Terms, combine, sizes
-from vsf_drake.analysis.tuning.level1.options import COSTS, WEIGHTED, TuningOptions, design_variables
-from vsf_drake.analysis.tuning.level1.outcomes import TrialTuning, WalkOutcome
+from vsf_drake.analysis.tuning.common import WEIGHTED, check_cost
+from vsf_drake.analysis.tuning.level1.costs import (
+    TRACKING,
+    CostTerm,
+    StanceFrame,
+    Terms,
+    WalkLoads,
+    combine,
+    sizes,
+    stance_frame,
+    walk_loads,
+    walk_terms,
+)
+from vsf_drake.analysis.tuning.level1.options import DesignVariable, TuningOptions, design_variables, walk_setting
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.walk import Walk, Walker
+
+
+@dataclass(frozen=True, eq=False)
+class WalkOutcome:
+    """One walk of a trial at one setting: the terms of all costs, what they were made of, and the trial's frame."""
+
+    terms: Terms
+    walk: Walk
+    loads: WalkLoads
+    frame: StanceFrame
+
+
+class TrialTuning:
+    """One trial of a tuning: walks it at any setting and takes the costs of the walk.
+
+    Args:
+        walker: of the trial's person and device; trials may share it.
+        design: what is tuned, the fulcrum first.
+
+    Attributes:
+        joints: the options', with the side. support_width_m: the options', or what the keel's joints leave room for.
+        own: (P,) the trial's own setting: where its fulcrum stood, the device as it is.
+    """
+
+    def __init__(
+        self, walker: Walker, trial: Trial, label: str, design: tuple[DesignVariable, ...], options: TuningOptions
+    ) -> None:
+        self.walker, self.trial, self.label, self.design, self.options = walker, trial, label, design, options
+        self.joints = tuple(f"{name}_{trial.subject.prosthetic_side[0]}" for name in options.joints)
+        keel = gait_mechanism(walker.gait, walker.context).keel_starts
+        self.support_width_m = min(options.support_width_m, 0.5 * float(np.diff(keel).min()))
+        self.own = np.array([1e3 * trial.fulcrum_m, *(variable.default for variable in design[1:])])
+        self._frames: dict[tuple, StanceFrame] = {}
+
+    def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> StanceFrame:
+        """What no setting changes, on the instants of walks in steps of `step_s`.
+
+        Args:
+            base: see `at`; forces at the trial's own setting are those with these values.
+
+        Raises:
+            InputError: the trial has no whole stance of the prosthetic foot. SimulationError: its walk diverges.
+        """
+        key = (step_s, *(base or {}).items())
+        if key not in self._frames:
+            walk, own = self._walk(self.own, step_s, base or {})
+            self._frames[key] = stance_frame(self.walker, self.trial, walk, own, joints=self.joints,
+                                             options=self.options)
+        return self._frames[key]
+
+    def at(
+        self, x: np.ndarray, *, step_s: float, derivatives: bool = False, base: Mapping[str, float] | None = None
+    ) -> WalkOutcome:
+        """Walks at x (P,), values of the design in its units.
+
+        Args:
+            base: values of the walk's variables in place of the model's.
+
+        Raises:
+            SimulationError: the walk diverges.
+        """
+        frame = self.frame(step_s, base)
+        walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
+        return WalkOutcome(walk_terms(frame, loads, self.options), walk, loads, frame)
+
+    def _walk(
+        self, x: np.ndarray, step_s: float, base: Mapping[str, float], *, derivatives: bool = False
+    ) -> tuple[Walk, WalkLoads]:
+        trial = self.trial
+        values, by = walk_setting(self.design, x, self.walker.variables, trial.model.foot, base)
+        walk = self.walker.walk(
+            trial.trajectory, fulcrum_m=1e-3 * x[0], start_s=trial.start_s, end_s=trial.end_s, step_s=step_s,
+            offsets=trial.offsets, values=values, with_respect_to=tuple(by) if derivatives else (),
+            with_loads=derivatives, support_width_m=self.support_width_m)
+        return walk, walk_loads(self.walker, walk, np.array([*by.values()]) if derivatives else None,
+                                joints=self.joints, cutoff_hz=self.options.cutoff_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +124,12 @@ class Evaluation:
     Attributes:
         x: (P,) the setting. step_s: of the walks.
         terms: of the cost, means over trials, each with its gradient.
-        per_trial: (T,) the cost of each trial alone. walks: of each trial.
+        walks: of each trial.
     """
 
     x: np.ndarray
     step_s: float
     terms: tuple[CostTerm, ...]
-    per_trial: np.ndarray
     walks: tuple[WalkOutcome, ...]
 
     @property
@@ -76,8 +163,10 @@ class StiffnessTuning:
 
     Attributes:
         design: what is tuned, the fulcrum first. low, high: (P,) its bounds.
-        combination: the cost. size: of each cost at the trials' own settings.
-        evaluations: how many settings were evaluated.
+        combination: the cost. size: of each cost at the trials' own settings. own_cost: J with each trial at its own.
+        start: (P,) the trials' own setting on average, within the bounds.
+        groups: (T,) mm, where the fulcrum stood in each trial: trials of one position repeat each other.
+        workers: threads. evaluations: how many settings were evaluated.
 
     Raises:
         InputError: the trials do not belong together or do not support the cost; bounds are out of reach; a trial has
@@ -91,26 +180,28 @@ class StiffnessTuning:
         walkers: Sequence[Walker] | None = None
     ) -> None:
         self.options = options or TuningOptions()
-        if not isinstance(self.options, TuningOptions):
-            raise InputError(f"is a {type(options).__name__}, no TuningOptions", where="options")
         self.cost_name = check_cost(cost)
-        check_trials(trials)
-        check_support(cost, trials, self.options)
+        needed = self.options.weighed if cost == WEIGHTED else (cost,)
+        _check_trials(trials, needed, self.options)
         self.trials = tuple(trials)
         self.labels = _names(labels, labels_of(trials), "labels")
         self.tasks = _names(tasks, self.labels, "tasks")
         self.design = design_variables(self.options, [trial.model.foot for trial in trials])
         self.low, self.high = (np.array([getattr(v, end) for v in self.design]) for end in ("low", "high"))
-        walkers = _walkers(trials) if walkers is None else walkers
         self.parts = tuple(TrialTuning(walker, trial, label, self.design, self.options)
-                           for walker, trial, label in zip(walkers, trials, self.labels, strict=True))
-        self.own: tuple[Terms, ...] = tuple(part.own_terms(self.options.step_s) for part in self.parts)
-        self.size = sizes(list(self.own))
-        needed = [name for name, weight in self.options.weights.items() if weight > 0.0] if cost == WEIGHTED else [cost]
+                           for walker, trial, label in zip(walkers or _walkers(trials), trials, self.labels,
+                                                           strict=True))
+        frames = [part.frame(self.options.step_s) for part in self.parts]
+        self.own: list[Terms] = [walk_terms(frame, frame.own, self.options) for frame in frames]
+        self.size = sizes(self.own)
         if any(name not in self.size for name in needed):
             raise InputError("the force of a trial's plate does not cover its window", where="trials",
                              right="Choose a window that the plate covers, or another cost")
-        self.combination: Combination = combine(cost, self.size, self.options)
+        self.combination = combine(cost, self.size, self.options)
+        self.own_cost = float(np.mean([sum(term.value for term in self.combination.terms(own)) for own in self.own]))
+        self.start = np.clip(np.mean([part.own for part in self.parts], axis=0), self.low, self.high)
+        self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
+        self.workers = self.options.workers or os.cpu_count() or 1
         self.evaluations = 0
         self._last: tuple[tuple, Evaluation] | None = None
 
@@ -120,77 +211,38 @@ class StiffnessTuning:
             self.trials, cost=self.cost_name, options=dataclasses.replace(self.options, support_width_m=0.0),
             labels=self.labels, tasks=self.tasks, walkers=[part.walker for part in self.parts])
 
-    @property
-    def start(self) -> np.ndarray:
-        """(P,) the trials' own setting on average, within the bounds."""
-        mean: np.ndarray = np.mean([part.own for part in self.parts], axis=0)
-        return np.clip(mean, self.low, self.high)
-
     def from_u(self, u: np.ndarray) -> np.ndarray:
         """(P,) the setting at search coordinates within 0 and 1."""
-        found: np.ndarray = self.low + np.asarray(u, dtype=float) * (self.high - self.low)
-        return np.clip(found, self.low, self.high)
+        return np.clip(self.low + np.asarray(u, dtype=float) * (self.high - self.low), self.low, self.high)
 
     def to_u(self, x: np.ndarray) -> np.ndarray:
         """(P,) search coordinates of a setting."""
         found: np.ndarray = (np.asarray(x, dtype=float) - self.low) / (self.high - self.low)
         return found
 
-    def evaluate(
-        self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None,
-        base: Mapping[str, float] | None = None
-    ) -> Evaluation:
+    def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
         """The cost at x (P,); trials are walked side by side.
 
         Args:
             step_s: of the walks; that of the options if None.
-            base: values of the walks' variables in place of the model's.
 
         Raises:
             SimulationError: a walk fails there.
         """
-        x = np.array(x, dtype=float)
-        step = step_s or self.options.step_s
-        key = (tuple(x), step, tuple((base or {}).items()))
+        x, step = np.array(x, dtype=float), step_s or self.options.step_s
+        key = (tuple(x), step)
         if self._last is not None and self._last[0] == key and (
                 not derivatives or self._last[1].gradient.shape == x.shape):
             return self._last[1]
         self.evaluations += 1
-
-        def one(part: TrialTuning) -> WalkOutcome:
-            return part.at(x, step_s=step, derivatives=derivatives, base=base)
-
-        if len(self.parts) == 1:
-            walks = [one(self.parts[0])]
-        else:
-            with ThreadPoolExecutor(min(len(self.parts), self.workers)) as pool:
-                walks = list(pool.map(one, self.parts))
-        found = self.evaluation(x, step, walks)
-        self._last = (key, found)
-        return found
-
-    def evaluation(self, x: np.ndarray, step_s: float, walks: Sequence[WalkOutcome]) -> Evaluation:
-        """The cost that the trials' walks at x make."""
+        with ThreadPoolExecutor(min(len(self.parts), self.workers)) as pool:
+            walks = tuple(pool.map(lambda part: part.at(x, step_s=step, derivatives=derivatives), self.parts))
         each = [self.combination.terms(walk.terms) for walk in walks]
         means = tuple(CostTerm(terms[0].name, terms[0].label, float(np.mean([term.value for term in terms])),
                                np.mean([term.by for term in terms], axis=0)) for terms in zip(*each, strict=True))
-        return Evaluation(x=x, step_s=step_s, terms=means, walks=tuple(walks),
-                          per_trial=np.array([sum(term.value for term in terms) for terms in each]))
-
-    @property
-    def own_cost(self) -> float:
-        """The cost with each trial at its own setting."""
-        return float(np.mean([sum(term.value for term in self.combination.terms(own)) for own in self.own]))
-
-    @property
-    def groups(self) -> tuple[float, ...]:
-        """(T,) mm, where the fulcrum stood in each trial: trials of one position repeat each other."""
-        return tuple(round(float(part.own[0]), 1) for part in self.parts)
-
-    @property
-    def workers(self) -> int:
-        """Threads."""
-        return self.options.workers or os.cpu_count() or 1
+        found = Evaluation(x=x, step_s=step, terms=means, walks=walks)
+        self._last = (key, found)
+        return found
 
     def program(
         self, cost: Callable[[np.ndarray, bool], tuple[float, np.ndarray]] | None = None
@@ -234,35 +286,15 @@ def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) ->
 
 def _walkers(trials: Sequence[Trial]) -> list[Walker]:
     """One walker for each person with a device: several trials share it."""
-    known: list[Walker] = []
-    found = []
+    found: list[Walker] = []
     for trial in trials:
-        own = next((w for w in known if w.subject == trial.subject and w.model == trial.model), None)
-        if own is None:
-            own = Walker(trial.subject, trial.model)
-            known.append(own)
-        found.append(own)
+        same = (walker for walker in found if (walker.subject, walker.model) == (trial.subject, trial.model))
+        found.append(next(same, None) or Walker(trial.subject, trial.model))
     return found
 
 
-# Whether trials can bear a tuning and its cost.
-
-
-OUT_OF_PLANE = ("adduction", "rotation")
-_ZERO = "taken as zero"
-"""What the note on a coordinate says that the recording does not hold."""
-
-
-def check_cost(cost: str) -> str:
-    """Returns the name of a cost. Raises InputError if there is none of that name."""
-    known = (*COSTS, WEIGHTED)
-    if cost not in known:
-        raise InputError(f"there is no cost {cost!r}", where="cost", right=f"There are: {', '.join(known)}")
-    return cost
-
-
-def check_trials(trials: Sequence[Trial]) -> None:
-    """Raises InputError unless these are trials, at least one, of prostheses on one side."""
+def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: TuningOptions) -> None:
+    """Raises InputError unless these are trials, at least one, of prostheses on one side, that can bear the costs."""
     if isinstance(trials, (Trial, str, bytes)) or not all(isinstance(trial, Trial) for trial in trials):
         raise InputError("is no list of trials", where="trials", right="Give a list of what load_trial returns")
     if not trials:
@@ -273,42 +305,29 @@ def check_trials(trials: Sequence[Trial]) -> None:
             raise InputError(
                 f"its prosthesis is on the {trial.subject.prosthetic_side}, that of {first.path} on the "
                 f"{first.subject.prosthetic_side}", file=trial.path, where="subject", right="Tune one person at a time")
-
-
-def check_support(cost: str, trials: Sequence[Trial], options: TuningOptions) -> None:
-    """Whether the data support `cost`.
-
-    Raises:
-        InputError: moments out of the sagittal plane are asked for where the recording has no such motion; a force is
-            to be tracked that no plate measured, or of which one component is missing.
-    """
-    named = tuple(name for name, weight in options.weights.items() if weight > 0.0) if cost == WEIGHTED else (cost,)
-    for trial in trials:
-        if {"joint_load", "metabolic"} & set(named):
-            _check_planes(trial, options)
-        if TRACKING in named:
+        if {"joint_load", "metabolic"} & set(costs):
+            _check_planes(trial, options.joints)
+        if TRACKING in costs:
             _check_plate(trial)
 
 
-def _check_planes(trial: Trial, options: TuningOptions) -> None:
-    side = trial.subject.prosthetic_side[0]
-    for joint in options.joints:
-        name = f"{joint}_{side}"
-        if any(part in joint for part in OUT_OF_PLANE) and _unmeasured(trial, name):
-            planar = [other for other in options.joints if not any(part in other for part in OUT_OF_PLANE)]
+def _check_planes(trial: Trial, joints: Sequence[str]) -> None:
+    """Raises InputError for moments out of the sagittal plane where the recording has no such motion."""
+    planar = [joint for joint in joints if not joint.endswith(("adduction", "rotation"))]
+    for joint in (joint for joint in joints if joint not in planar):
+        name = f"{joint}_{trial.subject.prosthetic_side[0]}"
+        noted = any("taken as zero" in note and name in note.replace(",", " ").replace(".", " ").split()
+                    for note in trial.notes)
+        names = trial.trajectory.names
+        if noted or name not in names or np.ptp(trial.trajectory.values[:, names.index(name)]) == 0.0:
             raise InputError(
                 f"the recording has no {name}, so that no moment about that axis can be told", file=trial.path,
                 where="kinematics", right=f"Give joints={tuple(planar) or ('hip_flexion', 'knee_angle')}, or a "
                                           "recording in three dimensions")
 
 
-def _unmeasured(trial: Trial, name: str) -> bool:
-    said = any(_ZERO in note and name in note.replace(",", " ").replace(".", " ").split() for note in trial.notes)
-    column = trial.trajectory.names.index(name) if name in trial.trajectory.names else None
-    return said or column is None or bool(np.ptp(trial.trajectory.values[:, column]) == 0.0)
-
-
 def _check_plate(trial: Trial) -> None:
+    """Raises InputError where no plate measured the force to be tracked, or one component is missing."""
     side = trial.subject.prosthetic_side
     plate = trial.plates.get(side)
     if plate is None or not np.any(plate.force_W[:, 2] > 0.0):

@@ -4,33 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
-from vsf_drake.analysis.tuning.level1.checks import (
-    NEAR_COST,
-    Check,
-    convergence_check,
-    force_check,
-    gradient_check,
-    recorded_check,
-    smoothing_check,
-    solver_checks,
-    step_check,
-    sweep_checks,
-)
+from vsf_drake.analysis.drake_solve import solved
+from vsf_drake.analysis.tuning.common import Check, say
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
-from vsf_drake.analysis.tuning.level1.search import WORSE, Search, Tried, search
-from vsf_drake.analysis.tuning.level1.solution import TuningSolution
+from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
     Sweep,
     compared_settings,
     consistency_effect,
     local_minima,
+    lowest,
     pareto,
     positions,
     same_load_outcomes,
@@ -38,11 +29,20 @@ from vsf_drake.analysis.tuning.level1.sweep import (
     tasks,
 )
 from vsf_drake.analysis.tuning.level1.uncertainty import drawn_optima, fulcrum_uncertainty
-from vsf_drake.errors import FitError, InputError
+from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
 
 COARSE_MM = 5.0
 """Of the sweep that searches begin from (a choice)."""
+LOST = 10.0
+"""What a failed walk costs, in sizes of the cost, where a solver wants a number."""
+FLAT = 1e-3
+"""Projected gradient, in sizes of the cost over the whole range, below which a point counts as a minimum whatever the
+solver says (a choice): over the width of the range the cost would change by a thousandth."""
+ASIDE = 5e-3
+"""Share of a bound's width by which the neighbours lie that a minimum is tried against."""
+WORSE = 1e-7
+"""Share of the cost's size by which a neighbour may seem better: rounding of walks."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +63,108 @@ class TuningProgress:
     elapsed_s: float
 
 
-@dataclass(eq=False)
-class _Found:
-    """What has been reached so far; an interrupt leaves it as it is."""
+class Tried:
+    """Evaluates for solvers and keeps the best point; `best` of all searches, `here` of the running one.
 
-    tried: Tried
-    searches: list[Search] = field(default_factory=list)
-    polished: Search | None = None
-    coarse: Sweep | None = None
-    fine: Sweep | None = None
-    confirmed: list[Search] = field(default_factory=list)
-    checks: list[Check] = field(default_factory=list)
-    later: dict[str, Any] = field(default_factory=dict)
-    stage: str = ""
+    Args:
+        tell: called with None, the lowest cost of the running search and its fulcrum (mm).
+    """
+
+    def __init__(self, tuning: StiffnessTuning, tell: Callable[[None, float, float], None] | None = None) -> None:
+        self.tuning, self.tell, self.interrupted = tuning, tell, False
+        self.best: Evaluation | None = None
+
+    def begin(self, step_s: float) -> None:
+        """A new search."""
+        self.step_s, self.count, self.failure, self.interrupted = step_s, 0, "", False
+        self.here: Evaluation | None = None
+
+    def at(self, x: np.ndarray, *, derivatives: bool = True) -> Evaluation | None:
+        """The cost at x, None where a walk fails."""
+        self.count += 1
+        try:
+            found = self.tuning.evaluate(x, derivatives=derivatives, step_s=self.step_s)
+        except SimulationError as error:
+            self.failure = str(error)
+            return None
+        if self.here is None or found.cost < self.here.cost:
+            self.here = found
+        if self.best is None or self.best.step_s != found.step_s or found.cost < self.best.cost:
+            self.best = found
+        if self.tell:
+            self.tell(None, self.here.cost, float(self.here.x[0]))
+        return found
+
+    def cost(self, u: np.ndarray, gradient: bool) -> tuple[float, np.ndarray]:
+        """Of the program: over its size, with the gradient by u; a failed walk costs LOST."""
+        try:
+            if self.at(self.tuning.from_u(u), derivatives=gradient) is None:
+                return LOST, np.zeros(len(u))
+            return self.tuning.scaled(u, gradient, step_s=self.step_s)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise
+
+    def no_neighbour_is_better(self, at: Evaluation) -> bool:
+        """Whether along no variable, to neither side, a point is better."""
+        tuning = self.tuning
+        for p in range(len(at.x)):
+            for side in (-ASIDE, ASIDE):
+                x = np.array(at.x)
+                x[p] = np.clip(x[p] + side * (tuning.high[p] - tuning.low[p]), tuning.low[p], tuning.high[p])
+                beside = self.at(x, derivatives=False)
+                if beside is not None and beside.cost < at.cost - WORSE * tuning.combination.size:
+                    return False
+        return True
+
+
+def search(
+    tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, tried: Tried | None = None
+) -> Search:
+    """Searches from `start` (P,) by one of Drake's solvers; a walk that fails there makes a search that failed, not an
+    error.
+
+    Args:
+        solver: "snopt", "ipopt" or "nlopt". tried: that keeps the best point, for who wants it after an interrupt.
+
+    Raises:
+        KeyboardInterrupt: `tried` holds the best point so far.
+    """
+    tried = tried or Tried(tuning)
+    tried.begin(step_s)
+    start = np.clip(start, tuning.low, tuning.high)
+    if tried.at(start) is None:
+        return Search(solver=solver, step_s=step_s, start=start, x=start, cost=np.inf, success=False,
+                      message=f"the walk fails where the search starts: {tried.failure}", iterations=tried.count,
+                      optimality=np.inf)
+    iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
+    kinds: dict[str, tuple[Any, dict[str, Any]]] = {
+        "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": tolerance,
+                                "Major step limit": 0.2}),
+        "ipopt": (IpoptSolver, {"max_iter": iterations, "tol": tolerance, "hessian_approximation": "limited-memory"}),
+        "nlopt": (NloptSolver, {"algorithm": "LD_SLSQP", "max_eval": iterations, "xtol_rel": 1e-5})}
+    kind, settings = kinds[solver]
+    options = SolverOptions()
+    for name, value in settings.items():
+        options.SetOption(kind.id(), name, value)
+    result = solved(kind(), tuning.program(tried.cost), tuning.to_u(start), options, tried)
+    success, message = bool(result.is_success()), f"{solver}: {result.get_solution_result().name}"
+    best = tried.here
+    assert best is not None
+    if not success and (_projected_gradient(tuning, best) <= FLAT or tried.no_neighbour_is_better(best)):
+        success, message = True, f"{message}, but no neighbour is better"
+    best = tried.here or best
+    return Search(solver=solver, step_s=step_s, start=start, x=best.x, cost=best.cost, success=success,
+                  message=message, iterations=tried.count,
+                  optimality=_projected_gradient(tuning, tuning.evaluate(best.x, step_s=step_s)))
+
+
+def _projected_gradient(tuning: StiffnessTuning, at: Evaluation) -> float:
+    """Largest slope of the cost that the bounds leave open, in sizes of the cost over the width of a bound."""
+    slope = at.gradient * (tuning.high - tuning.low) / tuning.combination.size
+    u = tuning.to_u(at.x)
+    held = ((u <= 1e-6) & (slope > 0.0)) | ((u >= 1.0 - 1e-6) & (slope < 0.0))
+    return float(np.abs(np.where(held, 0.0, slope)).max())
 
 
 def solve(
@@ -92,101 +181,106 @@ def solve(
         InputError: `warm_start` is of other variables.
         FitError: the walks fail at every setting.
     """
-    began = time.perf_counter()
-    warm = _warm(tuning, warm_start)
-    found = _Found(tried=Tried(tuning, tuning.options.search_step_s))
+    began, stage = time.perf_counter(), ""
 
-    def told(fraction: float | None = None, cost: float | None = None, fulcrum: float | None = None) -> None:
+    def tell(fraction: float | None = None, cost: float | None = None, fulcrum_mm: float | None = None) -> None:
         if progress:
-            progress(TuningProgress(found.stage, fraction, tuning.evaluations, cost, fulcrum,
+            progress(TuningProgress(stage, fraction, tuning.evaluations, cost, fulcrum_mm,
                                     time.perf_counter() - began))
 
-    message = ""
+    def enter(name: str) -> None:
+        nonlocal stage
+        stage = name
+
+    found, tried, interrupted = TuningSolution(tuning=tuning), Tried(tuning, tell), ""
+    warm = _warm(tuning, warm_start)
     try:
-        _search(tuning, found, warm, told)
-        if found.polished is not None and np.isfinite(found.polished.cost):
-            _judge(tuning, found, told)
+        _search(found, warm, tried, enter, tell)
+        if found.searched is not None and np.isfinite(found.searched.cost):
+            _judge(found, tried, enter, tell)
     except KeyboardInterrupt:
-        if found.tried.best is None:
+        if tried.best is None:
             raise
-        message = f"it was interrupted during: {found.stage}"
-    return _solution(tuning, found, message, began)
+        interrupted = f"it was interrupted during: {stage}"
+    best, searched = tried.best, found.searched
+    if searched is not None and np.isfinite(searched.cost):
+        best = tuning.evaluate(searched.x)
+    if best is None:
+        raise FitError("the walks fail wherever a search starts")
+    found.best = best
+    fault = interrupted or _fault(found)
+    found.success, found.message = not fault, fault or (searched.message if searched else "")
+    found.notes = _notes(found)
+    found.wall_s = time.perf_counter() - began
+    return found
 
 
-def _search(tuning: StiffnessTuning, found: _Found, warm: list[np.ndarray], told: Callable[..., None]) -> None:
+def _search(
+    found: TuningSolution, warm: list[np.ndarray], tried: Tried, enter: Callable[[str], None],
+    tell: Callable[..., None]
+) -> None:
     """Coarse sweep, searches from it, the best once more in the step of the numbers."""
-    options = tuning.options
-    found.stage = "coarse sweep"
-    found.coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s,
-                         progress=told)
-    minima = local_minima(found.coarse.cost)[: options.starts]
+    tuning, options = found.tuning, found.tuning.options
+    enter("coarse sweep")
+    coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s, progress=tell)
+    minima = local_minima(coarse.cost)[: options.starts]
     if not minima:
-        raise FitError(f"the walks fail at every position: {found.coarse.failures[0]}")
-    starts = [found.coarse.x[i] for i in minima] + _scattered(tuning) + warm
+        raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
+    starts = [coarse.x[i] for i in minima]
+    if len(tuning.design) > 1 and options.more_starts:
+        rng = np.random.default_rng([options.seed, 1])
+        starts += map(tuning.from_u, qmc.LatinHypercube(len(tuning.design), rng=rng).random(options.more_starts))
+    starts += warm
     for k, start in enumerate(starts):
-        found.stage = f"search {k + 1} of {len(starts)}"
-        found.searches.append(search(tuning, start, step_s=options.search_step_s, tried=found.tried,
-                                     progress=lambda count, cost, at: told(None, cost, at)))
-    best = min(found.searches, key=lambda s: (not s.success, s.cost))
-    found.stage = "search in the step of the numbers"
-    found.polished = search(tuning, best.x, step_s=options.step_s, tried=found.tried,
-                            progress=lambda count, cost, at: told(None, cost, at))
+        enter(f"search {k + 1} of {len(starts)}")
+        found.searches.append(search(tuning, start, step_s=options.search_step_s, tried=tried))
+    enter("search in the step of the numbers")
+    found.searched = search(tuning, _first(found).x, step_s=options.step_s, tried=tried)
 
 
-def _judge(tuning: StiffnessTuning, found: _Found, told: Callable[..., None]) -> None:
+def _first(found: TuningSolution) -> Search:
+    """The best of the searches over the fulcrum's range."""
+    return min(found.searches, key=lambda s: (not s.success, s.cost))
+
+
+def _judge(
+    found: TuningSolution, tried: Tried, enter: Callable[[str], None], tell: Callable[..., None]
+) -> None:
     """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
-    options, size = tuning.options, tuning.combination.size
-    assert found.polished is not None
+    tuning, options, size = found.tuning, found.tuning.options, found.tuning.combination.size
+    assert found.searched is not None
     for _ in range(2):
-        found.stage = "sweep"
-        found.fine = sweep(tuning, positions(tuning, options.sweep_mm), found.polished.x, step_s=options.step_s,
-                           with_outcomes=True, progress=told)
-        i = int(np.nanargmin(found.fine.cost))
-        if found.fine.cost[i] >= found.polished.cost - WORSE * size:
+        enter("sweep")
+        fine = found.sweep = sweep(tuning, positions(tuning, options.sweep_mm), found.searched.x,
+                                   step_s=options.step_s, with_outcomes=True, progress=tell)
+        i = int(np.nanargmin(fine.cost))
+        if fine.cost[i] >= found.searched.cost - WORSE * size:
             break
-        found.stage = "search from the sweep's lowest position"
-        found.polished = search(tuning, found.fine.x[i], step_s=options.step_s, tried=found.tried,
-                                progress=lambda count, cost, at: told(None, cost, at))
+        enter("search from the sweep's lowest position")
+        found.searched = search(tuning, fine.x[i], step_s=options.step_s, tried=tried)
         if len(tuning.design) == 1:
             break
-    fine, best = found.fine, tuning.evaluate(found.polished.x)
-    assert fine is not None
-    found.later["settings"] = compared_settings(tuning, best.x)
+    best = tuning.evaluate(found.searched.x)
+    found.settings = compared_settings(tuning, best.x)
     if options.same_load:
-        found.stage = "settings under one load"
-        ends = np.tile([tuning.low[0], best.x[0], tuning.high[0], np.nan], (len(tuning.parts), 1))
-        ends[:, 3] = [part.own[0] for part in tuning.parts]
-        found.later["same_load"] = same_load_outcomes(tuning, ends, told)
-    first = min(found.searches, key=lambda s: (not s.success, s.cost))
+        enter("settings under one load")
+        found.same_load = same_load_outcomes(tuning, np.array(
+            [[tuning.low[0], best.x[0], tuning.high[0], part.own[0]] for part in tuning.parts]), tell)
+    first = _first(found)
     for name in options.confirm:
-        found.stage = f"confirming with {name.upper()}"
-        found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, tried=found.tried,
-                                      progress=lambda count, cost, at: told(None, cost, at)))
-    found.stage = "draws of the contact"
-    draws, failures = drawn_optima(tuning, best.x, told) if options.draws else ((), ())
-    found.later |= {"draws": draws, "draw_failures": failures}
-    found.later["uncertainty"] = fulcrum_uncertainty(fine, float(best.x[0]), draws, tuning.groups,
-                                                     size=size, unit=tuning.combination.unit,
-                                                     allowed_bw=options.consistency_bw,
-                                                     gain=(tuning.own_cost - best.cost) / size)
-    found.later |= {"tasks": tasks(fine, tuning.tasks, float(best.x[0])), "pareto": pareto(tuning, fine)}
-    found.later["robustness"] = (
-        *consistency_effect(tuning, fine),
-        *((f"draw {k + 1} of the contact", draw.fulcrum_mm, draw.cost) for k, draw in enumerate(draws)))
-    found.stage = "checks"
-    found.checks = [*sweep_checks(best, fine, size), *solver_checks(best, found.confirmed, size),
-                    gradient_check(tuning), step_check(best, first), *smoothing_check(tuning, best),
-                    convergence_check(best),
-                    force_check(best, options.consistency_bw), *recorded_check(tuning)]
-
-
-def _scattered(tuning: StiffnessTuning) -> list[np.ndarray]:
-    """Seeded starts over all bounds, for a setting of several variables."""
-    count = tuning.options.more_starts if len(tuning.design) > 1 else 0
-    if not count:
-        return []
-    rng = np.random.default_rng([tuning.options.seed, 1])
-    return [tuning.from_u(u) for u in qmc.LatinHypercube(len(tuning.design), rng=rng).random(count)]
+        enter(f"confirming with {name.upper()}")
+        found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, tried=tried))
+    enter("draws of the contact")
+    if options.draws:
+        found.draws, found.draw_failures = drawn_optima(tuning, best.x, tell)
+    found.uncertainty = fulcrum_uncertainty(
+        fine, float(best.x[0]), found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
+        allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
+    found.tasks, found.pareto = tasks(fine, tuning.tasks, float(best.x[0])), pareto(tuning, fine)
+    found.robustness = (*consistency_effect(tuning, fine), *(
+        (f"draw {k + 1} of the contact", draw.fulcrum_mm, draw.cost) for k, draw in enumerate(found.draws)))
+    enter("checks")
+    found.checks = _checks(tuning, best, fine, first, found.confirmed)
 
 
 def _warm(tuning: StiffnessTuning, table: Mapping[str, Any] | None) -> list[np.ndarray]:
@@ -201,108 +295,122 @@ def _warm(tuning: StiffnessTuning, table: Mapping[str, Any] | None) -> list[np.n
     return [np.clip(x, tuning.low, tuning.high)]
 
 
-def _solution(tuning: StiffnessTuning, found: _Found, message: str, began: float) -> TuningSolution:
-    best: Evaluation | None = found.tried.best
-    if found.polished is not None and np.isfinite(found.polished.cost):
-        best = tuning.evaluate(found.polished.x)
-    if best is None:
-        raise FitError("the walks fail wherever a search starts")
-    message = message or _fault(tuning, found, best)
-    success = not message
-    later: dict[str, Any] = {
-        "settings": (), "same_load": {}, "draws": (), "draw_failures": (), "uncertainty": None, "tasks": (),
-        "pareto": (), "robustness": ()} | found.later
-    return TuningSolution(
-        tuning=tuning, success=success, message=message or (found.polished.message if found.polished else ""),
-        best=best, searched=found.polished, searches=tuple(found.searches), confirmed=tuple(found.confirmed),
-        coarse=found.coarse, sweep=found.fine, checks=tuple(found.checks),
-        notes=notes(tuning, best, found.fine, later["draw_failures"], success=success),
-        wall_s=time.perf_counter() - began, **later)
-
-
-def _fault(tuning: StiffnessTuning, found: _Found, best: Evaluation) -> str:
+def _fault(found: TuningSolution) -> str:
     """Why this is no optimum; nothing if it is one."""
-    if found.polished is None or found.fine is None or not found.polished.success:
-        return f"the search did not converge: {found.polished.message if found.polished else 'it never ended'}"
+    best, swept, searched = found.best, found.sweep, found.searched
+    if searched is None or swept is None or not searched.success:
+        return f"the search did not converge: {searched.message if searched else 'it never ended'}"
     if best.unconverged:
         return f"{best.unconverged} steps of the walks at the best setting did not converge"
-    i = int(np.nanargmin(found.fine.cost))
-    if best.cost - found.fine.cost[i] > NEAR_COST * tuning.combination.size:
-        return (f"the sweep is lower at {found.fine.fulcrum_mm[i]:.1f} mm than the search's end at {best.x[0]:.1f} mm")
+    i = int(np.nanargmin(swept.cost))
+    if best.cost - swept.cost[i] > NEAR_COST * found.tuning.combination.size:
+        return f"the sweep is lower at {swept.fulcrum_mm[i]:.1f} mm than the search's end at {best.x[0]:.1f} mm"
     return ""
 
 
-# What a reader of a tuning has to know before believing it.
+def _notes(found: TuningSolution) -> list[str]:
+    """What a reader has to know before believing it; the first says so if the result is not optimal."""
+    tuning, options, swept = found.tuning, found.tuning.options, found.sweep
+    held = [term.value / tuning.combination.size for term in found.best.terms if term.name == CONSISTENCY]
+    return say(
+        "level1", "notes", success=found.success, step_ms=1e3 * options.step_s,
+        search_step_ms=1e3 * options.search_step_s, support_mm=1e3 * tuning.parts[0].support_width_m,
+        holding={"weight": options.consistency_weight, "share": held[0]} if held else None,
+        believable=swept and swept.believable(options.consistency_bw)[1],
+        most_change=None if swept is None else np.nanmax(swept.force_change), allowed_bw=options.consistency_bw,
+        thickness="keel_thickness" in options.design, recorded=[float(part.own[0]) for part in tuning.parts],
+        tracked=tuning.cost_name == TRACKING,
+        unfitted=[part.label for part in tuning.parts
+                  if not any(note.startswith(APPLIED) for note in part.trial.notes)],
+        failures=swept.failures if swept else (), unconverged=swept.unconverged if swept else 0,
+        draw_failures=found.draw_failures, synthetic=sum(trial.synthetic for trial in tuning.trials),
+        trials=len(tuning.trials))
 
 
-_APART_MM = 1.0
+# What a solution is held against: differences, the sweep, other solvers, another step, no smoothing.
 
 
-def notes(
-    tuning: StiffnessTuning, best: Evaluation, found: Sweep | None, draw_failures: tuple[str, ...], *, success: bool
-) -> tuple[str, ...]:
-    """Sentences; the first says so if the result is not optimal."""
-    options, told = tuning.options, []
-    if not success:
-        told.append("NOT OPTIMAL: the tuning ended before its end, and these are the numbers where it stopped.")
-    told += [
-        "The motion is given: the person does not adapt. Under the same motion a stiffer foot is pressed as far and "
-        "bears and stores more; under the same load, as experiments have it, a softer one stores and returns more. "
-        "Which of the two a person would do, the tuning with free motion asks.",
-        "With the motion given the intact leg is the recording's at every setting: no cost counts it.",
-        f"Walks are in steps of {1e3 * options.step_s:g} ms, those that look for starts and those of drawn contacts in "
-        f"steps of {1e3 * options.search_step_s:g} ms."]
-    if options.support_width_m > 0.0:
-        width = 1e3 * tuning.parts[0].support_width_m
-        told.append(f"The support passes a joint of the keel over {width:.3g} mm on either side, so that the cost has "
-                    "a derivative there.")
-    if CONSISTENCY in tuning.combination.factors:
-        told.append(_share(tuning, best))
-    if found is not None:
-        told.append(_believable(found, options.consistency_bw))
-    if "keel_thickness" in options.design:
-        told.append("A thicker keel is stiffer by the cube of its thickness; that it is heavier too is left out.")
-    own = [part.own[0] for part in tuning.parts]
-    if np.ptp(own) > _APART_MM and tuning.cost_name != TRACKING:
-        told.append(f"The trials were walked with the fulcrum from {min(own):.0f} to {max(own):.0f} mm. Each motion "
-                    "belongs to its own setting, and one setting for all is a compromise between them.")
-    if tuning.cost_name == TRACKING:
-        told.append("Tracking is a test, no aim: its optimum tells where the model believes the fulcrum to have stood. "
-                    "It stood at " + ", ".join(f"{value:.0f}" for value in sorted(set(own))) + " mm.")
-    general = [part.label for part in tuning.parts
-               if not any(note.startswith(APPLIED) for note in part.trial.notes)]
-    if general:
-        told.append(f"No contact was fitted for {', '.join(general)}: the forces are those of a foot and a fit to the "
-                    "limb in general.")
-    if found is not None and found.failures:
-        told.append(f"{len(found.failures)} walks of the sweep failed, the first of {found.failures[0]}")
-    if found is not None and found.unconverged:
-        told.append(f"{found.unconverged} walks of the sweep have steps that did not converge.")
-    if draw_failures:
-        told.append(f"{len(draw_failures)} draws of the contact could not be walked: {draw_failures[0]}")
-    synthetic = sum(trial.synthetic for trial in tuning.trials)
-    if synthetic:
-        told.append(f"{synthetic} of {len(tuning.trials)} trials are synthetic: nobody walked them.")
-    return tuple(told)
+NEAR_MM, NEAR_COST, SAME_COST, GRADIENT = 1.0, 5e-3, 1e-3, 0.01
+"""Agreement asked for: with the sweep in mm and in sizes of the cost, of solvers in sizes, of the gradient with central
+differences."""
+FORCE_BW = 0.1
+"""Error of the force at the recorded setting beyond which a model tells little of other settings (a choice)."""
+AT = (0.31, 0.67)
+"""Shares of the bounds' widths at which the gradient is tried: at the optimum it is zero and tells nothing."""
+DIFFERENCE = 1e-4
+"""Step of the central differences, share of a bound's width."""
 
 
-def _believable(found: Sweep, allowed_bw: float) -> str:
-    near = found.believable(allowed_bw)
-    most = f"over the whole range it changes by up to {np.nanmax(found.force_change):.0%}"
-    if not near.any():
-        return (f"Nowhere does the ground reaction force stay within {allowed_bw:.0%} body weight of that at the "
-                f"recorded settings ({most}): these motions do not go together.")
-    low, high = found.fulcrum_mm[near][[0, -1]]
-    return (f"From {low:.0f} to {high:.0f} mm the ground reaction force stays within {allowed_bw:.0%} body weight of "
-            f"that at the recorded setting; {most}. Farther away the given motion is none that anybody would walk, and "
-            "the numbers there say no more than that.")
+def _checks(
+    tuning: StiffnessTuning, best: Evaluation, fine: Sweep, first: Search, confirmed: list[Search]
+) -> list[Check]:
+    found: list[Check] = []
+    size, own, options = "size of the cost", tuning.combination.size, tuning.options
+
+    def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None, *,
+            part: str = "", **numbers: Any) -> None:
+        found.append(Check(name, label, None if value is None else float(value), unit, target,
+                           None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
+
+    # A sweep that is coarser than a millimetre can only tell whether one of its positions is better.
+    where, least = lowest(fine.fulcrum_mm, fine.cost)
+    step = fine.fulcrum_mm[1] - fine.fulcrum_mm[0]
+    is_fine = step <= NEAR_MM + 1e-9
+    away = abs(best.x[0] - where)
+    worse = (best.cost - (least if is_fine else float(np.nanmin(fine.cost)))) / own
+    add("brute_force_position", "distance from the sweep's minimum", away, "mm", NEAR_MM, away <= NEAR_MM,
+        step_mm=step, swept_mm=where, best_mm=best.x[0])
+    add("brute_force_cost", "difference from the sweep's minimum", worse, size, NEAR_COST,
+        (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST, worse=worse)
+    for other in confirmed:
+        away, apart = abs(other.x[0] - best.x[0]), abs(other.cost - best.cost) / own
+        add(f"solver_{other.solver}", f"difference of the cost where {other.solver.upper()} ends", apart, size,
+            SAME_COST, other.success and away <= NEAR_MM and apart <= SAME_COST, part="solver",
+            name_of=other.solver.upper(), end_mm=other.x[0], away_mm=away, message=other.message)
+    try:
+        error, variable, at = _gradient_error(tuning)
+        add("gradient", "largest error of the gradient against central differences", error, "1", GRADIENT,
+            error <= GRADIENT, worst=error, label_of=variable.label, value_of=at, unit_of=variable.unit)
+    except SimulationError as why:
+        add("gradient", "error of the gradient", None, "1", GRADIENT, None, part="untried", error=why)
+    away = abs(best.x[0] - first.x[0])
+    add("step", "shift of the optimum between the two steps", away, "mm", NEAR_MM, away <= NEAR_MM,
+        searched_ms=1e3 * first.step_s, searched_mm=first.x[0], best_ms=1e3 * best.step_s, best_mm=best.x[0])
+    if options.support_width_m:
+        label, sharp = "change of the cost without smoothing", tuning.without_smoothing()
+        try:
+            change = abs(sharp.evaluate(best.x, derivatives=False).cost - best.cost) / own
+            ended = search(sharp, best.x, step_s=options.step_s)
+            away = abs(ended.x[0] - best.x[0])
+            add("smoothing", label, change, size, NEAR_COST, change <= NEAR_COST, change=change)
+            add("smoothing_shift", "shift of the optimum without smoothing", away, "mm", NEAR_MM, away <= NEAR_MM,
+                away_mm=away, message=ended.message)
+        except SimulationError as why:
+            add("smoothing", label, None, size, NEAR_COST, None, part="untried", error=why)
+    count = best.unconverged
+    add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count == 0, count=count)
+    change = float(np.mean([np.sqrt(walk.terms[CONSISTENCY][0].value) for walk in best.walks]))
+    add("force_change", "change of the ground reaction force from the recorded setting", change, "BW",
+        options.consistency_bw, change <= options.consistency_bw, change=change, allowed=options.consistency_bw)
+    if all(TRACKING in terms for terms in tuning.own):
+        errors = [np.sqrt(sum(term.value for term in terms[TRACKING])) for terms in tuning.own]
+        worst = int(np.argmax(errors))
+        add("recorded_force", "error of the ground reaction force at the recorded setting", errors[worst], "BW",
+            FORCE_BW, errors[worst] <= FORCE_BW, error=errors[worst], trial=tuning.labels[worst])
+    return found
 
 
-def _share(tuning: StiffnessTuning, best: Evaluation) -> str:
-    options = tuning.options
-    part = next(term.value for term in best.terms if term.name == CONSISTENCY)
-    return (f"A change of the ground reaction force by {options.consistency_bw:.0%} body weight (root mean square over "
-            f"stance, against the recorded setting) adds {options.consistency_weight:.0%} of the cost's size: nothing "
-            f"in the given motion pays for it. At the optimum that part is {part / tuning.combination.size:.1%} of the "
-            "size. The weight is a choice, and with the motion given it decides how far the optimum may go from the "
-            "recorded setting: see what other weights would choose.")
+def _gradient_error(tuning: StiffnessTuning) -> tuple[float, Any, float]:
+    """Of the exact derivatives against central differences, away from the optimum: the largest, its variable, where."""
+    worst, width, step_s = (-1.0, tuning.design[0], 0.0), tuning.high - tuning.low, tuning.options.search_step_s
+    for share in AT:
+        x = tuning.low + share * width
+        exact = tuning.evaluate(x, step_s=step_s).gradient * width
+        for p, variable in enumerate(tuning.design):
+            step = DIFFERENCE * width * (np.arange(len(x)) == p)
+            ahead, behind = (tuning.evaluate(x + s * step, derivatives=False, step_s=step_s).cost for s in (1.0, -1.0))
+            central = (ahead - behind) / (2.0 * DIFFERENCE)
+            error = abs(exact[p] - central) / max(abs(central), 1e-3 * tuning.combination.size)
+            if error >= worst[0]:
+                worst = (float(error), variable, float(x[p]))
+    return worst

@@ -1,24 +1,42 @@
-"""The cost over the whole range of the fulcrum, position by position: what every search is judged by."""
+"""Walks over the whole range of the fulcrum: the cost, position by position, and what else a setting changes."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, Combination
-from vsf_drake.analysis.tuning.level1.outcomes import NAMES, OutcomeKind, TrialTuning, outcomes
-from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
+from vsf_drake.analysis.tuning.common import SETTINGS
+from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame
+from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
 from vsf_drake.analysis.validation.energy_same_load import ProsthesisEnergy, prosthesis_energy, walk_with_same_load
 from vsf_drake.analysis.validation.energy_section import stance_energy
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.simulation.walk import Walk
 
 ENERGY_EVERY = 5
 """Positions from one with energies to the next: they take long and vary smoothly (a choice)."""
+KINDS = {
+    "stored_energy": ("energy stored in keel, foam and support", "J"),
+    "returned_energy": ("energy returned by toe-off", "J"),
+    "push_off_work": ("push-off work on the shank", "J/kg"),
+    "joint_work_energy": ("joint-work estimate of metabolic energy", "J/kg"),
+    "hip_moment": ("peak prosthetic hip flexion moment, either sign", "N m/kg"),
+    "knee_moment": ("peak prosthetic knee flexion moment, either sign", "N m/kg"),
+    "first_peak": ("first peak of the vertical force", "BW"),
+    "second_peak": ("second peak of the vertical force", "BW"),
+    "loading_rate": ("loading rate of the vertical force", "BW/s"),
+    "socket_force": ("peak force on the residual limb", "BW"),
+    "socket_moment": ("peak moment on the residual limb", "N m/kg"),
+    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW"),
+    "pelvis_residual": ("force at the pelvis that no leg makes, RMS over stance", "BW")}
+"""What a person and a device would notice of a setting: label and unit."""
+RISE = (0.2, 0.8)
+"""Shares of the first peak between which the loading rate is taken (a choice)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,20 +44,18 @@ class Sweep:
     """Costs of T trials at m positions of the fulcrum.
 
     Attributes:
-        fulcrum_mm: (m,). x: (m, P) the settings. step_s: of the walks.
+        fulcrum_mm: (m,). x: (m, P) the settings.
         costs: by name of a cost, the consistency among them, (T, m); NaN where a walk failed.
-        terms: of the tuned cost, by name, (T, m). labels: of the terms.
-        outcomes: by name, (T, m); empty where they were not asked for. Stored and returned energy are known at every
-            ENERGY_EVERY-th position and the last, NaN between.
+        terms: of the tuned cost, by name, (T, m).
+        outcomes: KINDS by name, (T, m); empty where they were not asked for. Stored and returned energy are known at
+            every ENERGY_EVERY-th position and the last, NaN between.
         failures: why a walk failed, in words. unconverged: walks with steps that did not converge.
     """
 
     fulcrum_mm: np.ndarray
     x: np.ndarray
-    step_s: float
     costs: dict[str, np.ndarray]
     terms: dict[str, np.ndarray]
-    labels: dict[str, str]
     outcomes: dict[str, np.ndarray]
     failures: tuple[str, ...]
     unconverged: int
@@ -62,27 +78,27 @@ class Sweep:
         found: np.ndarray = np.sqrt(self.costs[CONSISTENCY]).mean(axis=0)
         return found
 
-    def believable(self, allowed_bw: float) -> np.ndarray:
-        """(m,) whether the force changes by no more than that: farther off nobody would walk the given motion."""
-        found: np.ndarray = self.force_change <= allowed_bw
-        return found
+    def believable(self, allowed_bw: float) -> tuple[np.ndarray, tuple[float, float] | None]:
+        """(m,) whether the force changes by no more than that, and from where to where (mm): farther off nobody would
+        walk the given motion."""
+        near: np.ndarray = self.force_change <= allowed_bw
+        return near, tuple(self.fulcrum_mm[near][[0, -1]].tolist()) if near.any() else None
 
-    def combined(self, combination: Combination) -> np.ndarray:
-        """(T, m) another cost of the same walks."""
-        found: np.ndarray = np.sum([factor * self.costs[name] for name, factor in combination.factors.items()], axis=0)
-        return found
+    def lowest(self, factors: Mapping[str, float]) -> tuple[float, float]:
+        """Where the sum of factors times costs is least, and its value there; see `lowest`."""
+        whole = np.sum([factor * self.costs[name] for name, factor in factors.items()], axis=0)
+        return lowest(self.fulcrum_mm, whole.mean(axis=0))
 
 
 def positions(tuning: StiffnessTuning, spacing_mm: float) -> np.ndarray:
     """(m,) mm over the bounds at most `spacing_mm` apart, both ends included."""
     low, high = tuning.low[0], tuning.high[0]
-    count = max(2, int(np.ceil((high - low) / spacing_mm - 1e-9)) + 1)
-    return np.linspace(low, high, count)
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / spacing_mm - 1e-9)) + 1))
 
 
 def sweep(
     tuning: StiffnessTuning, fulcrum_mm: np.ndarray, x: np.ndarray, *, step_s: float, with_outcomes: bool = False,
-    base: Mapping[str, float] | None = None, progress: Callable[[float], None] | None = None
+    base: Mapping[str, float] | None = None, progress: Callable[[float], Any] | None = None
 ) -> Sweep:
     """Walks every trial at every position, the rest of the setting as in x (P,); a walk that fails leaves NaN.
 
@@ -93,47 +109,40 @@ def sweep(
     settings = np.tile(x, (len(fulcrum_mm), 1))
     settings[:, 0] = fulcrum_mm
     jobs = [(i, j) for j in range(len(settings)) for i in range(len(tuning.parts))]
-    shape = (len(tuning.parts), len(settings))
-    costs: dict[str, np.ndarray] = {}
-    terms: dict[str, np.ndarray] = {}
-    found = {name: np.full(shape, np.nan) for name in NAMES} if with_outcomes else {}
-    labels: dict[str, str] = {}
-    failures: list[str] = []
-    unconverged = 0
+    found: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
+    failures, unconverged = [], 0
     for part in tuning.parts:
         part.frame(step_s, base)  # made here: what threads share is not made by them
 
-    def one(job: tuple[int, int]) -> tuple[dict, list, dict, bool] | str:
-        part = tuning.parts[job[0]]
+    def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
+        part, j = tuning.parts[job[0]], job[1]
         try:
-            walk = part.at(settings[job[1]], step_s=step_s, base=base)
+            walk = part.at(settings[j], step_s=step_s, base=base)
         except SimulationError as error:
-            return f"{part.label} at {settings[job[1], 0]:g} mm: {error}"
-        return ({name: sum(term.value for term in own) for name, own in walk.terms.items()},
-                [(term.name, term.label, term.value) for term in tuning.combination.terms(walk.terms)],
-                outcomes(part, walk, energies=job[1] % ENERGY_EVERY == 0 or job[1] == len(settings) - 1)
-                if with_outcomes else {}, bool(walk.walk.record.converged.all()))
+            return f"{part.label} at {settings[j, 0]:g} mm: {error}"
+        numbers = {"costs": {name: sum(term.value for term in terms) for name, terms in walk.terms.items()},
+                   "terms": {term.name: term.value for term in tuning.combination.terms(walk.terms)}}
+        if with_outcomes:
+            numbers["outcomes"] = outcomes(part, walk, energies=j % ENERGY_EVERY == 0 or j == len(settings) - 1)
+        return numbers, bool(walk.walk.record.converged.all())
 
     pool = ThreadPoolExecutor(tuning.workers)
     try:
-        for k, (job, result) in enumerate(zip(jobs, pool.map(one, jobs), strict=True)):
+        for k, (job, result) in enumerate(zip(jobs, pool.map(walked, jobs), strict=True)):
             if isinstance(result, str):
                 failures.append(result)
             else:
-                for name, value in result[0].items():
-                    costs.setdefault(name, np.full(shape, np.nan))[job] = value
-                for name, label, value in result[1]:
-                    labels[name] = label
-                    terms.setdefault(name, np.full(shape, np.nan))[job] = value
-                unconverged += not result[3]
-                for name, value in result[2].items():
-                    found[name][job] = value
+                for part_of, numbers in result[0].items():
+                    for name, value in numbers.items():
+                        values = found[part_of].setdefault(name, np.full((len(tuning.parts), len(settings)), np.nan))
+                        values[job] = value
+                unconverged += not result[1]
             if progress:
                 progress((k + 1) / len(jobs))
     finally:
         pool.shutdown(cancel_futures=True)
-    return Sweep(fulcrum_mm=np.array(fulcrum_mm), x=settings, step_s=step_s, costs=costs, terms=terms, labels=labels,
-                 outcomes=found, failures=tuple(failures), unconverged=unconverged)
+    return Sweep(fulcrum_mm=np.array(fulcrum_mm), x=settings, **found, failures=tuple(failures),
+                 unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -144,28 +153,135 @@ def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
     if np.isnan(cost).all():
         return float("nan"), float("nan")
     i = int(np.nanargmin(cost))
-    if not 0 < i < len(cost) - 1 or np.isnan(cost[i - 1 : i + 2]).any():
-        return float(fulcrum_mm[i]), float(cost[i])
-    a, b, c = np.polyfit(fulcrum_mm[i - 1 : i + 2] - fulcrum_mm[i], cost[i - 1 : i + 2], 2)
-    if a <= 0.0:
-        return float(fulcrum_mm[i]), float(cost[i])
-    shift = float(np.clip(-b / (2.0 * a), fulcrum_mm[i - 1] - fulcrum_mm[i], fulcrum_mm[i + 1] - fulcrum_mm[i]))
-    return float(fulcrum_mm[i]) + shift, float(a * shift**2 + b * shift + c)
+    if 0 < i < len(cost) - 1 and not np.isnan(cost[i - 1 : i + 2]).any():
+        a, b, c = np.polyfit(fulcrum_mm[i - 1 : i + 2] - fulcrum_mm[i], cost[i - 1 : i + 2], 2)
+        if a > 0.0:
+            shift = float(np.clip(-b / (2.0 * a), *(fulcrum_mm[[i - 1, i + 1]] - fulcrum_mm[i])))
+            return float(fulcrum_mm[i]) + shift, float(a * shift**2 + b * shift + c)
+    return float(fulcrum_mm[i]), float(cost[i])
 
 
 def local_minima(cost: np.ndarray) -> list[int]:
     """Indices of the minima of a curve (m,), the ends among them, the lowest first."""
     filled = np.where(np.isnan(cost), np.inf, cost)
-    padded = np.concatenate([[np.inf], filled, [np.inf]])
-    found = [i for i in range(len(cost)) if np.isfinite(filled[i])
-             and padded[i + 1] <= padded[i] and padded[i + 1] <= padded[i + 2]]
-    return sorted(found, key=lambda i: filled[i])
+    before, after = np.append(np.inf, filled[:-1]), np.append(filled[1:], np.inf)
+    found = np.flatnonzero(np.isfinite(filled) & (filled <= before) & (filled <= after))
+    return sorted(found.tolist(), key=lambda i: filled[i])
 
 
-# Walks at the settings that a reader compares: the softest, the best, the stiffest, and the one of the recording.
+# Numbers of one walk, averaged over its stances.
+#
+# Peaks are those of the forces low-passed as for the costs, over stance with its margins. The loading rate is the mean
+# slope of the vertical force from 20 to 80 % of its first peak, the largest of the first half of stance.
 
 
-SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
+def outcomes(part: TrialTuning, found: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
+    """KINDS of one walk; NaN for stored and returned energy where the foot has no whole stance.
+
+    Args:
+        energies: whether to work these two out, which takes a third of a walk's time; they are NaN else.
+    """
+    frame, loads = found.frame, found.loads
+    inside = frame.inside > 0.0
+    peaks = dict(zip(part.options.joints, np.abs(loads.joints.value[inside] / frame.mass_kg).max(axis=0), strict=True))
+    socket = loads.socket.value[inside]
+    residual = np.sum(loads.pelvis**2, axis=1) @ frame.inside / frame.inside.sum()
+    rows = _stance_energies(part, found.walk)[2] if energies else []
+    first, second, rate = _vertical_peaks(frame, loads.grf.value[:, 2] / frame.weight_n)
+    return {
+        "stored_energy": _mean(row["stored_j"] for row in rows),
+        "returned_energy": _mean(row["returned_j"] for row in rows),
+        "push_off_work": -sum(term.value for term in found.terms["push_off"]),
+        "joint_work_energy": sum(term.value for term in found.terms["metabolic"]),
+        "hip_moment": float(peaks.get("hip_flexion", np.nan)), "knee_moment": float(peaks.get("knee_angle", np.nan)),
+        "first_peak": first, "second_peak": second, "loading_rate": rate,
+        "socket_force": float(np.linalg.norm(socket[:, :3], axis=1).max() / frame.weight_n),
+        "socket_moment": float(np.linalg.norm(socket[:, 3:], axis=1).max() / frame.mass_kg),
+        "force_change": float(np.sqrt(sum(term.value for term in found.terms[CONSISTENCY]))),
+        "pelvis_residual": float(np.sqrt(residual) / frame.weight_n)}
+
+
+def _mean(values: Any) -> float:
+    values = list(values)
+    return float(np.mean(values)) if values else float("nan")
+
+
+def _stance_energies(part: TrialTuning, walk: Walk) -> tuple[ProsthesisEnergy, list[Stance], list[dict[str, Any]]]:
+    """The energy ledger of a walk, the whole stances in it, and a row of energies for each."""
+    energy = prosthesis_energy(part.walker, walk)
+    stances = [stance for stance in find_stances(energy.time_s, energy.vertical_n) if stance.complete]
+    return energy, stances, [stance_energy(energy, stance, foot=part.trial.model.foot,
+                                           fulcrum_m=float(walk.fulcrum_m[0])).row for stance in stances]
+
+
+def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, float, float]:
+    """First and second peak (BW) and loading rate (BW/s), means over stances."""
+    time, found = frame.time_s, []
+    margin = 0.5 * (frame.inside.sum() - frame.duration_s) / len(frame.stances)
+    for stance in frame.stances:
+        middle = 0.5 * (stance.start_s + stance.end_s)
+        early = (time >= stance.start_s - margin) & (time <= middle)
+        late = (time >= middle) & (time <= stance.end_s + margin)
+        first, second = float(vertical[early].max()), float(vertical[late].max())
+        rising = np.maximum.accumulate(vertical[early][: int(vertical[early].argmax()) + 1])
+        start, end = (float(np.interp(share * first, rising, time[early][: len(rising)])) for share in RISE)
+        found.append((first, second, (RISE[1] - RISE[0]) * first / max(end - start, frame.step_s)))
+    first, second, rate = np.mean(found, axis=0).tolist()
+    return first, second, rate
+
+
+# What the settings do under the load of the recorded setting, rather than under its motion.
+#
+# With the motion given a stiffer foot is pressed as far and bears more. Experiments compare settings under about the
+# same load: people carry the same weight on any foot. Here the pelvis rises and sinks by what keeps the vertical force
+# that of the trial's own setting (`analysis.validation.energy_same_load`); everything else of the motion stays. It is
+# no prediction of how a person adapts, and no cost counts it; it tells the direction in which the device works.
+
+
+SAME_LOAD = {
+    "stored_energy_same_load": ("energy stored under the recorded setting's load", "J"),
+    "returned_energy_same_load": ("energy returned under the recorded setting's load", "J"),
+    "push_off_work_same_load": ("push-off work under the recorded setting's load", "J/kg")}
+
+
+def same_load_outcomes(
+    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Callable[[float], Any] | None = None
+) -> dict[str, np.ndarray]:
+    """SAME_LOAD of every trial at positions (T, k) of the fulcrum, the device otherwise as it is: by name, (T, k).
+
+    NaN where no height of the pelvis keeps the load, or a walk fails.
+
+    Args:
+        progress: called with the finished fraction.
+    """
+    found = {name: np.full(fulcrum_mm.shape, np.nan) for name in SAME_LOAD}
+    jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
+    with ThreadPoolExecutor(tuning.workers) as pool:
+        walked = pool.map(lambda job: _same_load(tuning.parts[job[0]], job[1]), jobs)
+        for k, ((i, at), numbers) in enumerate(zip(jobs, walked, strict=True)):
+            for name, value in zip(SAME_LOAD, numbers, strict=True):
+                found[name][i, fulcrum_mm[i] == at] = value
+            if progress:
+                progress((k + 1) / len(jobs))
+    return found
+
+
+def _same_load(part: TrialTuning, fulcrum_mm: float) -> tuple[float, float, float]:
+    options, nothing = part.options, (float("nan"),) * 3
+    try:
+        same = walk_with_same_load(part.walker, part.trial, fulcrum_m=1e-3 * fulcrum_mm, step_s=options.step_s,
+                                   search_step_s=options.search_step_s)
+    except SimulationError:
+        return nothing
+    energy, stances, rows = _stance_energies(part, same.walk)
+    if not same.kept:
+        return nothing
+    time, work = energy.time_s, []
+    for stance in stances:
+        late = (time >= stance.start_s + options.late_share * stance.duration_s) & (time <= stance.end_s)
+        work.append(np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0]))
+    return (_mean(row["stored_j"] for row in rows), _mean(row["returned_j"] for row in rows),
+            _mean(w / part.trial.subject.mass_kg for w in work))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,48 +289,38 @@ class Setting:
     """Walks of T trials at one setting.
 
     Attributes:
-        name: SOFTEST, OPTIMUM, STIFFEST (of the fulcrum's bounds, the rest as at the optimum) or RECORDED (each trial's
-            own, the device as it is).
-        x: (T, P). outcomes: by name, (T,); NaN where a walk failed.
+        outcomes: KINDS by name, (T,); NaN where a walk failed.
         grf_W: by trial, (n, 3) N on the instants of the trial's frame, low-passed; None where the walk failed.
     """
 
-    name: str
-    x: np.ndarray
     outcomes: dict[str, np.ndarray]
     grf_W: tuple[np.ndarray | None, ...]
 
 
-def compared_settings(tuning: StiffnessTuning, best: np.ndarray) -> tuple[Setting, ...]:
-    """All four, with the optimum at best (P,)."""
+def compared_settings(tuning: StiffnessTuning, best: np.ndarray) -> dict[str, Setting]:
+    """By name: the softest, the best and the stiffest (of the fulcrum's bounds, the rest as at the optimum `best`
+    (P,)), and each trial's own."""
     low, high = np.array(best), np.array(best)
     low[0], high[0] = tuning.low[0], tuning.high[0]
-    own = np.array([part.own for part in tuning.parts])
-    count = len(tuning.parts)
-    return tuple(_setting(tuning, name, x) for name, x in (
-        (SOFTEST, np.tile(low, (count, 1))), (OPTIMUM, np.tile(best, (count, 1))),
-        (STIFFEST, np.tile(high, (count, 1))), (RECORDED, own)))
-
-
-def _setting(tuning: StiffnessTuning, name: str, x: np.ndarray) -> Setting:
-    numbers = {key: np.full(len(x), np.nan) for key in NAMES}
-    force: list[np.ndarray | None] = []
-    for i, part in enumerate(tuning.parts):
-        try:
-            walk = part.at(x[i], step_s=tuning.options.step_s)
-        except SimulationError:
-            force.append(None)
-            continue
-        for key, value in outcomes(part, walk).items():
-            numbers[key][i] = value
-        force.append(walk.loads.grf.value)
-    return Setting(name=name, x=x, outcomes=numbers, grf_W=tuple(force))
+    own = [part.own for part in tuning.parts]
+    found = {}
+    for name, settings in zip(SETTINGS, (*([x] * len(own) for x in (low, best, high)), own), strict=True):
+        numbers = {kind: np.full(len(own), np.nan) for kind in KINDS}
+        forces: list[np.ndarray | None] = []
+        for i, (part, x) in enumerate(zip(tuning.parts, settings, strict=True)):
+            try:
+                walk = part.at(x, step_s=tuning.options.step_s)
+            except SimulationError:
+                forces.append(None)
+                continue
+            for kind, value in outcomes(part, walk).items():
+                numbers[kind][i] = value
+            forces.append(walk.loads.grf.value)
+        found[name] = Setting(numbers, tuple(forces))
+    return found
 
 
 # One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.
-
-
-WEIGHTS = tuple(np.linspace(0.0, 1.0, 11))
 
 
 @dataclass(frozen=True)
@@ -239,15 +345,12 @@ class Compromise:
 
 def tasks(found: Sweep, names: Sequence[str], common_mm: float) -> tuple[Task, ...]:
     """By name of a motion, trials (T,) of one name together; none for a single motion."""
-    labels = list(dict.fromkeys(names))
-    if len(labels) < 2:
-        return ()
     rows = []
-    for label in labels:
-        cost = found.per_trial[[i for i, name in enumerate(names) if name == label]].mean(axis=0)
+    for label in dict.fromkeys(names):
+        cost = found.per_trial[[name == label for name in names]].mean(axis=0)
         where, least = lowest(found.fulcrum_mm, cost)
         rows.append(Task(label, where, least, max(float(np.interp(common_mm, found.fulcrum_mm, cost)), least)))
-    return tuple(rows)
+    return tuple(rows) if len(rows) > 1 else ()
 
 
 def pareto(tuning: StiffnessTuning, found: Sweep) -> tuple[Compromise, ...]:
@@ -255,91 +358,24 @@ def pareto(tuning: StiffnessTuning, found: Sweep) -> tuple[Compromise, ...]:
 
     None if a trial lacks one of the costs.
     """
-    names = tuning.options.pareto
-    if not names or any(name not in found.costs or name not in tuning.size for name in names):
+    names, size = tuning.options.pareto, tuning.size
+    if not names or any(name not in found.costs or name not in size for name in names):
         return ()
-    first, second = (found.costs[name].mean(axis=0) for name in names)
     share = tuning.options.consistency_weight / tuning.options.consistency_bw**2
     rows = []
-    for weight in WEIGHTS:
-        factors = {names[0]: weight / tuning.size[names[0]], names[1]: (1.0 - weight) / tuning.size[names[1]],
-                   CONSISTENCY: share}
-        cost = found.combined(dataclasses.replace(tuning.combination, factors=factors)).mean(axis=0)
-        where, _ = lowest(found.fulcrum_mm, cost)
-        at = [float(np.interp(where, found.fulcrum_mm, curve)) for curve in (first, second)]
-        rows.append(Compromise(float(weight), where, *at))
+    for weight in np.linspace(0.0, 1.0, 11).tolist():
+        where, _ = found.lowest({names[0]: weight / size[names[0]], names[1]: (1.0 - weight) / size[names[1]],
+                                 CONSISTENCY: share})
+        rows.append(Compromise(weight, where, *(float(np.interp(where, found.fulcrum_mm,
+                                                                found.costs[name].mean(axis=0))) for name in names)))
     return tuple(rows)
 
 
 def consistency_effect(tuning: StiffnessTuning, found: Sweep) -> tuple[tuple[str, float, float], ...]:
     """Where the cost is least with other weights of the consistency: (what, mm, cost); none for tracking."""
-    factors = dict(tuning.combination.factors)
+    factors = tuning.combination.factors
     if CONSISTENCY not in factors:
         return ()
-    rows = []
-    for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice")):
-        other = dataclasses.replace(tuning.combination, factors={**factors, CONSISTENCY: factor * factors[CONSISTENCY]})
-        where, cost = lowest(found.fulcrum_mm, found.combined(other).mean(axis=0))
-        rows.append((f"{what} the weight of the force's change", where, cost))
-    return tuple(rows)
-
-
-# What the settings do under the load of the recorded setting, rather than under its motion.
-#
-# With the motion given a stiffer foot is pressed as far and bears more. Experiments compare settings under about the
-# same load: people carry the same weight on any foot. Here the pelvis rises and sinks by what keeps the vertical force
-# that of the trial's own setting (`analysis.validation.energy_same_load`); everything else of the motion stays. It is
-# no prediction of how a person adapts, and no cost counts it; it tells the direction in which the device works.
-
-
-KINDS = (
-    OutcomeKind("stored_energy_same_load", "energy stored under the recorded setting's load", "J"),
-    OutcomeKind("returned_energy_same_load", "energy returned under the recorded setting's load", "J"),
-    OutcomeKind("push_off_work_same_load", "push-off work under the recorded setting's load", "J/kg"))
-
-
-def same_load_outcomes(
-    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Callable[[float], None] | None = None
-) -> dict[str, np.ndarray]:
-    """KINDS of every trial at positions (T, k) of the fulcrum, the device otherwise as it is: by name, (T, k).
-
-    NaN where no height of the pelvis keeps the load, or a walk fails.
-
-    Args:
-        progress: called with the finished fraction.
-    """
-    found = {kind.name: np.full(fulcrum_mm.shape, np.nan) for kind in KINDS}
-    jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
-    with ThreadPoolExecutor(tuning.workers) as pool:
-        walked = pool.map(lambda job: _one(tuning.parts[job[0]], job[1]), jobs)
-        for k, ((i, at), values) in enumerate(zip(jobs, walked, strict=True)):
-            for kind, value in zip(KINDS, values, strict=True):
-                found[kind.name][i, fulcrum_mm[i] == at] = value
-            if progress:
-                progress((k + 1) / len(jobs))
-    return found
-
-
-def _one(part: TrialTuning, fulcrum_mm: float) -> tuple[float, ...]:
-    trial, options, none = part.trial, part.options, (float("nan"),) * len(KINDS)
-    try:
-        same = walk_with_same_load(part.walker, trial, fulcrum_m=1e-3 * fulcrum_mm, step_s=options.step_s,
-                                   search_step_s=options.search_step_s)
-    except SimulationError:
-        return none
-    energy = prosthesis_energy(part.walker, same.walk)
-    stances = [stance for stance in find_stances(energy.time_s, energy.vertical_n) if stance.complete]
-    if not same.kept or not stances:
-        return none
-    rows = [stance_energy(energy, stance, foot=trial.model.foot, fulcrum_m=1e-3 * fulcrum_mm).row
-            for stance in stances]
-    push_off = [_push_off(energy, stance, options.late_share) / trial.subject.mass_kg for stance in stances]
-    return tuple(float(np.mean(values)) for values in (
-        [row["stored_j"] for row in rows], [row["returned_j"] for row in rows], push_off))
-
-
-def _push_off(energy: ProsthesisEnergy, stance: Stance, late_share: float) -> float:
-    """J, positive work on the residual shank in late stance."""
-    late = (energy.time_s >= stance.start_s + late_share * stance.duration_s) & (energy.time_s <= stance.end_s)
-    step = energy.time_s[1] - energy.time_s[0]
-    return float(np.sum(np.maximum(energy.shank_power[late], 0.0)) * step)
+    return tuple((f"{what} the weight of the force's change",
+                  *found.lowest({**factors, CONSISTENCY: factor * factors[CONSISTENCY]}))
+                 for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice")))

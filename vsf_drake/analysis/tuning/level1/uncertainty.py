@@ -16,12 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standard_parameters
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
+from vsf_drake.analysis.tuning.common import say
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest, positions, sweep
@@ -40,17 +42,14 @@ class FulcrumUncertainty:
     """Of the best fulcrum position.
 
     Attributes:
-        low_mm, high_mm: the interval.
-        per_trial_mm, draws_mm: optima by trial and by draw. flat_mm: (low, high) of what is as good as the optimum.
+        low_mm, high_mm: the interval. draws_mm: optima by draw of the contact.
         range, spread, matters: of the cost, see `Difference`.
         meaning, sentence: in words, what the interval holds and whether the setting matters.
     """
 
     low_mm: float
     high_mm: float
-    per_trial_mm: tuple[float, ...]
     draws_mm: tuple[float, ...]
-    flat_mm: tuple[float, float]
     range: float
     spread: float | None
     matters: bool | None
@@ -81,13 +80,14 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
     known = np.isfinite(each).all(axis=0)
     if not known.any():
         return Difference(float("nan"), None)
-    ranges, squares, freedoms = [], 0.0, 0
+    ranges, squares = [], 0.0
     for rows in _members(groups):
         own = each[rows][:, known]
         mean = own.mean(axis=0)
         pair = own[:, int(mean.argmax())] - own[:, int(mean.argmin())]
         ranges.append(float(pair.mean()))
-        squares, freedoms = squares + float(np.sum((pair - pair.mean()) ** 2)), freedoms + len(rows) - 1
+        squares += float(np.sum((pair - pair.mean()) ** 2))
+    freedoms = _freedoms(groups)
     return Difference(float(np.mean(ranges)), float(np.sqrt(squares / freedoms)) if freedoms else None)
 
 
@@ -107,24 +107,23 @@ def fulcrum_uncertainty(
     flat = flat_range(found.fulcrum_mm, each, groups, fulcrum_mm, size)
     apart = [optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1]
     shifts = np.clip(fulcrum_mm + np.array(apart), found.fulcrum_mm[0], found.fulcrum_mm[-1])
-    width, of = difference(each, groups), ""
+    ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
+    width, by_draws = difference(each, groups), False
     if width.spread is None and len(drawn) > 1:
         ranges = [np.nanmax(draw.sweep.cost) - np.nanmin(draw.sweep.cost) for draw in draws]
-        width, of = Difference(width.range, float(np.std(ranges, ddof=1))), "from draw to draw of the contact"
-    parts = [f"as good within {FLAT:.0%} of the cost's size"
-             + (" or what repeated trials can tell" if _freedoms(groups) >= FEWEST_FREEDOMS else "")
-             + f": {flat[0]:.0f} to {flat[1]:.0f} mm"]
-    if len(optima) > 1:
-        parts.append(f"single trials are best from {np.nanmin(optima):.0f} to {np.nanmax(optima):.0f} mm")
-    if drawn:
-        parts.append(f"{len(drawn)} draws of the contact from {min(drawn):.0f} to {max(drawn):.0f} mm")
-    ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
+        width, by_draws = Difference(width.range, float(np.std(ranges, ddof=1))), True
     matters = width.matters(size)
+    near, believable = found.believable(allowed_bw)
+    rest = found.per_trial - found.terms.get(CONSISTENCY, 0.0)
+    meaning = say("level1", "interval", flat_share=FLAT, flat=flat, repeated=_freedoms(groups) >= FEWEST_FREEDOMS,
+                  optima=(np.nanmin(optima), np.nanmax(optima)) if len(optima) > 1 else None, drawn=drawn)
+    worth = say("level1", "worth", range=width.range, spread=width.spread, size=size, unit=unit, matters=matters,
+                by_draws=by_draws, allowed_bw=allowed_bw, near=believable if near.sum() > 1 else None,
+                near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in found.terms, gain=gain,
+                flat_share=FLAT)
     return FulcrumUncertainty(
-        low_mm=float(min(ends)), high_mm=float(max(ends)), per_trial_mm=tuple(map(float, optima)), draws_mm=drawn,
-        flat_mm=flat, range=width.range, spread=width.spread, matters=matters, meaning="; ".join(parts),
-        sentence=" ".join([_sentence(width, size, unit, matters, of or "from trial to trial"),
-                           *_near(found, groups, size, allowed_bw), _gain(gain)]))
+        low_mm=float(min(ends)), high_mm=float(max(ends)), draws_mm=drawn, range=width.range, spread=width.spread,
+        matters=matters, meaning=meaning[0], sentence=" ".join(worth))
 
 
 def flat_range(
@@ -138,16 +137,12 @@ def flat_range(
         left = np.concatenate([excess[rows] - excess[rows].mean(axis=0) for rows in _members(groups)])
         error = np.sqrt(np.sum(left**2, axis=0) / freedoms / len(each))
         allowed = np.maximum(allowed, student.ppf(CONFIDENCE, freedoms) * error)
-    with np.errstate(invalid="ignore"):
-        same = excess.mean(axis=0) <= allowed
     at = int(np.abs(fulcrum_mm - best_mm).argmin())
-    ends = []
-    for way in (-1, 1):
-        j = at
-        while 0 <= j + way < len(same) and same[j + way]:
-            j += way
-        ends.append(float(fulcrum_mm[j]))
-    return min(ends[0], best_mm), max(ends[1], best_mm)
+    with np.errstate(invalid="ignore"):
+        worse = np.flatnonzero(~(excess.mean(axis=0) <= allowed))
+    low = max(worse[worse < at], default=-1) + 1
+    high = min(worse[worse > at], default=len(fulcrum_mm)) - 1
+    return min(float(fulcrum_mm[low]), best_mm), max(float(fulcrum_mm[high]), best_mm)
 
 
 def _members(groups: Sequence) -> list[list[int]]:
@@ -156,37 +151,6 @@ def _members(groups: Sequence) -> list[list[int]]:
 
 def _freedoms(groups: Sequence) -> int:
     return len(groups) - len(set(groups))
-
-
-def _near(found: Sweep, groups: Sequence, size: float, allowed_bw: float) -> list[str]:
-    """A sentence on the cost where the given motion can be believed; nothing if that is at most one position."""
-    near = found.believable(allowed_bw)
-    if near.sum() < 2:
-        return []
-    low, high = found.fulcrum_mm[near][[0, -1]]
-    rest = found.per_trial - found.terms.get(CONSISTENCY, 0.0)
-    width = difference(rest[:, near], groups).range
-    apart = " without the part of the force's change" if CONSISTENCY in found.terms else ""
-    return [f"Where the force stays within {allowed_bw:.0%} body weight of that at the recorded setting, from "
-            f"{low:.0f} to {high:.0f} mm, the cost{apart} varies by {width / size:.1%} of its size."]
-
-
-def _gain(gain: float) -> str:
-    if gain < 0.0:
-        return f"Against the recorded settings, each trial at its own, the best one for all loses {-gain:.1%}."
-    told = f"Against the recorded setting the best one gains {gain:.1%}"
-    return f"{told}." if gain > FLAT else f"{told}, which is next to nothing."
-
-
-def _sentence(width: Difference, size: float, unit: str, matters: bool | None, of: str) -> str:
-    unit = "" if unit == "1" else f" {unit}"
-    told = (f"From the best to the worst position the cost changes by {width.range:.3g}{unit}, "
-            f"{width.range / size:.0%} of its size")
-    if width.spread is not None:
-        told += f"; {of} that varies by {width.spread:.2g}{unit}"
-    if matters is None:
-        return f"{told}; one trial does not tell whether that is more than chance."
-    return f"{told}: the setting {'matters' if matters else 'hardly matters to this cost'}."
 
 
 # Other contacts that the data would have allowed as well, drawn around the one that walks.
@@ -203,12 +167,8 @@ SPACING_MM = 10.0
 
 @dataclass(frozen=True)
 class Draw:
-    """One draw: the values it changed, where its cost is least and how much that is, and its sweep.
+    """One draw: where its cost is least and how much that is, and its sweep; NaN if every walk of the sweep fails."""
 
-    NaN if every walk of the sweep fails.
-    """
-
-    values: dict[str, float]
     fulcrum_mm: float
     cost: float
     sweep: Sweep
@@ -240,7 +200,7 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
 
 
 def drawn_optima(
-    tuning: StiffnessTuning, x: np.ndarray, progress: Callable[[float], None] | None = None
+    tuning: StiffnessTuning, x: np.ndarray, progress: Callable[[float], Any] | None = None
 ) -> tuple[tuple[Draw, ...], tuple[str, ...]]:
     """The fulcrum with the least cost for each of the options' draws, the rest of the setting as in x (P,).
 
@@ -260,7 +220,7 @@ def drawn_optima(
         except (InputError, SimulationError) as error:  # no stance at the trial's own setting
             failed.append(str(error))
         else:
-            found.append(Draw(base, *lowest(swept.fulcrum_mm, swept.cost), swept))
+            found.append(Draw(*lowest(swept.fulcrum_mm, swept.cost), swept))
         if progress:
             progress((k + 1) / len(values))
     return tuple(found), tuple(failed)
