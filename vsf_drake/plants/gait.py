@@ -16,9 +16,8 @@ from vsf_drake.plants.foot_wiring import add_rigid_foot, wire_foot
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.visuals import add_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_kinematics, servo, share_generalized_forces, velocity_indices
-from vsf_drake.systems.bushing import SocketBushing
-from vsf_drake.systems.driver import GaitDriver
 from vsf_drake.systems.foot_forces import FootForces
+from vsf_drake.systems.joint_forces import GaitDriver, SocketBushing
 
 SERVO_INERTIA_FLOOR = 0.5
 """Least inertia (kg or kg m^2) that a joint servo is laid out for (a choice)."""

@@ -69,7 +69,7 @@ from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces
 from vsf_drake.scenario import Scenario, ScenarioFoot, check_scenario, file_of, scenario_ground
-from vsf_drake.systems.driver import GaitDriver
+from vsf_drake.systems.joint_forces import GaitDriver
 
 
 @dataclass(frozen=True)

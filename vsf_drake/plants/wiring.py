@@ -26,7 +26,7 @@ from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.foot_handles import check_type
-from vsf_drake.systems.driver import GaitDriver
+from vsf_drake.systems.joint_forces import GaitDriver
 
 SERVO_FREQUENCY = 2 * np.pi * 600.0
 """Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""

@@ -5,13 +5,18 @@ name; physical constants are numeric parameters in the Context, read and set by 
 `GetParameter` and `SetParameters`.
 """
 
-from vsf_drake.systems.bushing import SocketBushing, SocketBushing_
 from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_, StickSlipFriction, StickSlipFriction_
-from vsf_drake.systems.driver import GaitDriver, GaitDriver_
 from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_, FulcrumSupport, FulcrumSupport_
 from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
-from vsf_drake.systems.keel import KeelElasticity, KeelElasticity_
+from vsf_drake.systems.joint_forces import (
+    GaitDriver,
+    GaitDriver_,
+    KeelElasticity,
+    KeelElasticity_,
+    SocketBushing,
+    SocketBushing_,
+)
 from vsf_drake.systems.swing_controller import (
     AdjustmentRecorder,
     AdjustmentRecorder_,

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from functools import partial
+from functools import partial, wraps
 from types import MethodType
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce_
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import CacheIndex, Context, DependencyTicket, LeafSystem_, OutputPort, ValueProducer
 
@@ -72,6 +73,10 @@ class Collectable:
 
     why_not_symbolic = "it chooses between branches of its law by the size of its inputs, which an expression has not"
 
+    def _begin(self, converter: Any, arguments: dict[str, Any]) -> None:
+        super().__init__(converter=converter)  # type: ignore[call-arg]
+        self._arguments = arguments
+
     def DeclareVectorOutputPort(self, name: str, model: Any, calc: Callable[..., None], *more: Any) -> OutputPort:
         """As Drake's, without owning the system that the method `calc` belongs to."""
         calc = _quietly(weakly(calc)) if isinstance(self, LeafSystem_[Expression]) else weakly(calc)
@@ -95,6 +100,18 @@ class Collectable:
         return self.DeclareVectorOutputPort(
             name, size, lambda context, out: out.SetFromVector(value(context)), *more)
 
+    def _declare_parts(self, entry: Cached, **sizes: int) -> None:
+        """An output port name=size for each of these parts of a cached mapping."""
+        for name, size in sizes.items():
+            self._declare_value(name, size, lambda context, name=name: entry.Eval(context)[name])
+
+    def _declare_spatial_forces(self, T: type, calc: Callable[[Context], list]) -> None:
+        """The output port for a plant's `applied_spatial_force`: the list that the method `calc(context)` returns."""
+        forces = weakly(calc)
+        self.DeclareAbstractOutputPort(
+            "spatial_forces", lambda: AbstractValue.Make([ExternallyAppliedSpatialForce_[T]()]),
+            lambda context, out: out.set_value(forces(context)))
+
     def _declare_cached(self, name: str, calc: Callable[[Context], Any], prerequisites: set) -> Cached:
         """A cache entry that holds whatever Python object the method `calc(context)` returns."""
         compute = weakly(calc)
@@ -102,3 +119,18 @@ class Collectable:
             name, ValueProducer(allocate=lambda: AbstractValue.Make(()),
                                 calc=lambda context, value: value.set_value(compute(context))), prerequisites)
         return Cached(self, entry.cache_index(), entry.ticket())
+
+
+def constructor(construct: Callable[..., None]) -> Callable[..., None]:
+    """Decorates the `_construct` of a Collectable template: it begins as LeafSystem and keeps its arguments."""
+    @wraps(construct)
+    def _construct(self: Collectable, *, converter: Any = None, **arguments: Any) -> None:
+        self._begin(converter, arguments)
+        construct(self, **arguments)
+
+    return _construct
+
+
+def copied(self: Any, other: Any, converter: Any = None) -> None:
+    """The `_construct_copy` of a template whose `_construct` is a `constructor`: the same for another scalar type."""
+    self._construct(converter=converter, **other._arguments)

@@ -1,4 +1,4 @@
-"""Named numeric parameters for the LeafSystems of this package, each within bounds."""
+"""Named numeric parameters for the LeafSystems of this package, each within bounds, and the fulcrum's position."""
 
 from __future__ import annotations
 
@@ -166,3 +166,20 @@ class NamedParameters(Collectable):
     def _declare_inputs_cache(self, name: str, calc: Callable[[Context], Any]) -> Cached:
         """A cache entry that depends on the input ports and parameters declared so far."""
         return self._declare_cached(name, calc, {self.all_input_ports_ticket(), self.all_parameters_ticket()})
+
+
+FARTHEST_M = 10.0
+"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may overshoot)."""
+
+
+def fulcrum_place(position: Any, system: Any) -> Any:
+    """`position` (m from A), a float or AutoDiffXd, that `system` was given.
+
+    Raises:
+        InputError: it is not a number within FARTHEST_M.
+    """
+    if not -FARTHEST_M <= position <= FARTHEST_M:
+        raise InputError(f"the fulcrum at {position} m from A is under no foot",
+                         where=f"fulcrum_position of {system.get_name()!r}",
+                         right="It is in metres: 0.066 to 0.151 for the nominal foot")
+    return position

@@ -20,14 +20,10 @@ def declare_body_poses(system: Any, T: type) -> InputPort:
     return system.DeclareAbstractInputPort("body_poses", AbstractValue.Make([RigidTransform_[T]()]))
 
 
-def declare_body_spatial_velocities(system: Any, T: type) -> InputPort:
-    """Declares the input port that takes MultibodyPlant's `body_spatial_velocities`."""
-    return system.DeclareAbstractInputPort("body_spatial_velocities", AbstractValue.Make([SpatialVelocity_[T]()]))
-
-
-def model_spatial_forces(T: type) -> AbstractValue:
-    """Model value of an output port for MultibodyPlant's `applied_spatial_force`."""
-    return AbstractValue.Make([ExternallyAppliedSpatialForce_[T]()])
+def declare_kinematics(system: Any, T: type) -> tuple[InputPort, InputPort]:
+    """Declares the input ports that take MultibodyPlant's `body_poses` and `body_spatial_velocities`."""
+    velocities = AbstractValue.Make([SpatialVelocity_[T]()])
+    return declare_body_poses(system, T), system.DeclareAbstractInputPort("body_spatial_velocities", velocities)
 
 
 # (a_i b_j) flattened row by row, times this, is a × b: faster for small N than np.cross or components
@@ -41,15 +37,23 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 9) @ _CROSS
 
 
-def level_reaction(F: np.ndarray, M: np.ndarray, height: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def level_reaction(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray]:
     """Force, centre of pressure (m) in the plane z = height, and free moment (1,), of F (N) and M (N m about Wo) in W.
 
     Without load both are zero: there is no centre of pressure.
     """
     if not F[2] > 0:
-        return F, 0.0 * F, 0.0 * F[2:]
+        return {"grf": F, "cop": 0.0 * F, "free_moment": 0.0 * F[2:]}
     cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
-    return F, np.array([cop_x, cop_y, height]), np.array([M[2] - (cop_x * F[1] - cop_y * F[0])])
+    return {"grf": F, "cop": np.array([cop_x, cop_y, height]),
+            "free_moment": np.array([M[2] - (cop_x * F[1] - cop_y * F[0])])}
+
+
+def scattered(values: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
+    """(count,) generalized forces: `values` at the indices `at`, zero elsewhere."""
+    force = np.zeros(count, dtype=values.dtype)
+    force[at] = values
+    return force
 
 
 class ForcePacker:
@@ -106,3 +110,7 @@ class Sites:
         """One ExternallyAppliedSpatialForce per body from forces `f_Q_W` (N, 3) at the sites' points Q."""
         F_Bo_W = self._sum @ np.concatenate((cross(p_BoQ_W, f_Q_W), f_Q_W), axis=1)
         return [self._packer.pack(body, F) for body, F in zip(self._bodies, F_Bo_W, strict=True)]
+
+    def upward_forces(self, p_BoQ_W: np.ndarray, size: np.ndarray) -> list:
+        """`spatial_forces` of forces along +z_W of `size` (N,)."""
+        return self.spatial_forces(p_BoQ_W, size[:, None] * np.array([0.0, 0.0, 1.0]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -13,9 +12,9 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
 from vsf_drake.laws.stick_slip import friction_force
-from vsf_drake.systems._lifetime import PEERS
+from vsf_drake.systems._lifetime import PEERS, constructor, copied
 from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
+from vsf_drake.systems._sites import Sites, declare_kinematics
 
 
 @TemplateSystem.define("KelvinVoigtContact_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -64,6 +63,7 @@ def KelvinVoigtContact_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -76,66 +76,40 @@ def KelvinVoigtContact_(T):
             full_damping_depth: np.ndarray,
             ground_height: float = 0.0,
             unloading: str = "continuous",
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             if unloading not in UNLOADING_BRANCHES:
                 raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
-            constants = {
-                "p_BS": p_BS, "radius": radius, "stiffness": stiffness, "exponent": exponent, "damping": damping,
-                "full_damping_depth": full_damping_depth, "ground_height": ground_height,
-            }
-            self._arguments = {"body_indices": list(body_indices), "unloading": unloading, **constants}
             self._sites, self._unloading = Sites(body_indices, T), unloading
             count = len(self._sites)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
-            shapes = dict.fromkeys(constants, (count,)) | {"p_BS": (count, 3), "ground_height": ()}
-            self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
+            each = (count,)
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
+            self._declare_parameters(
+                T, p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each),
+                exponent=(exponent, each), damping=(damping, each), full_damping_depth=(full_damping_depth, each),
+                ground_height=(ground_height, ()))
             self._contact = self._declare_inputs_cache("contact", self._calc_contact)
-            for name in ("normal_force", "depth", "depth_rate"):
-                self._declare_value(name, count, partial(self._part, name))
-            self.DeclareAbstractOutputPort(
-                "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+            self._declare_parts(self._contact, normal_force=count, depth=count, depth_rate=count)
+            self._declare_spatial_forces(T, self._spatial_forces)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _calc_contact(self, context) -> dict[str, np.ndarray]:
-            constants = self._constants(context)
-            poses = self._poses_port.Eval(context)
-            velocities = self._velocities_port.Eval(context)
-            p_WS, p_BoS_W = self._sites.positions(poses, constants["p_BS"])
-            v_WS = self._sites.velocities(velocities, p_BoS_W)
-            depth = penetration_depth(p_WS[:, 2] - constants["ground_height"], constants["radius"])
-            depth_rate = -v_WS[:, 2]
-            force = normal_force(
-                depth,
-                depth_rate,
-                stiffness=constants["stiffness"],
-                exponent=constants["exponent"],
-                damping=constants["damping"],
-                full_damping_depth=constants["full_damping_depth"],
-                unloading=self._unloading,
-            )
+            law = dict(self._constants(context))
+            radius, ground_height = law.pop("radius"), law.pop("ground_height")
+            p_WS, p_BoS_W = self._sites.positions(self._poses_port.Eval(context), law.pop("p_BS"))
+            v_WS = self._sites.velocities(self._velocities_port.Eval(context), p_BoS_W)
+            depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
+            force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
             return {"normal_force": force, "depth": depth, "depth_rate": depth_rate, "p_BoS_W": p_BoS_W}
 
-        def _part(self, name: str, context) -> np.ndarray:
-            return self._contact.Eval(context)[name]
-
-        def _calc_spatial_forces(self, context, output) -> None:
+        def _spatial_forces(self, context) -> list:
             contact = self._contact.Eval(context)
-            f_C_W = np.zeros((len(self._sites), 3), dtype=contact["normal_force"].dtype)
-            f_C_W[:, 2] = contact["normal_force"]
-            output.set_value(self._sites.spatial_forces(contact["p_BoS_W"], f_C_W))  # S and C: one line of action
+            return self._sites.upward_forces(contact["p_BoS_W"], contact["normal_force"])  # S, C: one line of action
 
     return Impl
 
 
 KelvinVoigtContact = KelvinVoigtContact_[float]
-
-
-# Friction of the ground on all contact spheres of the model.
 
 
 @TemplateSystem.define("StickSlipFriction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -181,6 +155,7 @@ def StickSlipFriction_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_normal_force_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -191,53 +166,35 @@ def StickSlipFriction_(T):
             mu_kinetic: float,
             threshold_velocity: float,
             smooth: bool = False,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            constants = {
-                "p_BS": p_BS, "radius": radius, "mu_static": mu_static, "mu_kinetic": mu_kinetic,
-                "threshold_velocity": threshold_velocity,
-            }
-            self._arguments = {"body_indices": list(body_indices), "smooth": smooth, **constants}
             self._sites, self._smooth = Sites(body_indices, T), smooth
             count = len(self._sites)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
             self._normal_force_port = self.DeclareVectorInputPort("normal_force", count)
-            shapes = dict.fromkeys(constants, ()) | {"p_BS": (count, 3), "radius": (count,)}
-            self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
+            self._declare_parameters(
+                T, p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
+                mu_kinetic=(mu_kinetic, ()), threshold_velocity=(threshold_velocity, ()))
             self._friction = self._declare_inputs_cache("friction", self._calc_friction)
-            self.DeclareVectorOutputPort("friction_force", 3 * count, self._calc_friction_force)
-            self.DeclareAbstractOutputPort(
-                "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+            self._declare_value("friction_force", 3 * count, self._friction_force)
+            self._declare_spatial_forces(T, self._spatial_forces)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _calc_friction(self, context) -> tuple[np.ndarray, np.ndarray]:
             """p_BoC_W and f_C_W, each (N, 3)."""
-            constants = self._constants(context)
-            poses = self._poses_port.Eval(context)
-            velocities = self._velocities_port.Eval(context)
-            _, p_BoC_W = self._sites.positions(poses, constants["p_BS"])
-            p_BoC_W[:, 2] -= constants["radius"]
-            v_WC = self._sites.velocities(velocities, p_BoC_W)
-            f_C_W = 0.0 * v_WC
-            f_C_W[:, :2] = friction_force(
-                v_WC[:, :2],
-                self._normal_force_port.Eval(context),
-                mu_static=constants["mu_static"],
-                mu_kinetic=constants["mu_kinetic"],
-                threshold_velocity=constants["threshold_velocity"],
-                smooth=self._smooth,
-            )
+            law = dict(self._constants(context))
+            _, p_BoC_W = self._sites.positions(self._poses_port.Eval(context), law.pop("p_BS"))
+            p_BoC_W[:, 2] -= law.pop("radius")
+            v_WC = self._sites.velocities(self._velocities_port.Eval(context), p_BoC_W)
+            f_C_W, normal = 0.0 * v_WC, self._normal_force_port.Eval(context)
+            f_C_W[:, :2] = friction_force(v_WC[:, :2], normal, **law, smooth=self._smooth)
             return p_BoC_W, f_C_W
 
-        def _calc_friction_force(self, context, output) -> None:
-            output.SetFromVector(self._friction.Eval(context)[1].ravel())
+        def _friction_force(self, context) -> np.ndarray:
+            return self._friction.Eval(context)[1].ravel()
 
-        def _calc_spatial_forces(self, context, output) -> None:
-            output.set_value(self._sites.spatial_forces(*self._friction.Eval(context)))
+        def _spatial_forces(self, context) -> list:
+            return self._sites.spatial_forces(*self._friction.Eval(context))
 
     return Impl
 

@@ -19,16 +19,9 @@ from vsf_drake.laws._elementwise import positive_part
 from vsf_drake.laws.ground import foam_depth, patch_below, patch_height, patch_normal
 from vsf_drake.laws.stick_slip import friction_force
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
-from vsf_drake.systems._fulcrum_place import fulcrum_place
-from vsf_drake.systems._lifetime import PEERS
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import (
-    ForcePacker,
-    cross,
-    declare_body_poses,
-    declare_body_spatial_velocities,
-    model_spatial_forces,
-)
+from vsf_drake.systems._lifetime import PEERS, constructor, copied
+from vsf_drake.systems._parameters import NamedParameters, fulcrum_place
+from vsf_drake.systems._sites import ForcePacker, cross, declare_kinematics
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FULCRUM = -1
@@ -113,6 +106,7 @@ def FootForces_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -126,17 +120,9 @@ def FootForces_(T):
             law: str | None,
             constants: dict[str, Any],
             grip_limit: np.ndarray | None = None,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             if law is not None and law not in CONTACT_LAWS:
                 raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")
-            self._arguments = {
-                "num_positions": num_positions, "num_velocities": num_velocities,
-                "position_indices": list(position_indices), "velocity_indices": list(velocity_indices),
-                "frame_body_index": int(frame_body_index), "keel_starts": keel_starts, "site_keel": list(site_keel),
-                "law": law, "constants": dict(constants), "grip_limit": grip_limit,
-            }
             self._grip_limit = grip_limit
             self._frame, self._count = int(frame_body_index), num_velocities
             self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
@@ -147,20 +133,18 @@ def FootForces_(T):
             if self._at.shape != (2, m + 1):
                 raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
             self._slices, self._packer = slices(m, sites, num_velocities), ForcePacker([self._frame], T)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
             self._state_port = self.DeclareVectorInputPort("state", num_positions + num_velocities)
             self._fulcrum_port = self.DeclareVectorInputPort("fulcrum_position", 1)
             self._declare_parameters(T, **_shaped(constants, m, sites, contact=law is not None))
             self._packed = self._declare_cached("packed", self._pack_constants, {self.all_parameters_ticket()})
             self._values = self._declare_inputs_cache("values", self._calc_values)
-            self.DeclareAbstractOutputPort("spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+            self._declare_spatial_forces(T, self._spatial_forces)
             for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
                 part = self._slices[name]
                 self._declare_value(name, part.stop - part.start, partial(self._part, name))
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _pack_constants(self, context) -> tuple:
             c = self._full_constants(context)
@@ -210,8 +194,8 @@ def FootForces_(T):
             values = self._values.Eval(context)
             return values[self._slices[name]] if T is float else np.atleast_1d(values[name])
 
-        def _calc_spatial_forces(self, context, output) -> None:
-            output.set_value([self._packer.pack(self._frame, self._part("wrench", context))])
+        def _spatial_forces(self, context) -> list:
+            return [self._packer.pack(self._frame, self._part("wrench", context))]
 
     return Impl
 

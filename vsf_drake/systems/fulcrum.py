@@ -12,23 +12,16 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.framework import BasicVector_, DependencyTicket, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
-from vsf_drake.systems._fulcrum_place import fulcrum_place
-from vsf_drake.systems._lifetime import PEERS, weakly
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import (
-    ForcePacker,
-    cross,
-    declare_body_poses,
-    declare_body_spatial_velocities,
-    model_spatial_forces,
-)
+from vsf_drake.systems._lifetime import PEERS, constructor, copied
+from vsf_drake.systems._parameters import NamedParameters, fulcrum_place
+from vsf_drake.systems._sites import ForcePacker, cross, declare_kinematics, scattered
 
 
 @TemplateSystem.define("FulcrumSupport_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -80,46 +73,33 @@ def FulcrumSupport_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_position_port")
 
+        @constructor
         def _construct(
-            self,
-            *,
-            frame_body_index: int,
-            X_FK: RigidTransform,
-            keel_body_indices: Sequence[int],
-            keel_body_starts: np.ndarray,
-            stiffness: float,
-            damping: float,
-            converter=None,
+            self, *, frame_body_index: int, X_FK: RigidTransform, keel_body_indices: Sequence[int],
+            keel_body_starts: np.ndarray, stiffness: float, damping: float
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             starts = np.array(keel_body_starts, dtype=float)
             if starts.shape != (len(keel_body_indices),) or np.any(np.diff(starts) <= 0):
                 raise ValueError(f"keel_body_starts must be {len(keel_body_indices)} increasing numbers")
-            self._arguments = {
-                "frame_body_index": frame_body_index, "X_FK": X_FK, "keel_body_indices": list(keel_body_indices),
-                "keel_body_starts": starts, "stiffness": stiffness, "damping": damping,
-            }
             self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
             self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
             self._packer = ForcePacker([self._frame, *self._keel], T)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
             self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
             self._declare_parameters(T, "fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
             self._support = self._declare_inputs_cache("support", self._calc_support)
-            self.DeclareAbstractOutputPort(
-                "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
-            self._declare_value("support_force", 1, self._support_force)
+            self._declare_spatial_forces(T, self._spatial_forces)
+            self._declare_parts(self._support, support_force=1)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _calc_support(self, context) -> dict[str, Any]:
             constants = self._constants(context)
             poses = self._poses_port.Eval(context)
             velocities = self._velocities_port.Eval(context)
             position = fulcrum_place(self._position_port.Eval(context)[0], self)
-            keel = int(np.searchsorted(self._starts, float(_value(position)), side="right")) - 1
+            at = position if T is float else position.value()
+            keel = int(np.searchsorted(self._starts, at, side="right")) - 1
             keel = min(max(keel, 0), len(self._starts) - 1)
             body = self._keel[keel]
             X_WB, X_WF = poses[body].GetAsMatrix34(), poses[self._frame].GetAsMatrix34()
@@ -130,23 +110,15 @@ def FulcrumSupport_(T):
             height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
             v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
             force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
-            return {"force": force, "f_P_W": force * z_K_W, "body": body, "p_BoP_W": p_BoP_W, "p_FoP_W": p_FoP_W}
+            f_P_W = force * z_K_W
+            F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
+            F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
+            return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
 
-        def _support_force(self, context) -> list:
-            return [self._support.Eval(context)["force"]]
-
-        def _calc_spatial_forces(self, context, output) -> None:
-            support = self._support.Eval(context)
-            f_P_W = support["f_P_W"]
-            F_B_W = np.concatenate((cross(support["p_BoP_W"], f_P_W), f_P_W))
-            F_F_W = -np.concatenate((cross(support["p_FoP_W"], f_P_W), f_P_W))
-            output.set_value([self._packer.pack(support["body"], F_B_W), self._packer.pack(self._frame, F_F_W)])
+        def _spatial_forces(self, context) -> list:
+            return [self._packer.pack(body, F_W) for body, F_W in self._support.Eval(context)["applied"]]
 
     return Impl
-
-
-def _value(x: Any) -> float:
-    return x.value() if hasattr(x, "value") else x
 
 
 FulcrumSupport = FulcrumSupport_[float]
@@ -193,35 +165,30 @@ def FulcrumCommand_(T):
 
         __slots__ = (PEERS, "_position_port")
 
-        def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float, converter=None) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            self._arguments = {"num_actuators": num_actuators, "carriage": carriage, "fulcrum_m": fulcrum_m}
+        @constructor
+        def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
+            self._count, self._carriage = 2 * num_actuators, np.array([carriage])
             self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
             self._declare_parameters(T, fulcrum_m=(fulcrum_m, ()))
-            self.DeclareVectorOutputPort("desired_state", 2 * num_actuators, self._calc_desired_state)
-            self._declare_value("position", 1, self._calc_position)
+            self._declare_value("desired_state", self._count, self._desired_state)
+            self._declare_value("position", 1, self._position)
 
         def _construct_copy(self, other, converter=None) -> None:
             if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
-                Impl._construct(self, converter=converter, **other._arguments)
+                copied(self, other, converter)
                 return
             raise InputError(
                 "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
                 "which here are the keel's springs", where=other.get_name(),
                 right="Build the diagram again for a second one, and take a continuous plant for derivatives")
 
-        def _position(self, context):
+        def _position(self, context) -> np.ndarray:
             given = self._position_port.HasValue(context)
             position = self._position_port.Eval(context)[0] if given else self._constants(context)["fulcrum_m"]
-            return position if T is Expression else fulcrum_place(position, self)
+            return np.array([position if T is Expression else fulcrum_place(position, self)])
 
-        def _calc_position(self, context) -> list:
-            return [self._position(context)]
-
-        def _calc_desired_state(self, context, output) -> None:
-            desired = np.zeros(2 * self._arguments["num_actuators"], dtype=T if T is float else object)
-            desired[self._arguments["carriage"]] = self._position(context)
-            output.SetFromVector(desired)
+        def _desired_state(self, context) -> np.ndarray:
+            return scattered(self._position(context), self._carriage, self._count)
 
     return Impl
 
@@ -310,6 +277,7 @@ def FulcrumActuator_(T):
 
         __slots__ = (PEERS, "_desired_port", "_enabled_port", "_support_port", "_axial_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -318,14 +286,11 @@ def FulcrumActuator_(T):
             rearmost: float = 0.066,
             foremost: float = 0.151,
             initial_position: float = 0.108,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             parameters = check(ActuatorParameters() if parameters is None else parameters)
             travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
             _check_screw(parameters, carriage_mass)
             _check_travel(rearmost, foremost, initial_position)
-            self._arguments = {"parameters": parameters, "initial_position": initial_position, **travel}
             self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
             self._enabled_port = self.DeclareVectorInputPort("enabled", 1)
             self._support_port = self.DeclareVectorInputPort("support_force", 1)
@@ -336,18 +301,15 @@ def FulcrumActuator_(T):
             self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
             sources = {self.q_ticket(), self.v_ticket(), self.all_input_ports_ticket(), self.all_parameters_ticket()}
             self._drive = self._declare_cached("drive", self._calc_drive, sources)
-            entry = {self._drive.ticket()}
-            for i, (name, ticket) in enumerate((("fulcrum_position", self.q_ticket()),
-                                                ("carriage_velocity", self.v_ticket()))):
-                self._declare_output(name, lambda context, i=i: _state(context)[i], {ticket})
-            self._declare_output("motor_current", self._current, entry)
+            self._declare_state("fulcrum_position", 0, self.q_ticket())
+            self._declare_state("carriage_velocity", 1, self.v_ticket())
+            self._declare_value("motor_current", 1, self._current, {self._drive.ticket()})
             for i, name in enumerate(("energy", "work", "losses")):
-                self._declare_output(name, lambda context, i=i: _state(context)[2 + i], {self.z_ticket()})
-            self._declare_output("position_error", self._error, {
+                self._declare_state(name, 2 + i, self.z_ticket())
+            self._declare_value("position_error", 1, self._position_error, {
                 self.q_ticket(), self._desired_port.ticket(), self.all_parameters_ticket()})
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def SetPosition(self, context, position: float) -> None:
             """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are.
@@ -361,12 +323,14 @@ def FulcrumActuator_(T):
             state[:2] = position, 0.0
             context.SetContinuousState(state)
 
-        def _declare_output(self, name: str, calc, prerequisites: set) -> None:
-            value = weakly(calc)
-            self._declare_value(name, 1, lambda context: np.array([value(context)]), prerequisites)
+        def _declare_state(self, name: str, i: int, ticket: DependencyTicket) -> None:
+            self._declare_value(name, 1, lambda context: _state(context)[i:i + 1], {ticket})
 
-        def _current(self, context) -> Any:
-            return self._drive.Eval(context).current
+        def _current(self, context) -> np.ndarray:
+            return np.array([self._drive.Eval(context).current])
+
+        def _position_error(self, context) -> np.ndarray:
+            return np.array([self._error(context)])
 
         def _error(self, context) -> Any:
             constants, desired = self._constants(context), self._desired_port.Eval(context)[0]

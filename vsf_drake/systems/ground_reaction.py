@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
-from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -14,7 +13,7 @@ from pydrake.multibody.plant import ContactResults_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake.systems._lifetime import PEERS, Collectable
+from vsf_drake.systems._lifetime import PEERS, Collectable, constructor, copied
 from vsf_drake.systems._parameters import NamedParameters
 from vsf_drake.systems._sites import Sites, cross, declare_body_poses, level_reaction
 
@@ -72,6 +71,7 @@ def GroundReaction_(T):
 
         __slots__ = (PEERS, "_poses_port", "_normal_force_port", "_friction_force_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -79,11 +79,7 @@ def GroundReaction_(T):
             p_BS: np.ndarray,
             radius: np.ndarray,
             ground_height: float = 0.0,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            constants = {"p_BS": p_BS, "radius": radius, "ground_height": ground_height}
-            self._arguments = {"body_indices": list(body_indices), **constants}
             self._sites = Sites(body_indices, T)
             count = len(self._sites)
             self._poses_port = declare_body_poses(self, T)
@@ -92,32 +88,23 @@ def GroundReaction_(T):
             self._declare_parameters(
                 T, p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
             self._reaction = self._declare_inputs_cache("reaction", self._calc_reaction)
-            for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
-                self._declare_value(name, size, partial(self._part, i))
+            self._declare_parts(self._reaction, grf=3, cop=3, free_moment=1)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
-        def _part(self, i: int, context) -> np.ndarray:
-            return self._reaction.Eval(context)[i]
-
-        def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        def _calc_reaction(self, context) -> dict[str, np.ndarray]:
             constants = self._constants(context)
-            height = constants["ground_height"]
             p_WC, _ = self._sites.positions(self._poses_port.Eval(context), constants["p_BS"])
             p_WC[:, 2] -= constants["radius"]
             force = self._friction_force_port.Eval(context).reshape(-1, 3).copy()
             force[:, 2] += self._normal_force_port.Eval(context)
             F, M = force.sum(axis=0), cross(p_WC, force).sum(axis=0)
-            return level_reaction(F, M, height)
+            return level_reaction(F, M, constants["ground_height"])
 
     return Impl
 
 
 GroundReaction = GroundReaction_[float]
-
-
-# What a force plate would measure under a foot whose contact is Drake's own.
 
 
 @TemplateSystem.define("DrakeReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -155,30 +142,21 @@ def DrakeReaction_(T):
 
         __slots__ = (PEERS, "_results_port")
 
+        @constructor
         def _construct(
-            self,
-            *,
-            body_indices: Sequence[int],
-            geometry_ids: Iterable[GeometryId],
-            converter=None,
+            self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             self._bodies = frozenset(int(i) for i in body_indices)
             self._geometries = frozenset(_number(id) for id in geometry_ids)
-            self._arguments = {"body_indices": list(body_indices), "geometry_ids": self._geometries}
+            self._arguments["geometry_ids"] = self._geometries
             self._results_port = self.DeclareAbstractInputPort(
                 "contact_results", AbstractValue.Make(ContactResults_[T]()))
             self._reaction = self._declare_cached("reaction", self._calc_reaction, {self.all_input_ports_ticket()})
-            for i, (name, size) in enumerate((("grf", 3), ("cop", 3), ("free_moment", 1))):
-                self._declare_value(name, size, partial(self._part, i))
+            self._declare_parts(self._reaction, grf=3, cop=3, free_moment=1)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
-        def _part(self, i: int, context) -> np.ndarray:
-            return self._reaction.Eval(context)[i]
-
-        def _calc_reaction(self, context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        def _calc_reaction(self, context) -> dict[str, np.ndarray]:
             F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
             for point, touched, force, moment in self._contacts(self._results_port.Eval(context)):
                 F, M = F + force, M + moment + cross(point, force)

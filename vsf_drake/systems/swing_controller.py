@@ -13,10 +13,9 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems._fulcrum_place import FARTHEST_M
-from vsf_drake.systems._lifetime import PEERS, Collectable
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import cross, declare_body_poses, declare_body_spatial_velocities
+from vsf_drake.systems._lifetime import PEERS, Collectable, constructor, copied
+from vsf_drake.systems._parameters import FARTHEST_M, NamedParameters
+from vsf_drake.systems._sites import cross, declare_kinematics
 
 SIGNALS = ("contact", "shank", "both")
 """What tells the controller of swing: the ground's force, the shank's angle and rate, or both at once."""
@@ -85,6 +84,7 @@ def SwingController_(T):
 
         __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -98,14 +98,11 @@ def SwingController_(T):
             least_lean: float = math.radians(20.0),
             debounce: float = 0.02,
             least_stance: float = 0.2,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
             constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
                          "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,
                          "least_stance": least_stance}
             _check(signal, period, constants)
-            self._arguments = {"signal": signal, "initial_position": initial_position, "period": period, **constants}
             self._signal, self._period = signal, float(period)
             self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
             self._grf_port = self.DeclareVectorInputPort("grf", 3)
@@ -113,15 +110,12 @@ def SwingController_(T):
             self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
             self.DeclareDiscreteState(BasicVector_[T](np.array([STANCE, least_stance, initial_position])))
             self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
-            outputs = {"enabled": lambda state: T(1.0 if state[0] == SWING else 0.0), "phase": lambda state: state[0],
-                       "commanded_position": lambda state: state[2]}
-            for name, calc in outputs.items():
-                self.DeclareVectorOutputPort(
-                    name, 1, lambda context, out, calc=calc: out.SetFromVector(np.array([calc(_state(context))])),
-                    {self.xd_ticket()})
+            state = {self.xd_ticket()}
+            self._declare_value("enabled", 1, lambda context: [T(_state(context)[0] == SWING)], state)
+            self._declare_value("phase", 1, lambda context: _state(context)[:1], state)
+            self._declare_value("commanded_position", 1, lambda context: _state(context)[2:], state)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _update(self, context, discrete) -> None:
             phase, held, commanded = _state(context)
@@ -212,25 +206,22 @@ def ShankAngle_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port")
 
-        def _construct(self, *, body_index: int, converter=None) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            self._arguments = {"body_index": body_index}
+        @constructor
+        def _construct(self, *, body_index: int) -> None:
             self._body = int(body_index)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
-            self.DeclareVectorOutputPort("shank_angle", 2, self._calc_angle, {self.all_input_ports_ticket()})
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
+            self._declare_value("shank_angle", 2, self._angle, {self.all_input_ports_ticket()})
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
-        def _calc_angle(self, context, output) -> None:
+        def _angle(self, context) -> np.ndarray:
             R_WB = self._poses_port.Eval(context)[self._body].GetAsMatrix34()[:, :3]
             w_WB_W = self._velocities_port.Eval(context)[self._body].get_coeffs()[:3]
             g_B = R_WB[2]
             rate_B = -cross(R_WB.T @ w_WB_W, g_B)
             x, z = g_B[0], g_B[2]
             rate = (x * rate_B[2] - z * rate_B[0]) / (x * x + z * z)
-            output.SetFromVector(np.array([arctan2(-x, z), rate]))
+            return np.array([arctan2(-x, z), rate])
 
     return Impl
 
@@ -281,12 +272,11 @@ def AdjustmentRecorder_(T):
 
         __slots__ = (PEERS, "_inputs")
 
-        def _construct(self, *, period: float = 5e-3, reached: float = 1e-3, converter=None) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
+        @constructor
+        def _construct(self, *, period: float = 5e-3, reached: float = 1e-3) -> None:
             for name, value in (("period", period), ("reached", reached)):
                 if not value > 0.0:
                     raise InputError(f"is {value}", where=name, right="It must be above 0")
-            self._arguments = {"period": period, "reached": reached}
             self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("enabled", "energy", "position_error")]
             self._declare_parameters(T, reached=(reached, ()))
             # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled and
@@ -294,12 +284,9 @@ def AdjustmentRecorder_(T):
             self.DeclareDiscreteState(BasicVector_[T](np.zeros(7)))
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
             for i, name in enumerate(("adjustments", "adjustment_energy", "adjustment_swings")):
-                self.DeclareVectorOutputPort(
-                    name, 1, lambda context, out, i=i: out.SetFromVector(np.array([_state(context)[i]])),
-                    {self.xd_ticket()})
+                self._declare_value(name, 1, lambda context, i=i: _state(context)[i:i + 1], {self.xd_ticket()})
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _update(self, context, discrete) -> None:
             ended, last_energy, last_swings, start, swings, before, energy_before = _state(context)
@@ -315,7 +302,6 @@ def AdjustmentRecorder_(T):
             discrete.set_value(np.array([ended, last_energy, last_swings, start, swings, enabled, energy]))
 
     return Impl
-
 
 
 AdjustmentRecorder = AdjustmentRecorder_[float]

@@ -11,9 +11,9 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.kelvin_voigt import normal_force, penetration_depth
-from vsf_drake.systems._lifetime import PEERS
+from vsf_drake.systems._lifetime import PEERS, constructor, copied
 from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import Sites, declare_body_poses, declare_body_spatial_velocities, model_spatial_forces
+from vsf_drake.systems._sites import Sites, declare_kinematics
 
 
 @TemplateSystem.define("TestingMachine_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
@@ -62,6 +62,7 @@ def TestingMachine_(T):
 
         __slots__ = (PEERS, "_poses_port", "_velocities_port", "_platen_port")
 
+        @constructor
         def _construct(
             self,
             *,
@@ -71,29 +72,20 @@ def TestingMachine_(T):
             exponent: np.ndarray,
             damping: np.ndarray,
             full_damping_depth: np.ndarray,
-            converter=None,
         ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            constants = {
-                "p_BS": p_BS, "stiffness": stiffness, "exponent": exponent, "damping": damping,
-                "full_damping_depth": full_damping_depth,
-            }
-            self._arguments = {"body_indices": list(body_indices), **constants}
             self._sites = Sites(body_indices, T)
             count = len(self._sites)
-            self._poses_port = declare_body_poses(self, T)
-            self._velocities_port = declare_body_spatial_velocities(self, T)
+            each = (count,)
+            self._poses_port, self._velocities_port = declare_kinematics(self, T)
             self._platen_port = self.DeclareVectorInputPort("platen", 2)
-            shapes = dict.fromkeys(constants, (count,)) | {"p_BS": (count, 3)}
-            self._declare_parameters(T, **{name: (value, shapes[name]) for name, value in constants.items()})
+            self._declare_parameters(
+                T, p_BS=(p_BS, (count, 3)), stiffness=(stiffness, each), exponent=(exponent, each),
+                damping=(damping, each), full_damping_depth=(full_damping_depth, each))
             self._contact = self._declare_inputs_cache("contact", self._calc_contact)
-            self.DeclareVectorOutputPort("load", 1, self._calc_load)
-            self.DeclareVectorOutputPort("depth", count, self._calc_depth)
-            self.DeclareAbstractOutputPort(
-                "spatial_forces", lambda: model_spatial_forces(T), self._calc_spatial_forces)
+            self._declare_parts(self._contact, load=1, depth=count)
+            self._declare_spatial_forces(T, self._spatial_forces)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            Impl._construct(self, converter=converter, **other._arguments)
+        _construct_copy = copied
 
         def _calc_contact(self, context) -> dict[str, np.ndarray]:
             law = dict(self._constants(context))
@@ -102,19 +94,11 @@ def TestingMachine_(T):
             v_WS = self._sites.velocities(self._velocities_port.Eval(context), p_BoS_W)
             depth = penetration_depth(p_WS[:, 2], height)
             force = normal_force(depth, velocity - v_WS[:, 2], **law)
-            return {"depth": depth, "force": force, "p_BoS_W": p_BoS_W}
+            return {"load": [force.sum()], "depth": depth, "force": force, "p_BoS_W": p_BoS_W}
 
-        def _calc_load(self, context, output) -> None:
-            output.SetFromVector([self._contact.Eval(context)["force"].sum()])
-
-        def _calc_depth(self, context, output) -> None:
-            output.SetFromVector(self._contact.Eval(context)["depth"])
-
-        def _calc_spatial_forces(self, context, output) -> None:
+        def _spatial_forces(self, context) -> list:
             contact = self._contact.Eval(context)
-            f_S_W = np.zeros((len(self._sites), 3), dtype=contact["force"].dtype)
-            f_S_W[:, 2] = contact["force"]
-            output.set_value(self._sites.spatial_forces(contact["p_BoS_W"], f_S_W))
+            return self._sites.upward_forces(contact["p_BoS_W"], contact["force"])
 
     return Impl
 
