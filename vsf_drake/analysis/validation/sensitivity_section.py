@@ -7,6 +7,7 @@ the mean of these and by condition. Indices are of the middle condition's trial 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -70,62 +71,58 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
         names, middle = [factor.name for factor in factors], len(chosen) // 2
         baseline, local = walks.baseline(), None if quick else local_changes(walks, factors)
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
-        runs = _Runs(walks, show, len(screen.points) * len(chosen) + (0 if quick else (
-            GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2))))
-        screened = runs(screen, factors, "screening", range(len(chosen)))
+        total = len(screen.points) * len(chosen) + (0 if quick else (
+            GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
+
+        def run(design: Design, own: Sequence[Factor], what: str, trials: Sequence[int]) -> Walked:
+            done, size = walks.walked - len(chosen), len(design.points) * len(trials)
+            return Walked(design, walks(design.points, factors=own, trials=trials, progress=lambda fraction: show(
+                what, min((done + fraction * size) / total, 1.0))))
+
+        screened = run(screen, factors, "screening", range(len(chosen)))
         morris = {name: morris_rows(screen, screened.of(i), seed) for i, name in enumerate(OUTPUTS)}
         strongest = strongest_factors(morris)
         grouped = single = None
         if not quick:
             design = sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors])
-            grouped = runs(design, factors, "Sobol indices of groups", [middle])
+            grouped = run(design, factors, "Sobol indices of groups", [middle])
         if not quick and strongest:
             few = [factor for factor in factors if factor.name in strongest]
             design = sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2)
-            single = runs(design, few, "Sobol indices of factors", [middle])
-    conditions = [{name: _sizes(morris_rows(screen, screened.values[:, t, i], seed)) for i, name in enumerate(OUTPUTS)}
-                  for t in range(len(chosen))]
+            single = run(design, few, "Sobol indices of factors", [middle])
     table: dict[str, Any] = {
-        "factors": [factor.row() | {"local_grf_bw": None if local is None else float(local[i])}
+        "factors": [{key: value for key, value in dataclasses.asdict(factor).items() if key != "kind"}
+                    | {"variables": list(factor.variables), "local_grf_bw": None if local is None else float(local[i])}
                     for i, factor in enumerate(factors)],
         "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in chosen],
-        "indexed": middle, "local_agreement": agreement(_sizes(morris["grf_rmse_bw"]), local), "strongest": strongest,
-        "walks": walks.walked, "unconverged": walks.unconverged, "trajectories": len(screen.points) // screen.block,
+        "indexed": middle, "strongest": strongest, "walks": walks.walked, "unconverged": walks.unconverged,
+        "trajectories": len(screen.points) // screen.block,
         "samples": None if quick else {"groups": GROUP_SAMPLES, "factors": FACTOR_SAMPLES}, "seed": seed,
         "quick": quick, "synthetic": any(walk.trial.synthetic for walk in chosen),
-        "sobol": index_rows(grouped, seed), "sobol_factors": index_rows(single, seed),
-        "failures": {"count": len(walks.failures), "examples": walks.failures[:_QUOTED],
-                     "dropped": dropped_samples(screened, grouped, single)},
-        "morris": {name: None if rows is None else [row | {"group": factor.group} for row, factor in zip(
-            rows, factors, strict=True)] for name, rows in morris.items()}}
+        "failures": {"count": len(walks.failures), "examples": walks.failures[:_QUOTED], "dropped": {}}}
     for i, name in enumerate(OUTPUTS):
-        effects = [by_output[name] for by_output in conditions]
-        whole, conf = interaction(table["sobol"][name])
+        by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(chosen))]
+        effects = [None if rows is None else [row["mu_star"] for row in rows] for rows in by_condition]
+        groups, rows = (None if part is None else sobol_rows(part.design, part.of(i), seed)
+                        for part in (grouped, single))
+        own = morris[name]
+        table["failures"]["dropped"][name] = {
+            what: None if part is None else dropped(part.design, part.of(i)) for what, part in (
+                ("trajectories", screened), ("group_blocks", grouped), ("factor_blocks", single))}
+        if name == "grf_rmse_bw":
+            table["local_agreement"] = None if own is None or local is None else known(
+                spearmanr([row["mu_star"] for row in own], local).statistic)
         for key, value in {
+            "sobol": groups, "sobol_factors": rows, "morris": None if own is None else [
+                row | {"group": factor.group} for row, factor in zip(own, factors, strict=True)],
             "baseline": {"mean": known(baseline[:, i].mean()), "by_condition": [known(x) for x in baseline[:, i]]},
-            "morris_by_condition": effects, "stability": stability(effects), "ranking": ranked(morris[name], "mu_star"),
-            "interaction": whole, "interaction_conf": conf, "spread": spread(grouped, i),
-            "explained": explained(grouped, single, i)}.items():
+            "morris_by_condition": effects, "stability": stability(effects), "ranking": ranked(own, "mu_star"),
+            # What no index of first order has, and half of its 95 % interval (as if they erred independently).
+            "interaction": None if groups is None else 1.0 - sum(row["s1"] for row in groups),
+            "interaction_conf": None if groups is None else float(np.linalg.norm([row["s1_conf"] for row in groups])),
+            "spread": spread(grouped, i), "explained": explained(grouped, single, i)}.items():
             table.setdefault(key, {})[name] = value
     return Section(table=table, missing=_missing(table, chosen))
-
-
-class _Runs:
-    """Walks one design after the other and shows how far all of them are.
-
-    Args:
-        total: walks of all designs.
-    """
-
-    def __init__(self, walks: DesignWalks, show: Progress, total: int) -> None:
-        self._walks, self._show, self._total, self._done = walks, show, total, 0
-
-    def __call__(self, design: Design, factors: Sequence[Factor], what: str, trials: Sequence[int]) -> Walked:
-        own = len(design.points) * len(trials)
-        values = self._walks(design.points, factors=factors, trials=trials, progress=lambda fraction: self._show(
-            what, min((self._done + fraction * own) / self._total, 1.0)))
-        self._done += own
-        return Walked(design, values)
 
 
 def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
@@ -150,11 +147,6 @@ def strongest_factors(morris: Mapping[str, Sequence[Mapping[str, Any]] | None]) 
         for row in rows if most > 0.0 else ():
             share[row["name"]] = max(share.get(row["name"], 0.0), row["mu_star"] / most)
     return sorted(share, key=lambda name: -share[name])[:STRONGEST]
-
-
-def _sizes(rows: Sequence[Mapping[str, Any]] | None) -> list[float] | None:
-    """mu* by factor."""
-    return None if rows is None else [row["mu_star"] for row in rows]
 
 
 def _missing(table: Mapping[str, Any], chosen: Sequence[StudyWalk]) -> tuple[str, ...]:
@@ -246,20 +238,6 @@ class Walked:
         return y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel()
 
 
-def index_rows(walked: Walked | None, seed: int) -> dict[str, list[dict[str, Any]] | None]:
-    """Sobol indices by output."""
-    return {name: None if walked is None else sobol_rows(walked.design, walked.of(i), seed)
-            for i, name in enumerate(OUTPUTS)}
-
-
-def interaction(rows: Sequence[Mapping[str, Any]] | None) -> tuple[float | None, float | None]:
-    """Share of the variance that no index of first order has, and half of its 95 % interval (as if they erred
-    independently)."""
-    if rows is None:
-        return None, None
-    return 1.0 - sum(row["s1"] for row in rows), float(np.linalg.norm([row["s1_conf"] for row in rows]))
-
-
 def spread(walked: Walked | None, output: int) -> dict[str, float] | None:
     """Mean, standard deviation and PERCENTILES of an output over the uncertainty."""
     y = np.empty(0) if walked is None else walked.independent(output)
@@ -282,18 +260,6 @@ def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
     some = [effects for effects in by_condition if effects is not None]
     pairs = [spearmanr(some[i], some[j]).statistic for i in range(len(some)) for j in range(i)]
     return known(min(pairs)) if pairs else None
-
-
-def agreement(sizes: Sequence[float] | None, local: np.ndarray | None) -> float | None:
-    """Rank correlation of mu* and what another way says."""
-    return None if sizes is None or local is None else known(spearmanr(sizes, local).statistic)
-
-
-def dropped_samples(*walked: Walked | None) -> dict[str, dict[str, int | None]]:
-    """By output, how many trajectories, blocks for groups and blocks for factors were dropped; None of no design."""
-    names = ("trajectories", "group_blocks", "factor_blocks")
-    return {output: {name: None if part is None else dropped(part.design, part.of(i))
-                     for name, part in zip(names, walked, strict=True)} for i, output in enumerate(OUTPUTS)}
 
 
 def known(value: float) -> float | None:

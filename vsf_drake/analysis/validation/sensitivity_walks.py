@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,8 @@ class WalkScorer:
         rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
                  *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
         of_stance = np.mean(rows, axis=0) if rows else np.full(5, np.nan)
-        return np.array([error, _size(known) / self._foot_m, 1e3 * known.mean() if len(known) else np.nan, *of_stance])
+        cop = (rmse(known, 0.0) / self._foot_m, 1e3 * known.mean()) if len(known) else (np.nan, np.nan)
+        return np.array([error, *cop, *of_stance])
 
     def _cop_error(self, item: Any, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
         """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
@@ -98,10 +99,6 @@ class WalkScorer:
         outside = (instants < self.comparison.time_s[0] - 1e-9) | (instants > self.comparison.time_s[-1] + 1e-9)
         curve[outside] = np.nan
         return np.asarray(curve - item.measured_cop[:, 0])
-
-
-def _size(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2))) if error.size else np.nan
 
 
 def _spring(
@@ -124,7 +121,6 @@ def _spring(
     return float(stored), float(returned), float(returned / stored) if stored > 0.0 else np.nan, float(keel)
 
 
-@dataclass(eq=False)
 class DesignWalks:
     """Walks every point of a design in each of several trials.
 
@@ -133,39 +129,25 @@ class DesignWalks:
         executor: see `workers`; None for this process alone. count: its size.
 
     Attributes:
-        walkers, scorers, limits: of each trial; limits as in `values_at`.
+        walkers, scorers, variables, limits: of each trial; limits as in `values_at`.
         failures: sentences on walks that failed, in the order of the points. walked, unconverged: walks so far, and how
             many of them accepted steps without convergence.
     """
 
-    walks: Sequence[StudyWalk]
-    executor: Any = None
-    count: int = 1
-    failures: list[str] = field(default_factory=list)
-    walked: int = 0
-    unconverged: int = 0
-
-    def __post_init__(self) -> None:
-        walkers: list[Walker] = []
+    def __init__(self, walks: Sequence[StudyWalk], executor: Any = None, count: int = 1) -> None:
+        self.walks, self._executor, self._count = walks, executor, count
+        self.failures: list[str] = []
+        self.walked = self.unconverged = 0
         self.walkers: list[Walker] = []
-        self.scorers: list[WalkScorer] = []
-        self.limits: list[dict[str, tuple[float, float]]] = []
-        for walk in self.walks:
+        for walk in walks:
             subject, model = walk.trial.subject, walk.trial.model
-            found = next((w for w in walkers if w.subject == subject and w.model == model), None)
-            if found is None:
-                found = Walker(subject, model)
-                walkers.append(found)
-            self.scorers.append(WalkScorer(walk, found))
-            self.walkers.append(found)
-            reach = model.foot.fulcrum
-            self.limits.append({"fulcrum.shift": (min(reach.rearmost_m - walk.trial.fulcrum_m, 0.0),
-                                                   max(reach.foremost_m - walk.trial.fulcrum_m, 0.0))})
-
-    @property
-    def variables(self) -> list[Mapping[str, Variable]]:
-        """Of each trial's walker."""
-        return [walker.variables for walker in self.walkers]
+            known = (w for w in self.walkers if w.subject == subject and w.model == model)
+            self.walkers.append(next(known, None) or Walker(subject, model))
+        self.scorers = [WalkScorer(walk, walker) for walk, walker in zip(walks, self.walkers, strict=True)]
+        self.variables: list[Mapping[str, Variable]] = [walker.variables for walker in self.walkers]
+        reaches = [(walk.trial.model.foot.fulcrum, walk.trial.fulcrum_m) for walk in walks]
+        self.limits = [{"fulcrum.shift": (min(reach.rearmost_m - at, 0.0), max(reach.foremost_m - at, 0.0))}
+                       for reach, at in reaches]
 
     def baseline(self) -> np.ndarray:
         """(trials, len(OUTPUTS)) with every factor as the study has it."""
@@ -195,7 +177,7 @@ class DesignWalks:
                 if progress:
                     progress((start + size * state.done / max(state.total, 1)) / len(points))
 
-            outcomes = simulate_many(cases, keep=KEEP, workers=self.count, executor=self.executor, progress=show)
+            outcomes = simulate_many(cases, keep=KEEP, workers=self._count, executor=self._executor, progress=show)
             for n, outcome in enumerate(outcomes):
                 row, place = divmod(n, len(trials))
                 values[start + row, place] = self.scorers[trials[place]].score(outcome)
@@ -208,10 +190,7 @@ class DesignWalks:
 
 @contextmanager
 def workers(count: int | None) -> Iterator[tuple[Any, int]]:
-    """An executor for several sweeps and its size; None and 1 for this process alone.
-
-    Args:
-        count: processes; None for one a core.
+    """An executor of `count` processes (None: one a core) for several sweeps, and its size; None, 1 for this process.
     """
     size = cores() if count is None else count
     if size <= 1:
@@ -239,10 +218,6 @@ SHIFT, RATIO, EXPONENT = "shift", "ratio", "exponent"
 REFERENCE_DEPTH_M."""
 FULCRUM_M = 5e-3
 """How far off the support may really be, either way."""
-_ANGLE = "misplaced markers: the standard deviation of the embedded synthetic laboratory's constant errors"
-_MARKERS = "errors between cameras, plates and markers, a choice"
-_FOAM = "the bench knows the foam under one load point, no more"
-_SOCKET = "measured sockets fix it within a factor of two"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,62 +248,62 @@ class Factor:
             return float(low * (high / low) ** share)
         return float(low + (high - low) * share)
 
-    def row(self) -> dict[str, Any]:
-        """The factor as a row of the table."""
-        return {"name": self.name, "group": self.group, "unit": self.unit, "low": self.low, "high": self.high,
-                "why": self.why, "variables": list(self.variables)}
-
 
 _SI = {"mm": 1e-3, "deg": math.radians(1.0), "1": 1.0, "×": 1.0}
 
 
 def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[Factor, ...]:
-    """The factors of a walker with these variables.
-
-    Args:
-        side: of the prosthesis, "right" or "left".
-    """
+    """The factors of a walker with these variables; `side` is that of the prosthesis, "right" or "left"."""
     zones = [name.split(".")[1] for name in variables if name.startswith("contact.") and name.endswith(".stiffness")]
-    leg = side[0]
-    found = [_ratio(f"{_words(zone)} foam stiffness", CONTACT, 1.5, _FOAM, f"contact.{zone}.stiffness")
-             for zone in zones]
+    words, leg = {zone: zone.replace("_", " ") for zone in zones}, side[0]
+
+    def ratio(name: str, group: str, most: float, why: str, *changed: str) -> Factor:
+        return Factor(name=name, group=group, unit="×", low=1.0 / most, high=most, why=why, variables=changed,
+                      kind=RATIO)
+
+    def shift(name: str, group: str, unit: str, most: float, why: str, changed: str) -> Factor:
+        return Factor(name=name, group=group, unit=unit, low=-most, high=most, why=why, variables=(changed,))
+
+    found = [ratio(f"{words[zone]} foam stiffness", CONTACT, 1.5, "the bench knows the foam under one load point, no "
+                   "more", f"contact.{zone}.stiffness") for zone in zones]
     found += [
         Factor(name="foam exponent", group=CONTACT, unit="1", low=-0.2, high=0.2, kind=EXPONENT,
                variables=tuple(f"contact.{zone}.exponent" for zone in zones),
                why=f"foams differ; at the same force at {1e3 * REFERENCE_DEPTH_M:g} mm, so that no stiffness hides in "
                    "it; not below 1"),
-        _ratio("foam damping", CONTACT, 2.0, "not measured on the bench, a choice",
-               *(f"contact.{zone}.damping" for zone in zones)),
-        _ratio("foam depth of full damping", CONTACT, 2.0, "a number of the law rather than of the foam, a choice",
-               *(f"contact.{zone}.full_damping_depth" for zone in zones)),
-        _ratio("static friction", FRICTION, 1.25, "0.4 to 0.6 about the paper's 0.5: floors and soles differ",
-               "friction.mu_static"),
-        _ratio("kinetic friction", FRICTION, 1.25, "0.24 to 0.38 about the paper's 0.3", "friction.mu_kinetic"),
-        _ratio("friction threshold velocity", FRICTION, 2.0, "a number of the law rather than of the sole, a choice",
-               "friction.threshold_velocity"),
-        _shift("prosthesis height", GEOMETRY, "mm", 2.0, "length of limb, socket and pylon with a tape",
-               "offset.height"),
-        _shift("prosthesis fore-aft", GEOMETRY, "mm", 5.0, "where the foot is bolted on, by eye", "offset.fore_aft"),
-        _shift("prosthesis alignment", GEOMETRY, "deg", 1.0, "a prosthetist's angle, by eye", "offset.alignment"),
-        *(_shift(f"{_words(zone)} sole height", GEOMETRY, "mm", 1.0, "the sole is drawn flat; soles are round",
-                 f"contact.{zone}.rise") for zone in zones),
-        *(_shift(words, KINEMATICS, "deg", 1.2, _ANGLE, f"coordinate.{name}_{leg}") for words, name in _LEG),
-        *(_shift(words, KINEMATICS, "mm", most, _MARKERS, f"coordinate.{name}") for words, name, most in _PELVIS),
-        *(_ratio(f"{words} socket stiffness", BUSHING, 1.5, _SOCKET, f"socket.{axis}.stiffness")
-          for axis, words in _SOCKET_AXES),
-        _ratio("keel modulus", KEEL, 1.1, "data sheets of G10/FR4 differ by 20 %", "keel.flexural_modulus"),
-        _ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
-        _shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
-               "inward only where it stands at an end of its reach", "fulcrum.shift")]
+        ratio("foam damping", CONTACT, 2.0, "not measured on the bench, a choice",
+              *(f"contact.{zone}.damping" for zone in zones)),
+        ratio("foam depth of full damping", CONTACT, 2.0, "a number of the law rather than of the foam, a choice",
+              *(f"contact.{zone}.full_damping_depth" for zone in zones)),
+        ratio("static friction", FRICTION, 1.25, "0.4 to 0.6 about the paper's 0.5: floors and soles differ",
+              "friction.mu_static"),
+        ratio("kinetic friction", FRICTION, 1.25, "0.24 to 0.38 about the paper's 0.3", "friction.mu_kinetic"),
+        ratio("friction threshold velocity", FRICTION, 2.0, "a number of the law rather than of the sole, a choice",
+              "friction.threshold_velocity"),
+        shift("prosthesis height", GEOMETRY, "mm", 2.0, "length of limb, socket and pylon with a tape",
+              "offset.height"),
+        shift("prosthesis fore-aft", GEOMETRY, "mm", 5.0, "where the foot is bolted on, by eye", "offset.fore_aft"),
+        shift("prosthesis alignment", GEOMETRY, "deg", 1.0, "a prosthetist's angle, by eye", "offset.alignment"),
+        *(shift(f"{words[zone]} sole height", GEOMETRY, "mm", 1.0, "the sole is drawn flat; soles are round",
+                f"contact.{zone}.rise") for zone in zones),
+        *(shift(name.replace("_angle", "_flexion").replace("_", " "), KINEMATICS, "deg", 1.2,
+                "misplaced markers: the standard deviation of the embedded synthetic laboratory's constant errors",
+                f"coordinate.{name}_{leg}")
+          for name in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction",
+                       "knee_rotation")),
+        *(shift(name, KINEMATICS, "mm", most, "errors between cameras, plates and markers, a choice",
+                f"coordinate.{coordinate}") for name, coordinate, most in (
+            ("pelvis height", "pelvis_ty", 1.0), ("pelvis fore-aft", "pelvis_tx", 2.0),
+            ("pelvis sideways", "pelvis_tz", 2.0))),
+        *(ratio(f"{name} socket stiffness", BUSHING, 1.5, "measured sockets fix it within a factor of two",
+                f"socket.{axis}.stiffness") for axis, name in (
+            ("tx", "fore-aft"), ("ty", "sideways"), ("tz", "axial"), ("flexion", "flexion"),
+            ("adduction", "adduction"), ("rotation", "rotation"))),
+        ratio("keel modulus", KEEL, 1.1, "data sheets of G10/FR4 differ by 20 %", "keel.flexural_modulus"),
+        ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
+        shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
+              "inward only where it stands at an end of its reach", "fulcrum.shift")]
     return tuple(factor for factor in found if factor.variables and all(name in variables for name in factor.variables))
-
-
-_LEG = (("hip flexion", "hip_flexion"), ("hip adduction", "hip_adduction"), ("hip rotation", "hip_rotation"),
-        ("knee flexion", "knee_angle"), ("knee adduction", "knee_adduction"), ("knee rotation", "knee_rotation"))
-_PELVIS = (
-    ("pelvis height", "pelvis_ty", 1.0), ("pelvis fore-aft", "pelvis_tx", 2.0), ("pelvis sideways", "pelvis_tz", 2.0))
-_SOCKET_AXES = (("tx", "fore-aft"), ("ty", "sideways"), ("tz", "axial"), ("flexion", "flexion"),
-                ("adduction", "adduction"), ("rotation", "rotation"))
 
 
 def values_at(
@@ -355,18 +330,6 @@ def values_at(
                 values[stiffness] = values.get(stiffness, variables[stiffness].default) * REFERENCE_DEPTH_M ** (
                     before - after)
     return values
-
-
-def _ratio(name: str, group: str, most: float, why: str, *variables: str) -> Factor:
-    return Factor(name=name, group=group, unit="×", low=1.0 / most, high=most, why=why, variables=variables, kind=RATIO)
-
-
-def _shift(name: str, group: str, unit: str, most: float, why: str, variable: str) -> Factor:
-    return Factor(name=name, group=group, unit=unit, low=-most, high=most, why=why, variables=(variable,))
-
-
-def _words(zone: str) -> str:
-    return zone.replace("_", " ")
 
 
 # Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
@@ -423,9 +386,9 @@ def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
     """Trajectories that move every factor once; k + 1 points each."""
     from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
 
-    problem = Design(np.zeros((0, len(names))), 1, tuple(names)).problem
-    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
-                  tuple(names))
+    empty = Design(np.zeros((0, len(names))), len(names) + 1, tuple(names))
+    points = morris.sample(empty.problem, trajectories, num_levels=LEVELS, seed=_seed(seed))
+    return replace(empty, points=points)
 
 
 def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
@@ -436,9 +399,9 @@ def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Seque
     """
     from SALib.sample import sobol  # noqa: PLC0415
 
-    empty = Design(np.zeros((0, len(names))), 1, tuple(names), None if groups is None else tuple(groups))
+    empty = Design(np.zeros((0, len(names))), 0, tuple(names), None if groups is None else tuple(groups))
     points = sobol.sample(empty.problem, samples, calc_second_order=False, seed=_seed(seed))
-    return Design(points, len(empty.labels) + 2, empty.names, empty.groups)
+    return replace(empty, points=points, block=len(empty.labels) + 2)
 
 
 def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
@@ -457,8 +420,8 @@ def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]
         return None
     found = morris.analyze(design.problem, design.points[kept], y[kept], num_resamples=RESAMPLES, num_levels=LEVELS,
                            seed=_seed(seed))
-    return _rows(design.names, found, {"mu": "mu", "mu_star": "mu_star", "mu_star_conf": "mu_star_conf",
-                                       "sigma": "sigma"})
+    return [{"name": name} | {key: float(found[key][i]) for key in ("mu", "mu_star", "mu_star_conf", "sigma")}
+            for i, name in enumerate(design.names)]
 
 
 def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
@@ -477,9 +440,12 @@ def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]]
     if np.count_nonzero(kept) < LEAST_BLOCKS * design.block or np.ptp(y[kept]) <= _FLAT * np.abs(y[kept]).max():
         return None
     found = sobol.analyze(design.problem, y[kept], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed))
-    rows = _rows(design.labels, found, {"s1": "S1", "s1_conf": "S1_conf", "st": "ST", "st_conf": "ST_conf"})
-    for row in rows:
-        row |= {f"{index}_wide": bool(2.0 * row[f"{index}_conf"] > row[index]) for index in ("s1", "st")}
+    rows = []
+    for i, name in enumerate(design.labels):
+        row = {key: float(found[theirs][i]) for key, theirs in (
+            ("s1", "S1"), ("s1_conf", "S1_conf"), ("st", "ST"), ("st_conf", "ST_conf"))}
+        rows.append({"name": name, **row, **{f"{index}_wide": 2.0 * row[f"{index}_conf"] > row[index]
+                                             for index in ("s1", "st")}})
     return rows
 
 
@@ -491,11 +457,6 @@ def dropped(design: Design, y: np.ndarray) -> int:
 def ranked(rows: Sequence[Mapping[str, Any]] | None, key: str) -> list[str]:
     """Names by falling value of `key`."""
     return [row["name"] for row in sorted(rows or (), key=lambda row: -row[key])]
-
-
-def _rows(names: Sequence[str], found: Mapping[str, Any], keys: Mapping[str, str]) -> list[dict[str, Any]]:
-    return [{"name": name} | {own: float(found[theirs][i]) for own, theirs in keys.items()}
-            for i, name in enumerate(names)]
 
 
 def _seed(seed: int) -> int:
