@@ -5,7 +5,7 @@ import pytest
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import read_json, write_json
-from vsf_drake.report.chapter_files import read_table
+from vsf_drake.report.results_folder import ResultsFolder
 
 
 @pytest.mark.parametrize("text", [
@@ -13,7 +13,8 @@ from vsf_drake.report.chapter_files import read_table
     '{"a": NaN}', '{"a": 1e999}', '{"a": "\\u001b[31m"}', '{"\\ud800": 1}', "{\0}",
     '{"a": [' + "{}," * 1_000_000 + "0]}", b'{"a": "\xff"}'])
 @pytest.mark.parametrize("read", [
-    read_json, load_schedule, lambda path: read_table(path, lambda table: True, kind="tuning", command="tune")])
+    read_json, load_schedule,
+    lambda path: ResultsFolder(kind="tuning", command="tune", table=path.name).read(path.parent)])
 def test_what_is_no_table_is_refused(tmp_path, text, read):
     path = tmp_path / "table.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())

@@ -19,8 +19,8 @@ from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.npz_file import ALWAYS_BYTES, read_npz
-from vsf_drake.report.chapter_files import read_arrays
-from vsf_drake.report.fit_output import read_fit
+from vsf_drake.report.fit_output import FIT
+from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.simulation.archive import read_archive
 from vsf_drake.simulation.many.run import WalkCache
 
@@ -116,7 +116,7 @@ def from_archive(path):
 def from_fit(path):
     (path.parent / "fit.json").write_text(json.dumps({"kind": "fit", "arrays_sha256": sha256(path)}), encoding="utf-8")
     path.rename(path.parent / "fit.npz")
-    read_fit(path.parent)
+    FIT.read(path.parent)
 
 
 def from_store(path):
@@ -135,10 +135,15 @@ def from_cache(path):
         raise InputError("damaged")
 
 
+def from_folder(path):
+    (path.parent / "a.json").write_text(json.dumps({"arrays_sha256": sha256(path)}), encoding="utf-8")
+    ResultsFolder(kind="a", command="a", table="a.json", arrays=path.name).read(path.parent)
+
+
 READERS = {
     "archive": from_archive, "fit": from_fit, "section": from_store, "cache": from_cache,
     "start": lambda path: load_start(SimpleNamespace(), path),
-    "report": lambda path: read_arrays(path, {"arrays_sha256": sha256(path)}, named="it", command="tune")}
+    "report": from_folder}
 
 
 @pytest.mark.parametrize("reader", READERS)

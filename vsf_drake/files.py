@@ -126,6 +126,12 @@ def replaced(path: str | Path, mode: str = "w", *, lasting: bool = False) -> Ite
             os.close(folder)
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """Writes `text` to `path`, all of it or nothing; see `replaced`."""
+    with replaced(path) as stream:
+        stream.write(text)
+
+
 @contextlib.contextmanager
 def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Path]:
     """A file or folder in `home` that `make` creates, to be renamed to `path`; whatever is left of it then goes.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
-from vsf_drake.files import read_text, replaced
+from vsf_drake.files import read_text, write_text
 
 MOST_BYTES = 2**25
 """Of a table that is read; that of a sweep of 100 000 walks has that many."""
@@ -78,5 +78,4 @@ def write_json(path: str | Path, values: Mapping[str, Any], *, sort: bool = True
         InputError: the folder does not exist or cannot be written.
     """
     text = json.dumps(plain(values), sort_keys=sort, indent=2, allow_nan=False, ensure_ascii=False)
-    with replaced(path) as stream:
-        stream.write(text + "\n")
+    write_text(path, text + "\n")

@@ -7,12 +7,14 @@ import re
 import struct
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
+from vsf_drake.files import replaced
 
 MOST_BYTES = 2**31
 """Of all arrays of a file together; a walk of ten minutes has 1.3e9."""
@@ -25,6 +27,12 @@ _HEADER = re.compile(
     rb"\{'descr': '([<|](?:b1|[iu][1248]|f[248]|U[1-9]\d{0,4}))', 'fortran_order': (True|False), "
     rb"'shape': \(([\d, ]{0,99})\), \} *\n")
 _PIECE = 2**20
+
+
+def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
+    """Writes `arrays` by name, compressed, all of them or nothing; without pickle."""
+    with replaced(path, "wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
 
 
 def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import resource
 from vsf_drake.report import fit_output
 from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_output import read_fit
+from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.fit_page import fit_page
 
 DATA = resource("data/reference_subject")
@@ -100,7 +100,7 @@ def test_the_screen_tells_trials_parameters_and_every_sentence_of_the_verdict(qu
 
 def test_page_and_figures_come_from_the_saved_table_alone(quick):
     out, _ = quick
-    table, curves = read_fit(out)
+    table, curves = FIT.read(out)
     assert fit_page(table, fit_figures(table, curves)) == (out / "report.html").read_text(encoding="utf-8")
 
 

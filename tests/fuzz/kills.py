@@ -24,10 +24,9 @@ from sweep_files import copied
 from vsf_drake.analysis.validation import embedded_contact, embedded_trials
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.report.fit_output import read_fit
-from vsf_drake.report.tuning.output import read_tuning
-from vsf_drake.report.tuning.schedule_output import read_schedule
-from vsf_drake.report.validation.output import read_validation
+from vsf_drake.report.fit_output import FIT
+from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.simulation.results import load_walk
 
 CODES = {"INT": 130, "TERM": 143, "KILL": -signal.SIGKILL}
@@ -74,11 +73,11 @@ def commands(folder: Path) -> tuple[Command, ...]:
     return (
         Command("simulate", (low, "--step-ms", 2), "result.yaml", load_walk),
         Command("sweep", (low, "--fulcrum-mm", "66:151:8", "--workers", 2), "sweep.json", _read_sweep),
-        Command("fit", (low, "--quick", "--freeze", "curve.*"), "fit.json", read_fit, "checkpoint.json"),
-        Command("validate", (low, *contact, "--quick", "--workers", 2), "validation.json", read_validation),
-        Command("tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", read_tuning),
+        Command("fit", (low, "--quick", "--freeze", "curve.*"), "fit.json", FIT.read, "checkpoint.json"),
+        Command("validate", (low, *contact, "--quick", "--workers", 2), "validation.json", VALIDATION.read),
+        Command("tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", TUNING.read),
         Command("schedule", (f"slow={low}", f"fast={high}", *contact, "--quick", "--cost", "push_off"), "policy.json",
-                read_schedule),
+                SCHEDULE.read),
         Command("import", (*recorded, *STATED), "import.json", lambda out: load_trial(out / "walk.yaml")),
     )
 

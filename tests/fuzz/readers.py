@@ -54,15 +54,10 @@ from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.storage import read_storage
 from vsf_drake.motion.trial import load_trial, write_forces_mot, write_trc
 from vsf_drake.motion.trial_record import load_subject
-from vsf_drake.report.fit_output import check_fit_folder, read_fit
+from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.sweep_output import check_sweep_folder
-from vsf_drake.report.tuning.output import check_tuning_folder, read_tuning, remake_tuning
-from vsf_drake.report.tuning.schedule_output import check_schedule_folder, read_schedule, remake_schedule
-from vsf_drake.report.validation.output import (
-    check_validation_folder,
-    read_validation,
-    remake_report,
-)
+from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.many.cases import Task
@@ -172,18 +167,18 @@ READERS = (
            signed="result.yaml", slow=2),
     Reader("bench", ("result.yaml", "result.npz"), (in_folder(load_bench),), anything, signed="result.yaml", slow=2),
     Reader("fit", ("fit.json", "fit.npz", "checkpoint.json"),
-           (in_folder(read_fit), in_folder(check_fit_folder),
+           (in_folder(FIT.read), in_folder(FIT.check),
             in_folder(lambda out: Checkpoint(out / "checkpoint.json", resume=True))), anything, signed="fit.json"),
     Reader("tuning", ("tuning.json", "tuning.npz"),
-           (in_folder(read_tuning), in_folder(check_tuning_folder), read_warm_start), anything, signed="tuning.json"),
-    Reader("tuning_page", ("tuning.json", "tuning.npz"), (in_folder(remake_tuning),), anything, "tuning.json",
+           (in_folder(TUNING.read), in_folder(TUNING.check), read_warm_start), anything, signed="tuning.json"),
+    Reader("tuning_page", ("tuning.json", "tuning.npz"), (in_folder(TUNING.remake),), anything, "tuning.json",
            slow=150, most_s=DRAWING_S),
-    Reader("schedule", ("policy.json",), (load_schedule, in_folder(read_schedule), in_folder(check_schedule_folder)),
+    Reader("schedule", ("policy.json",), (load_schedule, in_folder(SCHEDULE.read), in_folder(SCHEDULE.check)),
            sound),
-    Reader("schedule_page", ("policy.json",), (in_folder(remake_schedule),), anything, slow=100, most_s=DRAWING_S),
+    Reader("schedule_page", ("policy.json",), (in_folder(SCHEDULE.remake),), anything, slow=100, most_s=DRAWING_S),
     Reader("validation", ("validation.json", "validation.npz"),
-           (in_folder(read_validation), in_folder(check_validation_folder)), anything, signed="validation.json"),
-    Reader("validation_page", ("validation.json", "validation.npz"), (in_folder(remake_report),), anything,
+           (in_folder(VALIDATION.read), in_folder(VALIDATION.check)), anything, signed="validation.json"),
+    Reader("validation_page", ("validation.json", "validation.npz"), (in_folder(VALIDATION.remake),), anything,
            signed="validation.json", slow=150, most_s=DRAWING_S),
     Reader("section", ("walking.json", "walking.npz"), (in_folder(lambda at: SectionStore(at, KEY).read("walking")),),
            anything, signed="walking.json"),

@@ -13,7 +13,7 @@ from page_reader import Balanced
 
 from vsf_drake.errors import InputError
 from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_output import clear_fit, read_fit, write_fit
+from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.report.fit_page import fit_page
 from vsf_drake.report.fit_text import UNKNOWN, shown, smooth_errors, trial_cells, trial_headings
 from vsf_drake.simulation.archive import RECORD_FILE
@@ -109,7 +109,7 @@ def test_synthetic_data_are_named_in_title_and_text():
 
 
 def test_what_is_written_is_read_back_and_gives_the_same_page(written, page):
-    table, curves = read_fit(written)
+    table, curves = FIT.read(written)
     assert fit_page(table, fit_figures(table, curves)) == page
     for name, values in made_curves().items():
         np.testing.assert_array_equal(curves[name], values)
@@ -162,12 +162,12 @@ def test_tables_and_curves_that_do_not_belong_together_are_refused(tmp_path):
     write_fit(SMALL, made_curves(1), tmp_path)
     (tmp_path / "fit.npz").write_bytes(b"other")
     with pytest.raises(InputError, match="SHA-256"):
-        read_fit(tmp_path)
+        FIT.read(tmp_path)
     (tmp_path / "fit.json").write_text("{")
     with pytest.raises(InputError, match="JSON"):
-        read_fit(tmp_path)
+        FIT.read(tmp_path)
     with pytest.raises(InputError, match="no such file"):
-        read_fit(tmp_path / "nowhere")
+        FIT.read(tmp_path / "nowhere")
 
 
 def test_unknown_numbers_are_a_word_and_zeros_have_no_sign():

@@ -64,10 +64,10 @@ def fit(
     from vsf_drake.analysis.measured_bench import load_measured_bench
     from vsf_drake.cli.fit_run import Checkpoint, Task, run_task
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, check_fit_folder
+    from vsf_drake.report.fit_output import CHECKPOINT, FIT
 
     out, bench = user_path(out), file_of(bench)
-    check_fit_folder(out)
+    FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
     task = Task(
         trials=[load_trial(user_path(path)) for path in trials], strategy=strategy,

@@ -24,7 +24,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import sha256
 from vsf_drake.json_file import read_json, write_json
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.report.fit_output import TABLE, clear_fit, write_fit
+from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.walk import Walker
 
@@ -139,7 +139,7 @@ class Checkpoint:
         self.began = True
         self.path.parent.mkdir(parents=True, exist_ok=True)
         clear_fit(self.path.parent, checkpoint=not self.resumed)
-        write_json(self.path.parent / TABLE, {**table(), "files": [TABLE], "arrays_sha256": None})
+        write_json(self.path.parent / FIT.table, {**table(), "files": [FIT.table], "arrays_sha256": None})
 
     def save(self, state: Mapping[str, Any]) -> None:
         """Replaces the state on disk."""

@@ -16,13 +16,12 @@ def report(
     folder: Annotated[Path, typer.Argument(help="Folder that `validate`, `tune` or `schedule` wrote with --out.")],
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
-    from vsf_drake.report.tuning import output as tuning
-    from vsf_drake.report.tuning import schedule_output as schedule
-    from vsf_drake.report.validation import output as validation
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+    from vsf_drake.report.validation.output import VALIDATION
 
     folder = user_path(folder)
-    others = ((tuning.TABLE, tuning.remake_tuning), (schedule.TABLE, schedule.remake_schedule))
-    remake = next((make for table, make in others if (folder / table).is_file()), validation.remake_report)
-    for sentence in remake(folder):
+    kind = next((kind for kind in (TUNING, SCHEDULE) if (folder / kind.table).is_file()), VALIDATION)
+    for sentence in kind.remake(folder):
         console.print(f"! {sentence}", style="bold yellow", highlight=False, markup=False)
-    console.print(f"written to {folder / validation.PAGE}", highlight=False, markup=False)
+    console.print(f"written to {folder / PAGE}", highlight=False, markup=False)

@@ -46,11 +46,12 @@ def schedule(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.tune import say, warn
     from vsf_drake.cli.tune_run import check_resolution, tune_tasks
+    from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import schedule_words
-    from vsf_drake.report.tuning.schedule_output import PAGE, TABLE, check_schedule_folder, write_schedule
+    from vsf_drake.report.tuning.output import SCHEDULE, write_schedule
 
     out, contact = user_path(out), file_of(contact)
-    check_schedule_folder(out)
+    SCHEDULE.check(out)
     with progress() as show:
         try:
             given = check_resolution(listed, contact, options, resolution_mm, show)
@@ -71,5 +72,4 @@ def schedule(
         say(f"- {sentence}")
     for note in written["notes"]:
         warn(note)
-    console.print(f"written to {out}; {TABLE} is for the controller, open {PAGE} first", highlight=False, markup=False,
-                  soft_wrap=True)
+    console.print(f"written to {out}; {SCHEDULE.table} is for the controller, open {PAGE} first", soft_wrap=True)

@@ -75,10 +75,11 @@ def tune(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.cli.tune_run import tune_trials, was_interrupted
-    from vsf_drake.report.tuning.output import PAGE, check_tuning_folder, write_tuning
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.tuning.output import TUNING
 
     out, contact, warm_start = user_path(out), file_of(contact), file_of(warm_start)
-    check_tuning_folder(out)
+    TUNING.check(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
     with progress() as show:
         try:
@@ -89,7 +90,7 @@ def tune(
             errors.print("interrupted before anything was found; nothing was written", highlight=False)
             sys.exit(INTERRUPTED)
         show("writing the report", 0.99)
-        written = write_tuning(out, table, arrays)
+        written = TUNING.write(out, table, arrays)
     if was_interrupted(written):
         errors.print(f"interrupted; what was found by then is in {out}, marked as NOT OPTIMAL", highlight=False,
                      soft_wrap=True, markup=False)
@@ -108,13 +109,13 @@ def read_warm_start(path: Path) -> Any:
         InputError: there is none, or it cannot be read.
     """
     from vsf_drake.cli.tune_run import WarmStart
-    from vsf_drake.report.tuning.output import ARRAYS, TABLE, read_tuning
+    from vsf_drake.report.tuning.output import TUNING
 
     folder = path if path.is_dir() else path.parent
-    if not path.is_dir() and path.name not in (TABLE, ARRAYS):
+    if not path.is_dir() and path.name not in (TUNING.table, TUNING.arrays):
         raise InputError("is no tuning" if path.exists() else "there is no such file", file=path, where="--warm-start",
-                         right=f"Name the folder of an earlier tuning, or {TABLE} in it")
-    table, arrays = read_tuning(folder)
+                         right=f"Name the folder of an earlier tuning, or {TUNING.table} in it")
+    table, arrays = TUNING.read(folder)
     return WarmStart(file=path, table=table, arrays=arrays)
 
 

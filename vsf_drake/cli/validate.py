@@ -44,10 +44,11 @@ def validate(
     )
     from vsf_drake.analysis.validation.content import first_line, validation_content
     from vsf_drake.analysis.validation.run import NAMES, SectionStore, failures, run_sections
-    from vsf_drake.report.validation.output import PAGE, UNFINISHED, check_validation_folder, write_validation
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
 
     out, contact, bench = user_path(out), file_of(contact), file_of(bench)
-    check_validation_folder(out)
+    VALIDATION.check(out)
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
                          right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,28 +10,17 @@ import numpy as np
 
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced, sha256
-from vsf_drake.json_file import read_json, write_json
-from vsf_drake.npz_file import read_npz
+from vsf_drake.files import write_text
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_page import fit_page
+from vsf_drake.report.results_folder import PAGE, ResultsFolder
 from vsf_drake.report.style import save_figure
-from vsf_drake.simulation.archive import check_target, remove_result, result_folder
+from vsf_drake.simulation.archive import remove_result
 
-FIT = "fit"
-CONTACT, TABLE, CURVES, PAGE, CHECKPOINT = "contact.yaml", "fit.json", "fit.npz", "report.html", "checkpoint.json"
-
-
-def check_fit_folder(out: Path) -> None:
-    """Whether a fit can go to `out`: a new or empty folder, or that of an earlier fit, finished or not.
-
-    Raises:
-        InputError: it cannot be written, or holds anything else.
-    """
-    check_target(out, FIT, lambda out: (out / TABLE).exists() or (out / CHECKPOINT).exists(),
-                 names=(CONTACT, TABLE, CURVES, PAGE, CHECKPOINT))
-    if (out / TABLE).exists() and _table(out / TABLE).get("kind") != FIT:
-        raise InputError("is not the table of a fit", file=out / TABLE, right="Choose another folder")
+CONTACT, CHECKPOINT = "contact.yaml", "checkpoint.json"
+FIT = ResultsFolder(
+    kind="fit", command="fit", table="fit.json", arrays="fit.npz", known=lambda table: table.get("kind") == "fit",
+    names=(CONTACT, PAGE, CHECKPOINT), stale=(CONTACT,), unfinished=lambda out: (out / CHECKPOINT).exists())
 
 
 def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
@@ -41,10 +29,12 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
     Raises:
         InputError: a file cannot be removed.
     """
-    with _writing(out):
-        remove_result(out, FIT, (CONTACT,))
+    try:
+        remove_result(out, FIT.kind, (CONTACT,))
         if checkpoint:
             (out / CHECKPOINT).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=out) from None
 
 
 def write_fit(
@@ -66,50 +56,16 @@ def write_fit(
     if contact is not None and not table["success"]:
         raise ValueError("a fit that failed leaves no contact")
     figures = fit_figures(table, curves)
-    files = [TABLE, PAGE, *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
-             *([CURVES] if curves else []), *([CONTACT] if contact is not None else [])]
-    written = {**table, "files": sorted(files)}
-    with _writing(out), result_folder(out, FIT, stale=(CONTACT,)) as folder:
-        if curves:
-            with replaced(folder / CURVES, "wb") as stream:
-                np.savez_compressed(stream, allow_pickle=False, **dict(curves))
-        written["arrays_sha256"] = sha256(folder / CURVES) if curves else None
-        write_json(folder / TABLE, written)
-        with replaced(folder / PAGE) as stream:
-            stream.write(fit_page(written, figures))
+    files = [FIT.table, PAGE, *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
+             *([FIT.arrays] if curves else []), *([CONTACT] if contact is not None else [])]
+
+    def more(folder: Path, written: dict[str, Any]) -> None:
+        write_text(folder / PAGE, fit_page(written, figures))
         for name, figure in figures.items():
             save_figure(figure, folder / name)
         if contact is not None:
             save_contact(contact, folder / CONTACT)
-    with _writing(out):
-        (out / CHECKPOINT).unlink(missing_ok=True)
+
+    written = FIT.write(out, {**table, "files": sorted(files)}, curves or None, more=more)
+    (out / CHECKPOINT).unlink(missing_ok=True)
     return written
-
-
-def read_fit(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Table and curves that `write_fit` left in `folder`; `fit_figures` and `fit_page` make the rest of them.
-
-    Raises:
-        InputError: a file is missing or damaged, or the two do not belong together.
-    """
-    table, path = _table(Path(folder) / TABLE), Path(folder) / CURVES
-    if table.get("kind") != FIT:
-        raise InputError("is not the table of a fit", file=Path(folder) / TABLE)
-    if table["arrays_sha256"] is None:
-        return table, {}
-    if sha256(path) != table["arrays_sha256"]:
-        raise InputError(f"is not the file that {TABLE} describes (its SHA-256 differs)", file=path)
-    return table, read_npz(path)
-
-
-def _table(path: Path) -> dict[str, Any]:
-    return read_json(path, right="A fit leaves one")
-
-
-@contextlib.contextmanager
-def _writing(out: Path) -> Iterator[None]:
-    """Faults of the file system as InputError."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, replaced, sha256
+from vsf_drake.files import part_of, sha256, write_text
 from vsf_drake.json_file import read_json, write_json
-from vsf_drake.npz_file import read_npz
+from vsf_drake.npz_file import read_npz, write_npz
 from vsf_drake.schema import load_plain
 from vsf_drake.yaml_file import dump
 
@@ -97,13 +97,13 @@ def result_folder(
     else:
         home = next(folder for folder in out.parents if folder.exists())
     with part_of(out, home, Path.mkdir) as temporary:
-        yield temporary
         try:
+            yield temporary
             if keep:
                 with _undisturbed():
                     _settle(temporary, out, kind, add=add, stale=stale)
         except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror})", file=out) from None
+            raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
 
 
 def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
@@ -123,11 +123,9 @@ def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar:
     The sidecar also gets the arrays' SHA-256, so that a mixed-up pair is noticed on reading.
     """
     folder = Path(folder)
-    with replaced(folder / ARRAYS_FILE, "wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **dict(arrays))
+    write_npz(folder / ARRAYS_FILE, arrays)
     content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
-    with replaced(folder / SIDECAR_FILE) as stream:
-        stream.write(dump(content, width=120))
+    write_text(folder / SIDECAR_FILE, dump(content, width=120))
 
 
 def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

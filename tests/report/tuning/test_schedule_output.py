@@ -14,8 +14,8 @@ from page_reader import Balanced
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.chapters import schedule_words
+from vsf_drake.report.tuning.output import SCHEDULE, write_schedule
 from vsf_drake.report.tuning.schedule_figure import policy_figure, schedule_curves_figure, telling
-from vsf_drake.report.tuning.schedule_output import check_schedule_folder, remake_schedule, write_schedule
 from vsf_drake.report.tuning.words import HARDLY
 from vsf_drake.simulation.archive import RECORD_FILE
 
@@ -118,13 +118,13 @@ def test_tasks_that_nothing_tells_apart_have_no_such_figure(tmp_path):
 
 def test_folders_and_tables_of_other_things_are_refused(tmp_path):
     with pytest.raises(InputError, match="vsf-drake schedule --out"):
-        remake_schedule(tmp_path)
+        SCHEDULE.remake(tmp_path)
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things than an earlier schedule"):
-        check_schedule_folder(tmp_path)
+        SCHEDULE.check(tmp_path)
     (tmp_path / "policy.json").write_text('{"format": "vsf_drake schedule 1", "tasks": 3}')
     with pytest.raises(InputError, match="cannot be used"):
-        remake_schedule(tmp_path)
+        SCHEDULE.remake(tmp_path)
     with pytest.raises(ValueError, match="lacks cost_name"):
         write_schedule(tmp_path / "out", {"tasks": []})
 

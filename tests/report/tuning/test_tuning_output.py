@@ -21,7 +21,7 @@ from page_reader import Balanced
 
 from vsf_drake.analysis.tuning.common import KEYS
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.output import check_tuning_folder, read_tuning, remake_tuning, write_tuning
+from vsf_drake.report.tuning.output import TUNING
 
 MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
         "failed": (failed_table, dict)}
@@ -34,7 +34,7 @@ def folders(tmp_path_factory):
     """A folder of each kind of tuning."""
     home = tmp_path_factory.mktemp("tunings")
     for kind, (table, arrays) in MADE.items():
-        write_tuning(home / kind, table(), arrays())
+        TUNING.write(home / kind, table(), arrays())
     return home
 
 
@@ -66,7 +66,7 @@ def test_the_table_has_every_key_and_the_values_that_were_given(folders, kind):
 
 @every_kind
 def test_results_read_back_are_those_that_were_written(folders, kind):
-    table, arrays = read_tuning(folders / kind)
+    table, arrays = TUNING.read(folders / kind)
     assert table["status"] == MADE[kind][0]()["status"]
     given = MADE[kind][1]()
     assert set(arrays) == set(given)
@@ -76,7 +76,7 @@ def test_results_read_back_are_those_that_were_written(folders, kind):
 
 def test_numbers_that_are_not_finite_are_unknown_in_the_table(tmp_path):
     bad = dict(wall_s=float("nan"), robustness=[{"what": "a", "fulcrum_mm": float("inf"), "cost": None}])
-    written = write_tuning(tmp_path / "out", small_table() | bad, {})
+    written = TUNING.write(tmp_path / "out", small_table() | bad, {})
     assert (written["wall_s"], written["robustness"][0]["fulcrum_mm"]) == (None, None)
 
 
@@ -91,7 +91,7 @@ def test_tables_hold_every_digit(folders):
 @every_kind
 def test_the_report_made_again_is_the_same_to_the_byte(run, tmp_path, kind):
     out = tmp_path / "out"
-    write_tuning(out, MADE[kind][0](), MADE[kind][1]())
+    TUNING.write(out, MADE[kind][0](), MADE[kind][1]())
     before = files(out)
     for path in [*out.rglob("*.html"), *out.rglob("*.png"), *out.rglob("*.svg"), *out.rglob("*.csv")]:
         path.unlink()
@@ -129,7 +129,7 @@ def test_a_result_that_is_none_is_marked_above_everything_else(folders):
 
 
 def test_a_sweep_beside_a_solver_that_failed_shows_no_optimum(tmp_path):
-    write_tuning(tmp_path / "out", made_table(optimal=False, status="interrupted"), made_arrays())
+    TUNING.write(tmp_path / "out", made_table(optimal=False, status="interrupted"), made_arrays())
     body = page_of(tmp_path / "out").partition("<body>")[2]
     assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in body, "the alternative text of the figure"
     assert "The optimum is at" not in body
@@ -140,9 +140,9 @@ def test_a_sweep_beside_a_solver_that_failed_shows_no_optimum(tmp_path):
 
 def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
     out = tmp_path / "out"
-    write_tuning(out, small_table(), {})
+    TUNING.write(out, small_table(), {})
     (out / "figures" / "notes.txt").write_text("mine", encoding="utf-8")
-    write_tuning(out, failed_table(), {})
+    TUNING.write(out, failed_table(), {})
     assert {path.name for path in (out / "figures").iterdir()} == {"notes.txt"}
     assert not (out / "tables" / "sweep.csv").exists()
 
@@ -150,7 +150,7 @@ def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path)
 @pytest.mark.parametrize("change", [{"level": 3}, {"format": "vsf_drake tuning 0"}, {"fulcrum_mm": None}])
 def test_a_table_that_cannot_be_is_refused_by_who_writes_it(tmp_path, change):
     with pytest.raises(ValueError, match=r"level|format|optimum"):
-        write_tuning(tmp_path / "out", made_table(**change), {})
+        TUNING.write(tmp_path / "out", made_table(**change), {})
     assert not (tmp_path / "out").exists()
 
 
@@ -158,7 +158,7 @@ def test_a_table_without_a_key_is_refused_by_who_writes_it(tmp_path):
     table = made_table()
     del table["checks"]
     with pytest.raises(ValueError, match="lacks checks"):
-        write_tuning(tmp_path / "out", table, {})
+        TUNING.write(tmp_path / "out", table, {})
 
 
 @pytest.mark.parametrize(
@@ -168,35 +168,35 @@ def test_a_table_without_a_key_is_refused_by_who_writes_it(tmp_path):
      ("tuning.json", '{"format": "vsf_drake tuning 1"}', "lacks level"), ("tuning.npz", "other", "SHA-256")])
 def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, words):
     out = tmp_path / "out"
-    write_tuning(out, small_table(), {})
+    TUNING.write(out, small_table(), {})
     if text is None:
         (out / name).unlink()
     else:
         (out / name).write_text(text)
     with pytest.raises(InputError, match=words) as raised:
-        remake_tuning(out)
+        TUNING.remake(out)
     assert name in str(raised.value)
 
 
 def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path):
     out = tmp_path / "out"
-    write_tuning(out, small_table(), {})
+    TUNING.write(out, small_table(), {})
     table = read_json(out / "tuning.json")
     table["checks"] = [{"label": "fine sweep"}]
     (out / "tuning.json").write_text(json.dumps(table), encoding="utf-8")
-    missing = remake_tuning(out)
+    missing = TUNING.remake(out)
     assert any(sentence.startswith("Checks") for sentence in missing)
     assert "This version cannot show what the results hold of it (KeyError" in page_of(out)
     assert "has the least" in page_of(out)
 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path):
-    check_tuning_folder(tmp_path / "new")
+    TUNING.check(tmp_path / "new")
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things than an earlier tuning"):
-        check_tuning_folder(tmp_path)
-    write_tuning(tmp_path / "out", small_table(), {})
-    check_tuning_folder(tmp_path / "out")
+        TUNING.check(tmp_path)
+    TUNING.write(tmp_path / "out", small_table(), {})
+    TUNING.check(tmp_path / "out")
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file"):
-        check_tuning_folder(tmp_path / "file")
+        TUNING.check(tmp_path / "file")

@@ -15,12 +15,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.report.page import Chapter, Column, Grid, Picture, Text
 from vsf_drake.report.style import label, new_figure, style
 from vsf_drake.report.validation import chapters
-from vsf_drake.report.validation.output import (
-    check_validation_folder,
-    read_validation,
-    remake_report,
-    write_validation,
-)
+from vsf_drake.report.validation.output import VALIDATION, write_validation
 
 THIRD = 1.0 / 3.0
 
@@ -80,7 +75,7 @@ def test_tables_hold_every_digit_and_nothing_for_what_is_unknown(tmp_path):
 
 def test_results_read_back_are_those_that_were_written(tmp_path):
     written = write_validation(content(), ARRAYS, tmp_path / "out")
-    found, arrays = read_validation(tmp_path / "out")
+    found, arrays = VALIDATION.read(tmp_path / "out")
     assert found == written
     np.testing.assert_array_equal(arrays["walking/force_bw"], ARRAYS["walking/force_bw"])
 
@@ -92,7 +87,7 @@ def test_the_report_made_again_is_the_same_to_the_byte(tmp_path):
     for path in before:
         if path.suffix in (".html", ".png", ".svg", ".csv"):
             path.unlink()
-    remake_report(out)
+    VALIDATION.remake(out)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
@@ -104,7 +99,7 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     table["sections"]["walking"]["table"] = {"error_percent": 3.0}
     table["sections"]["bench"] = {"table": {"error_bw": 0.5}, "missing": [], "wall_s": 1.0, "failure": ""}
     (out / "validation.json").write_text(json.dumps(table))
-    missing = remake_report(out)
+    missing = VALIDATION.remake(out)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "These results have format 7" in page
     assert "This version cannot show what the results hold of it (KeyError: &#39;error_bw&#39;)" in page
@@ -118,7 +113,7 @@ def edited(out, change):
     table = json.loads((out / "validation.json").read_text())
     change(table)
     (out / "validation.json").write_text(json.dumps(table))
-    return remake_report(out), (out / "report.html").read_text(encoding="utf-8")
+    return VALIDATION.remake(out), (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
@@ -143,7 +138,8 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, 
 
     write_validation(content(), ARRAYS, tmp_path / "out")
     monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", undrawable)})
-    assert any("cannot show the figure force (ValueError" in sentence for sentence in remake_report(tmp_path / "out"))
+    missing = VALIDATION.remake(tmp_path / "out")
+    assert any("cannot show the figure force (ValueError" in sentence for sentence in missing)
     assert "Error 0.333 BW." in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert not list((tmp_path / "out" / "figures").iterdir())
 
@@ -198,7 +194,7 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
     else:
         (out / name).write_text(text)
     with pytest.raises(InputError, match=words) as raised:
-        remake_report(out)
+        VALIDATION.remake(out)
     assert name in str(raised.value)
     assert (out / "report.html").read_bytes() == page
 
@@ -213,7 +209,7 @@ def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp
     else:
         (out / name).unlink()
         (out / name).mkdir()
-    for check in (check_validation_folder, remake_report):
+    for check in (VALIDATION.check, VALIDATION.remake):
         with pytest.raises(InputError, match=f"{name}: cannot be written .it is a {kind}"):
             check(out)
 
@@ -221,23 +217,23 @@ def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp
 def test_a_folder_that_may_not_be_written_to_is_told_before_anything_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # a mode does not stop the superuser
     with pytest.raises(InputError, match="Permission denied"):
-        check_validation_folder(tmp_path)
+        VALIDATION.check(tmp_path)
 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things"):
-        check_validation_folder(tmp_path)
+        VALIDATION.check(tmp_path)
     (tmp_path / "thesis.txt").unlink()
     (tmp_path / "validation.json").write_text('{"kind": "of another program"}')
     with pytest.raises(InputError, match="other things"):
-        check_validation_folder(tmp_path)
+        VALIDATION.check(tmp_path)
     (tmp_path / "validation.json").unlink()
     (tmp_path / "unfinished").mkdir()
-    check_validation_folder(tmp_path)
+    VALIDATION.check(tmp_path)
     (tmp_path / "unfinished" / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="other things"):
-        check_validation_folder(tmp_path)
-    check_validation_folder(tmp_path / "new")
+        VALIDATION.check(tmp_path)
+    VALIDATION.check(tmp_path / "new")
     write_validation(content(), ARRAYS, tmp_path / "out")
-    check_validation_folder(tmp_path / "out")
+    VALIDATION.check(tmp_path / "out")

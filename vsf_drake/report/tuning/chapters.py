@@ -48,7 +48,7 @@ def tuning_chapters(table: Mapping[str, Any], arrays: Arrays, *, lenient: bool) 
 
     Args:
         table, arrays: of tuning.json and tuning.npz.
-        lenient: see `chapter_files.write_chapters`.
+        lenient: see `page.chapter_page`.
     """
     makers: list[tuple[str, str, Callable[[], Chapter], bool]] = [
         ("answer", "Answer", lambda: _answer(table, arrays), True),
@@ -423,7 +423,7 @@ def schedule_chapters(table: Mapping[str, Any], *, lenient: bool) -> list[Chapte
     """The policy, what it buys, and how it was made.
 
     Args:
-        lenient: see `chapter_files.write_chapters`.
+        lenient: see `page.chapter_page`.
     """
     makers: tuple[tuple[str, str, Callable[[Mapping[str, Any]], Chapter]], ...] = (
         ("policy", "What the device would store", _policy),

@@ -1,4 +1,4 @@
-"""What a tuning leaves on disk, all of it or nothing, and the page made again of it."""
+"""What a tuning and a schedule leave on disk, all of it or nothing, and the pages made again of it."""
 
 from __future__ import annotations
 
@@ -9,107 +9,74 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning.common import FORMAT, check_tuning_table
-from vsf_drake.errors import InputError
-from vsf_drake.files import replaced, sha256
-from vsf_drake.json_file import plain, write_json
-from vsf_drake.report.chapter_files import (
-    CHAPTERS,
-    FIGURES,
-    TABLES,
-    check_report_folder,
-    read_arrays,
-    read_table,
-    tidy_chapters,
-    write_chapters,
-    writing,
+from vsf_drake.analysis.tuning.schedule import POLICY_FORMAT, schedule_of
+from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.report.page import write_csv
+from vsf_drake.report.results_folder import ResultsFolder
+from vsf_drake.report.tuning.chapters import (
+    schedule_alarm,
+    schedule_chapters,
+    schedule_first_line,
+    schedule_title,
+    tuning_chapters,
 )
-from vsf_drake.report.tuning.chapters import tuning_chapters
 from vsf_drake.report.tuning.words import alarm_of, first_line, title_of
-from vsf_drake.simulation.archive import result_folder
 
-TUNING = "tuning"
-TABLE, ARRAYS, PAGE = "tuning.json", "tuning.npz", "report.html"
-_BEGINS = FORMAT.rpartition(" ")[0]
-
-
-def check_tuning_folder(out: Path) -> None:
-    """Whether a tuning can go to `out`: a new or empty folder, or that of an earlier tuning.
-
-    Raises:
-        InputError: it cannot be written, or holds anything else.
-    """
-    check_report_folder(out, TUNING, table=TABLE, files=(ARRAYS, PAGE), folders=(FIGURES, TABLES), known=_is_tuning)
+SCHEDULE_KEYS = ("cost_name", "cost_label", "cost_unit", "level", "synthetic", "notes", "wall_s", "provenance")
+"""What the table has besides the policy itself (`analysis.tuning.schedule.policy_table`)."""
+POLICY_CSV = "policy.csv"
+_COLUMNS = ("label", *DESCRIPTORS, "fulcrum_mm", "exact_mm", "interval_low_mm", "interval_high_mm", "cost",
+            "cost_common", "matters", "optimal", "status")
 
 
-def write_tuning(
-    folder: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
-) -> dict[str, Any]:
-    """Writes tuning.json, tuning.npz, report.html, and a file for every figure and table.
-
-    Args:
-        table: see `common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in each trial.
-        arrays: any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), and for trial K from 0 `trial_K_time`
-            (n,) s, `trial_K_softest`, `trial_K_optimum`, `trial_K_stiffest`, `trial_K_recorded` (n, 3) N in W, or of
-            one trial `grf_time`, `grf_softest` and so on; of level 2: `phase` (n,) 0 to 1, `names` (8,),
-            `q`, `q_recorded` (n, 8) rad and m, `torque`, `torque_recorded` (n, 5) N m, `grf_prosthetic`, `grf_intact`
-            (n, 2) N (forward, up), and these two with `_recorded`, `_resimulated_prescribed`, `_resimulated_feedback`.
-            Others are kept, and not shown.
-
-    Returns:
-        What tuning.json holds.
-
-    Raises:
-        InputError: the folder cannot be written.
-        ValueError: the table lacks a key.
-    """
-    out = Path(folder)
-    check_tuning_table(table)
-    written: dict[str, Any] = plain(dict(table))
-    with writing(out), result_folder(out, TUNING, stale=CHAPTERS) as temporary:
-        with replaced(temporary / ARRAYS, "wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(a) for name, a in arrays.items()})
-        written["arrays_sha256"] = sha256(temporary / ARRAYS)
-        _write_page(written, arrays, temporary, lenient=False)
-        write_json(temporary / TABLE, written, sort=False)
-    return written
+def _show_tuning(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, folder: Path, lenient: bool
+                 ) -> dict[str, Any]:
+    return {"chapters": tuning_chapters(table, arrays, lenient=lenient), "title": title_of(table),
+            "first_line": first_line(table), "synthetic": bool(table["synthetic"]), "alarm": alarm_of(table)}
 
 
-def read_tuning(folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Table and arrays that `write_tuning` left in `folder`.
-
-    Raises:
-        InputError: a file is missing or damaged, or the two do not belong together.
-    """
-    path = Path(folder) / TABLE
-    table = read_table(path, _is_tuning, kind=TUNING, command="tune")
-    try:
-        check_tuning_table(table)
-    except ValueError as error:
-        raise InputError(f"cannot be used: {error}", file=path, right="Run `vsf-drake tune` again") from None
-    return table, read_arrays(Path(folder) / ARRAYS, table, named=TABLE, command="tune")
+TUNING = ResultsFolder(
+    kind="tuning", command="tune", table="tuning.json", arrays="tuning.npz", show=_show_tuning,
+    known=lambda table: str(table.get("format")).startswith(FORMAT.rpartition(" ")[0]),
+    valid=lambda table, path: check_tuning_table(table))
+"""The table is that of `analysis.tuning.common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in
+each trial. Arrays are any of level 1: `sweep_mm` (s,), `sweep_cost_trials` (s, trials), and for trial K from 0
+`trial_K_time` (n,) s, `trial_K_softest`, `trial_K_optimum`, `trial_K_stiffest`, `trial_K_recorded` (n, 3) N in W, or of
+one trial `grf_time`, `grf_softest` and so on; of level 2: `phase` (n,) 0 to 1, `names` (8,), `q`, `q_recorded` (n, 8)
+rad and m, `torque`, `torque_recorded` (n, 5) N m, `grf_prosthetic`, `grf_intact` (n, 2) N (forward, up), and these two
+with `_recorded`, `_resimulated_prescribed`, `_resimulated_feedback`. Others are kept, and not shown."""
 
 
-def remake_tuning(folder: str | Path) -> list[str]:
-    """Makes page, figures and tables again of what is saved in `folder`; what could not be shown, in sentences.
-
-    Raises:
-        InputError: see `read_tuning`; or the folder cannot be written.
-    """
-    out = Path(folder)
-    table, arrays = read_tuning(out)
-    with writing(out), result_folder(out, TUNING, add=True) as temporary:
-        files, missing = _write_page(table, arrays, temporary, lenient=True)
-    tidy_chapters(out, files)
-    return missing
+def _check_schedule(table: Mapping[str, Any], path: Path) -> None:
+    missing = [key for key in SCHEDULE_KEYS if key not in table]
+    if missing:
+        raise ValueError(f"the table of a schedule lacks {', '.join(missing)}")
+    schedule_of(table, file=path)
 
 
-def _is_tuning(table: Mapping[str, Any]) -> bool:
-    return str(table.get("format")).startswith(_BEGINS)
+def _show_schedule(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, folder: Path, lenient: bool
+                   ) -> dict[str, Any]:
+    return {"chapters": schedule_chapters(table, lenient=lenient), "title": schedule_title(table),
+            "first_line": schedule_first_line(table), "synthetic": bool(table["synthetic"]),
+            "alarm": schedule_alarm(table)}
 
 
-def _write_page(
-    table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], folder: Path, *, lenient: bool
-) -> tuple[set[Path], list[str]]:
-    chapters = tuning_chapters(table, arrays, lenient=lenient)
-    return write_chapters(chapters, folder, PAGE, title=title_of(table), first_line=first_line(table), links={},
-                          synthetic=bool(table["synthetic"]), lenient=lenient, alarm=alarm_of(table))
+SCHEDULE = ResultsFolder(
+    kind="schedule", command="schedule", table="policy.json", names=(POLICY_CSV,), show=_show_schedule,
+    known=lambda table: str(table.get("format")).startswith(POLICY_FORMAT.rpartition(" ")[0]), valid=_check_schedule)
+"""The table is that of `policy_table`, with SCHEDULE_KEYS, and for every task `trials` (labels), `sweep` (lists of
+`fulcrum_mm` and `cost`), and if known `rest`, `rest_common`: its cost at its own setting and at the one for all,
+without terms that only hold to the recording."""
+
+
+def write_schedule(out: str | Path, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Writes a schedule with its policy.csv; see `ResultsFolder.write`."""
+    return SCHEDULE.write(out, table, more=_write_policy)
+
+
+def _write_policy(folder: Path, table: Mapping[str, Any]) -> None:
+    rows = []
+    for row in table["tasks"]:
+        low, high = row["interval_mm"] or (None, None)
+        rows.append({**row, "interval_low_mm": low, "interval_high_mm": high})
+    write_csv(folder / POLICY_CSV, _COLUMNS, ([row[name] for name in _COLUMNS] for row in rows))

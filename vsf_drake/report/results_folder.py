@@ -1,0 +1,166 @@
+"""One writer and one reader for every folder of results: who may write them where, what is written, what comes back."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import sha256, write_text
+from vsf_drake.json_file import plain, read_json, write_json
+from vsf_drake.npz_file import read_npz, write_npz
+from vsf_drake.report.page import FIGURES, TABLES, chapter_page
+from vsf_drake.simulation.archive import SIDECAR_FILE, check_target, result_folder
+
+PAGE = "report.html"
+CHAPTERS = tuple(f"{folder}/*{kind}" for folder, kinds in ((FIGURES, (".png", ".svg")), (TABLES, (".csv",)))
+                 for kind in kinds)
+"""Patterns of the names of all figures and tables of chapters."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultsFolder:
+    """The results of one command on disk.
+
+    Attributes:
+        kind: by which the folder's record and messages have them. command: that writes them.
+        table: the JSON file that says what they are. known: whether a table, which may be damaged, is one of these.
+        arrays: an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name.
+        names: of what else is written, where it is known beforehand.
+        stale: patterns of what goes from a folder without a record.
+        sidecar: a YAML file that says the kind, instead of a table.
+        unfinished: whether a folder without a table is that of an interrupted run.
+        valid: raises ValueError for a table that cannot be used, InputError for one in the file that it is given.
+        show: of a page of chapters: what `page.chapter_page` is to be given, of table and arrays; `folder` is where
+            other files stand.
+    """
+
+    kind: str
+    command: str
+    table: str = ""
+    known: Callable[[Mapping[str, Any]], bool] = lambda table: True
+    arrays: str = ""
+    names: tuple[str, ...] = ()
+    stale: tuple[str, ...] = ()
+    sidecar: str = SIDECAR_FILE
+    unfinished: Callable[[Path], bool] = lambda out: False
+    valid: Callable[[Mapping[str, Any], Path], None] = lambda table, path: None
+    show: Callable[..., Mapping[str, Any]] | None = None
+
+    def check(self, out: str | Path) -> Path:
+        """`out`, if such results can go there: a new or empty folder, or that of earlier ones, finished or not.
+
+        Raises:
+            InputError: it cannot be written, or holds anything else.
+        """
+        out = Path(out)
+        names = [*filter(None, (self.table, self.arrays)), *self.names,
+                 *((PAGE, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ())]
+        check_target(out, self.kind, lambda out: self._holds(out) or self.unfinished(out), names=names,
+                     sidecar=self.sidecar)
+        if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
+            raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out,
+                             right="Choose another folder")
+        return out
+
+    def write(self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None, *,
+              more: Callable[[Path, dict[str, Any]], object] = lambda folder, table: None) -> dict[str, Any]:
+        """Writes everything to `out`, all of it or nothing; what an earlier run left there goes.
+
+        Args:
+            more: writes what is not table, arrays or chapters into the folder that it is given, and may add to the
+                table.
+
+        Returns:
+            What the JSON file holds.
+
+        Raises:
+            InputError: `out` cannot be written. ValueError: the table cannot be used.
+        """
+        self.valid(table, Path(out) / self.table)
+        written: dict[str, Any] = plain(dict(table))
+        stale = (*self.stale, *(CHAPTERS if self.show else ()))
+        with result_folder(out, self.kind, stale=stale) as folder:
+            if self.arrays:
+                if arrays is not None:
+                    write_npz(folder / self.arrays, {name.replace("/", "__", 1): a for name, a in arrays.items()})
+                written["arrays_sha256"] = None if arrays is None else sha256(folder / self.arrays)
+            more(folder, written)
+            if self.show:
+                self._write_page(folder, folder, written, arrays or {}, lenient=False)
+            write_json(folder / self.table, written, sort=not self.show)
+        return written
+
+    def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Table and arrays that `write` left.
+
+        Raises:
+            InputError: a file is missing or damaged, the table is another one, or the two do not belong together.
+        """
+        path, right = Path(folder) / self.table, f"Name the folder that `vsf-drake {self.command} --out` wrote"
+        again = f"Run `vsf-drake {self.command}` again"
+        table = read_json(path, right=right, damaged=again)
+        if not self.known(table):
+            raise InputError(f"is not the table of a {self.kind}", file=path, right=right)
+        try:
+            self.valid(table, path)
+        except ValueError as error:
+            raise InputError(f"cannot be used: {error}", file=path, right=again) from None
+        if not self.arrays or ("arrays_sha256" in table and table["arrays_sha256"] is None):
+            return table, {}
+        arrays = Path(folder) / self.arrays
+        if sha256(arrays) != table.get("arrays_sha256"):
+            raise InputError(f"is not the file that {self.table} describes (its SHA-256 differs)", file=arrays,
+                             right=again)
+        return table, {name.replace("__", "/", 1): a for name, a in read_npz(arrays, right=again).items()}
+
+    def remake(self, folder: str | Path) -> list[str]:
+        """Makes page, figures and tables again of what is saved, without simulating.
+
+        Returns:
+            What could not be shown, in sentences.
+
+        Raises:
+            InputError: see `read`; or the folder cannot be written.
+        """
+        out = Path(folder)
+        table, arrays = self.read(out)
+        with result_folder(out, self.kind, add=True) as temporary:
+            try:
+                files, missing = self._write_page(temporary, out, table, arrays, lenient=True)
+            except (LookupError, TypeError, ValueError, AttributeError) as error:
+                raise InputError(f"is damaged ({type(error).__name__}: {error})", file=out / self.table,
+                                 right=f"Run `vsf-drake {self.command}` again") from None
+        try:
+            for path in (path for pattern in CHAPTERS for path in out.glob(pattern)):
+                if path.relative_to(out) not in files:
+                    path.unlink()
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=out) from None
+        return missing
+
+    def _holds(self, out: Path) -> bool:
+        """Whether such a table stands in `out`, be it damaged."""
+        path = out / self.table
+        if not self.table or not path.is_file():
+            return False
+        try:
+            return self.known(read_json(path))
+        except InputError:
+            return True
+
+    def _write_page(self, folder: Path, out: Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *,
+                    lenient: bool) -> tuple[set[Path], list[str]]:
+        """Page, figures and tables into `folder`; paths of these in it, and what is missing in sentences."""
+        assert self.show is not None
+        page, shown = chapter_page(**self.show(table, arrays, folder=out, lenient=lenient), folder=folder,
+                                   lenient=lenient)
+        write_text(folder / PAGE, page)
+        return (set().union(*(chapter.files for chapter in shown)),
+                [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing])
