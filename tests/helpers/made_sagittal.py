@@ -11,8 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.resimulation.result import SolutionMotion, whole_motion
-from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory
+from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, SolutionMotion, whole_motion
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with

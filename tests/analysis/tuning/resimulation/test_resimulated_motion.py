@@ -9,7 +9,7 @@ import pytest
 from made_sagittal import periodic_motion, sagittal
 
 from vsf_drake.analysis.tuning.resimulation import SagittalTrajectory
-from vsf_drake.analysis.tuning.resimulation.result import SolutionMotion, whole_motion
+from vsf_drake.analysis.tuning.resimulation.trajectory import SolutionMotion, whole_motion
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 

@@ -9,7 +9,7 @@ import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
 from vsf_drake.analysis.tuning.resimulation import RegulatorWeights, resimulate_with_feedback
-from vsf_drake.analysis.tuning.resimulation.feedback import drive, walk_prescribed
+from vsf_drake.analysis.tuning.resimulation.resimulate import drive, walk_prescribed
 from vsf_drake.errors import InputError, SimulationError
 
 

@@ -9,8 +9,7 @@ import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
 from vsf_drake.analysis.collocation.grid import Grid, Layout
-from vsf_drake.analysis.tuning.resimulation import design_values
-from vsf_drake.analysis.tuning.resimulation.feedback import solved_trajectory
+from vsf_drake.analysis.tuning.resimulation import design_values, solved_trajectory
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
 

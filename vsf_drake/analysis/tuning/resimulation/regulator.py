@@ -2,24 +2,34 @@
 
     x' = A_k x + B_k u,        minimise sum x^T Q x + u^T R u,        u = -K_k x
 
-by the Riccati recursion backward over the steps; a period is gone over until the gains repeat.
+by the Riccati recursion backward over the steps; a period is gone over until the gains repeat. And the steps of a walk
+as such a linear system.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.resimulation.trajectory import FEET
-from vsf_drake.errors import FitError, InputError
-from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.errors import FitError
+from vsf_drake.schema import check, quantity
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_room
+from vsf_drake.simulation.stepping.dynamics import tree_arrays
+from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.simulation.stepping.newton import FLAT, step, tangent_matrix
+from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
+from vsf_drake.simulation.walk import Walk
 
 MOST_PERIODS = 50
 REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
+SAME_SPEED = 1e-3
+"""m/s, rad/s: ends of a step that differ by less are the same."""
+_LEAST, _SOURCE = 1e-9, "choice"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,21 +45,19 @@ class RegulatorWeights:
         hand_n, hand_nm: of the force and the moment of a hand at the pelvis, where one is allowed.
     """
 
-    tilt_deg: float = 5.0
-    forward_m: float = 0.1
-    up_m: float = 0.05
-    joint_deg: float = 10.0
-    tilt_deg_per_s: float = 60.0
-    pelvis_m_per_s: float = 0.3
-    joint_deg_per_s: float = 200.0
-    torque_nm: float = 20.0
-    hand_n: float = 20.0
-    hand_nm: float = 10.0
+    tilt_deg: float = quantity(5.0, unit="deg", low=_LEAST, source=_SOURCE)
+    forward_m: float = quantity(0.1, unit="m", low=_LEAST, source=_SOURCE)
+    up_m: float = quantity(0.05, unit="m", low=_LEAST, source=_SOURCE)
+    joint_deg: float = quantity(10.0, unit="deg", low=_LEAST, source=_SOURCE)
+    tilt_deg_per_s: float = quantity(60.0, unit="deg/s", low=_LEAST, source=_SOURCE)
+    pelvis_m_per_s: float = quantity(0.3, unit="m/s", low=_LEAST, source=_SOURCE)
+    joint_deg_per_s: float = quantity(200.0, unit="deg/s", low=_LEAST, source=_SOURCE)
+    torque_nm: float = quantity(20.0, unit="N m", low=_LEAST, source=_SOURCE)
+    hand_n: float = quantity(20.0, unit="N", low=_LEAST, source=_SOURCE)
+    hand_nm: float = quantity(10.0, unit="N m", low=_LEAST, source=_SOURCE)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
-                raise InputError(f"{value!r} is not usable", where=name, right="It must be a number above 0")
+        check(self)
 
     @property
     def state(self) -> np.ndarray:
@@ -76,91 +84,98 @@ def regulator(
     Raises:
         FitError: no feedback keeps the cost of a periodic system finite, or it does not settle.
     """
-    P = Q.copy()
+    P, K = Q.copy(), np.zeros((len(A), B.shape[2], A.shape[1]))
     for _ in range(MOST_PERIODS if periodic else 1):
         before = P
-        K, P = _sweep(A, B, Q, R, P)
+        for k in range(len(A) - 1, -1, -1):
+            PA, PB = P @ A[k], P @ B[k]
+            K[k] = np.linalg.solve(R + B[k].T @ PB, B[k].T @ PA)
+            P = Q + A[k].T @ (PA - PB @ K[k])
+            P = 0.5 * (P + P.T)
         if not np.isfinite(P).all():
             raise FitError("no feedback stabilises the linearised stride: its cost grows without bound")
-        if periodic and np.abs(P - before).max() <= REPEATS_WITHIN * np.abs(P).max():
+        if not periodic or np.abs(P - before).max() <= REPEATS_WITHIN * np.abs(P).max():
             return K, P
-    if periodic:
-        raise FitError(f"the feedback's gains still change after {MOST_PERIODS} periods: the stride is hardly "
-                       "controllable")
-    return K, P
-
-
-def _sweep(
-    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, P: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    K = np.zeros((len(A), B.shape[2], A.shape[1]))
-    for k in range(len(A) - 1, -1, -1):
-        PA, PB = P @ A[k], P @ B[k]
-        K[k] = np.linalg.solve(R + B[k].T @ PB, B[k].T @ PA)
-        P = Q + A[k].T @ (PA - PB @ K[k])
-        P = 0.5 * (P + P.T)
-    return K, P
+    raise FitError(f"the feedback's gains still change after {MOST_PERIODS} periods: the stride is hardly controllable")
 
 
 def multiplier(A: np.ndarray) -> float:
     """Largest magnitude among the eigenvalues of the product of the steps A (N, n, n), the first one acting first."""
-    product = np.eye(A.shape[1])
-    for step in A:
-        product = step @ product
+    product = reduce(lambda done, after: after @ done, A)
     return float(np.abs(np.linalg.eigvals(product)).max())
 
 
-# How far the ground reaction of a re-simulation is from that of the solution, at the solution's instants.
+# How the steps of a walk answer small changes of their start and of the torques: the linear model of a controller.
+#
+#     x = displacements of the f free coordinates, then of their velocities,        x' = A x + B u
+#
+# of one step after the other along a walk that was prescribed, with the eight sagittal coordinates set free under the
+# loads that held them there. A and B are the derivatives of the stepper's own equations, contact, keel and socket
+# included, not of a simplified model: see `stepping.sensitivity`. Only where friction falls with the speed of slip it
+# is taken as constant: there a step can end in more than one way, and a controller that relies on the falling branch
+# asks for large torques that do not help.
 
 
-STRIDE, STANCE = "stride", "stance"
-
-
-@dataclass(frozen=True)
-class ForceDifference:
-    """Root mean square difference over time, in percent of body weight.
+@dataclass(frozen=True, eq=False)
+class LinearSteps:
+    """N steps of f free coordinates, of which 8 are the person's and the others socket and keel.
 
     Attributes:
-        foot: "prosthetic" or "intact".
-        over: "stride", all instants that count, or "stance", those of them where either carries the foot (20 N).
-        filtered: whether the re-simulation was low-passed at 40 Hz before; the solution is never filtered, because its
-            instants are too far apart for that.
-        fore_aft, vertical: of the components. resultant: of the length of the force. NaN without an instant.
+        A: (N, 2 f, 2 f). B: (N, 2 f, 8), per N m or N on each of the eight.
+        person: (16,) where positions and velocities of the eight are in x.
+        inner: (N, f, 8) how socket and keel stand when the eight are displaced and everything else is in balance; 1 in
+            the rows of the eight. Velocities likewise.
+        elsewhere: (N,) bool, steps that end elsewhere than in the walk: where friction falls, or that were not solved
+            in one piece.
     """
 
-    foot: str
-    over: str
-    filtered: bool
-    fore_aft: float
-    vertical: float
-    resultant: float
+    A: np.ndarray
+    B: np.ndarray
+    person: np.ndarray
+    inner: np.ndarray
+    elsewhere: np.ndarray
+
+    @property
+    def whole(self) -> np.ndarray:
+        """(N, 2 f, 16) x as it is expected from what the person senses."""
+        n, f, c = self.inner.shape
+        found = np.zeros((n, 2 * f, 2 * c))
+        found[:, :f, :c] = found[:, f:, c:] = self.inner
+        return found
 
 
-def force_differences(
-    time_s: np.ndarray, solution: Mapping[str, np.ndarray], resimulated: Mapping[str, np.ndarray],
-    counted: np.ndarray, *, filtered: bool, body_weight_n: float
-) -> tuple[ForceDifference, ...]:
-    """Both feet, over the stride and over stance.
-
-    Args:
-        time_s: (n,) s. solution, resimulated: by foot, (n, 2) N. counted: (n,) bool, the instants that count.
-    """
-    weights = np.gradient(time_s)
-    weights[[0, -1]] *= 0.5
-    found = []
-    for foot in FEET:
-        ours, theirs = (np.asarray(force, dtype=float)[counted] / body_weight_n for force in
-                        (resimulated[foot], solution[foot]))
-        series = [ours[:, 0] - theirs[:, 0], ours[:, 1] - theirs[:, 1],
-                  np.linalg.norm(ours, axis=1) - np.linalg.norm(theirs, axis=1)]
-        loaded = np.maximum(ours[:, 1], theirs[:, 1]) > THRESHOLD_N / body_weight_n
-        for over, rows in ((STRIDE, np.ones(len(ours), dtype=bool)), (STANCE, loaded)):
-            w = weights[counted][rows]
-            fore_aft, vertical, resultant = (100.0 * weighted_rms(values[rows], w) for values in series)
-            found.append(ForceDifference(foot, over, filtered, fore_aft, vertical, resultant))
-    return tuple(found)
-
-
-def weighted_rms(values: np.ndarray, weights: np.ndarray) -> float:
-    """Root of the weighted mean of squares; NaN without a value."""
-    return float(np.sqrt(np.sum(weights * values**2) / np.sum(weights))) if len(values) else float("nan")
+def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> LinearSteps:
+    """Of the steps `first` ... `last` - 1 of a walk in which `names` were prescribed."""
+    mechanism, record, h = walk.mechanism, walk.record, walk.step_s
+    tree, forces = mechanism.tree, mechanism.forces
+    moving = np.array([tree.index(name) for name in names], dtype=np.int64)
+    inside = np.unique(np.concatenate([forces.spring_index, forces.keel_coordinates]))
+    held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
+    split = split_coordinates(tree, forces, held)
+    room, arrays = step_room(tree, forces, split), tree_arrays(tree)
+    ways = make_ways(tree, forces, split, (), measured=np.zeros(len(forces.sites), dtype=bool))
+    tangent = tangent_room(tree, split, ways)
+    f, place = len(split.free), split.place[moving]
+    rest = np.setdiff1d(np.arange(f), place)
+    sites, support, load = np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3), np.zeros(tree.num_coordinates)
+    A, B = np.zeros((last - first, 2 * f, 2 * f)), np.zeros((last - first, 2 * f, len(moving)))
+    inner, elsewhere = np.zeros((last - first, f, len(moving))), np.zeros(last - first, dtype=bool)
+    eye = np.eye(f)
+    for row, k in enumerate(range(first, last)):
+        q0, v0 = (record.q0, record.v0) if k == 0 else (record.q[k - 1], record.v[k - 1])
+        q, v = q0.copy(), v0.copy()
+        room.applied[:] = 0.0
+        room.applied[moving] = record.load[k, moving]
+        step(h, arrays, forces, split, room, mechanism.ground_height, 0.0, float(walk.fulcrum_m[k + 1]),
+             record.q[k, held], np.zeros((0, 0)), np.zeros(0), q, v, load, sites, support)
+        elsewhere[row] = np.abs(v - record.v[k]).max() > SAME_SPEED
+        tangent_matrix(h, arrays, forces, split, room, FLAT, sites)
+        linearise(h, arrays, forces, split, ways, room, tangent, q0, v, sites, support)
+        # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is implicit.
+        answer = np.linalg.solve(room.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]]))
+        A[row, f:], B[row, f:] = h * answer[:, : 2 * f], h * answer[:, 2 * f :]
+        A[row, :f], B[row, :f] = h * A[row, f:], h * B[row, f:]
+        A[row, :f, :f] += eye
+        inner[row, place] = np.eye(len(moving))
+        inner[row, rest] = -np.linalg.solve(tangent.Gq[np.ix_(rest, rest)], tangent.Gq[np.ix_(rest, place)])
+    return LinearSteps(A=A, B=B, person=np.concatenate([place, f + place]), inner=inner, elsewhere=elsewhere)

@@ -1,22 +1,29 @@
-"""A sagittal solution as it is handed over to be re-simulated."""
+"""A sagittal solution as it is handed over to be re-simulated, and the motion between its instants."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BPoly, CubicSpline
 
+from vsf_drake.analysis.collocation.solution import TrajectorySolution
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.simulation.sagittal.model import DESIGN
+from vsf_drake.simulation.walk import Walker
 
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
 FEET = ("prosthetic", "intact")
 COORDINATES, TORQUES = 8, 5
-_ROWS = ("q", "v", "a", "torque", "pelvis_load")
 PERIODIC_WITHIN = 1e-4
 """rad, m, rad/s, m/s: what a periodic trajectory may miss its own start by after one period."""
+SAMPLE_S, BEYOND_S = 1e-3, 0.01
+"""Between the samples of the motion that a walk is given, the walk's usual step; and by how much they reach over the
+ends of a walk: a spline's ends are less exact."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +38,7 @@ class SagittalTrajectory:
         grf: by "prosthetic" and "intact" (n, 2) N, fx forward and fz up, of the ground on the foot, in W.
         period_s, advance: of a periodic trajectory q(t + period_s) = q(t) + advance (8,); None for a single stance.
         fulcrum_m: from the keel's posterior end.
-        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `result`
+        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `design_values`
             for those of an optimised device.
         offsets: of the prosthesis, as for `Walker.walk`.
         pelvis_load: (n, 3) N m, N, N, a force on the first three coordinates that is known to act (a recording's
@@ -76,15 +83,28 @@ class SagittalTrajectory:
         if (self.period_s is None) != (self.advance is None):
             raise InputError("only one of them is given", where="period_s, advance",
                              right="Give both for a periodic trajectory, none for another")
-        if self.periodic:
-            self._check_period()
+        if self.period_s is not None:
+            self._check_period(self.period_s)
+
+    def _check_period(self, period_s: float) -> None:
+        _check_array(self.advance, (COORDINATES,), "advance")
+        spanned = self.end_s - self.start_s
+        if abs(spanned - period_s) > 1e-6:
+            raise InputError(f"the instants span {spanned:g} s, the period is {period_s:g} s", where="time_s",
+                             right="Give the period's start and its end")
+        for name, gap in (("q", self.q[-1] - self.q[0] - self.advance), ("v", self.v[-1] - self.v[0])):
+            worst = int(np.argmax(np.abs(gap)))
+            if abs(gap[worst]) > PERIODIC_WITHIN:
+                raise InputError(f"{self.names[worst]} misses its start by {gap[worst]:.2g} after a period",
+                                 where=name, right="Give a trajectory that closes, or none as periodic")
 
     @classmethod
     def of_period(
         cls, time_s: np.ndarray, *, period_s: float, advance: np.ndarray, grf: Mapping[str, np.ndarray], **rows: Any
     ) -> SagittalTrajectory:
         """A periodic one from n instants of one period without its end, which is added here; arguments as above."""
-        closed = {name: np.concatenate([value, value[:1]]) if name in _ROWS and value is not None else value
+        closed = {name: np.concatenate([value, value[:1]])
+                  if name in ("q", "v", "a", "torque", "pelvis_load") and value is not None else value
                   for name, value in rows.items()}
         if np.shape(advance) == np.shape(rows["q"])[1:]:
             closed["q"][-1] += advance
@@ -96,6 +116,14 @@ class SagittalTrajectory:
         return self.period_s is not None
 
     @property
+    def start_s(self) -> float:
+        return float(self.time_s[0])
+
+    @property
+    def end_s(self) -> float:
+        return float(self.time_s[-1])
+
+    @property
     def alternation(self) -> float:
         """How much the torques go up and down from one instant to the next: root mean square of (-1, 2, -1)/4 over
         three instants, which is the whole of what alternates and little of what is smooth, over that of the torques."""
@@ -104,28 +132,124 @@ class SagittalTrajectory:
         size = float(np.sqrt(np.mean(torque**2)))
         return float(np.sqrt(np.mean(change**2))) / size if size else 0.0
 
-    @property
-    def start_s(self) -> float:
-        return float(self.time_s[0])
-
-    @property
-    def end_s(self) -> float:
-        return float(self.time_s[-1])
-
-    def _check_period(self) -> None:
-        _check_array(self.advance, (COORDINATES,), "advance")
-        if abs(self.end_s - self.start_s - self.period_s) > 1e-6:
-            raise InputError(f"the instants span {self.end_s - self.start_s:g} s, the period is {self.period_s:g} s",
-                             where="time_s", right="Give the period's start and its end")
-        for name, gap in (("q", self.q[-1] - self.q[0] - self.advance), ("v", self.v[-1] - self.v[0])):
-            worst = int(np.argmax(np.abs(gap)))
-            if abs(gap[worst]) > PERIODIC_WITHIN:
-                raise InputError(f"{self.names[worst]} misses its start by {gap[worst]:.2g} after a period",
-                                 where=name, right="Give a trajectory that closes, or none as periodic")
-
 
 def _check_array(values: np.ndarray | None, shape: tuple[int, ...], where: str) -> None:
     if np.shape(values) != shape:
         raise InputError(f"has the shape {np.shape(values)}", where=where, right=f"It must be {shape}")
     if not np.isfinite(np.asarray(values, dtype=float)).all():
         raise InputError("has a number that is not finite", where=where)
+
+
+class SolutionMotion:
+    """q, v, a at any time of a `SagittalTrajectory`: the quintic through position, velocity and acceleration of both
+    ends of each interval (Hermite), of which a periodic trajectory is made of without end.
+
+    Beyond the ends of one that is not periodic the acceleration stays what it was there.
+    """
+
+    def __init__(self, trajectory: SagittalTrajectory) -> None:
+        self.trajectory = t = trajectory
+        spline = BPoly.from_derivatives(t.time_s, np.stack([t.q, t.v, t.a], axis=1))
+        self._splines = (spline, spline.derivative(1), spline.derivative(2))
+        pelvis = np.zeros((len(t.time_s), 3)) if t.pelvis_load is None else np.asarray(t.pelvis_load)
+        loads = np.column_stack([pelvis, t.torque])
+        if t.periodic:
+            # The end of a period is the start of the next one: their mean stands for both.
+            loads[0] = loads[-1] = 0.5 * (loads[0] + loads[-1])
+        self._loads = CubicSpline(t.time_s, loads, bc_type="periodic" if t.periodic else "not-a-knot")
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(m, 8) positions, velocities and accelerations at m times."""
+        t, times = self.trajectory, np.asarray(times, dtype=float)
+        turns = np.zeros(len(times)) if t.period_s is None else np.floor((times - t.start_s) / t.period_s)
+        inside = np.clip(times - turns * (t.period_s or 0.0), t.start_s, t.end_s)
+        q, v, a = (spline(inside) for spline in self._splines)
+        if t.periodic:
+            return q + turns[:, None] * t.advance, v, a
+        out = (times - inside)[:, None]
+        return q + out * v + 0.5 * out**2 * a, v + out * a, a
+
+    def loads(self, times: np.ndarray) -> np.ndarray:
+        """(m, 8) N, N m: what acts on the coordinates, by cubic splines through the instants: on the pelvis the known
+        load (nothing without), on the others the torques. Constant beyond the ends of what is not periodic."""
+        t, times = self.trajectory, np.asarray(times, dtype=float)
+        inside = np.clip(times, t.start_s, t.end_s) if t.period_s is None else (
+            t.start_s + np.mod(times - t.start_s, t.period_s))
+        found: np.ndarray = self._loads(inside)
+        return found
+
+
+def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float) -> CoordinateTrajectory:
+    """The coordinates `names` of the person from `start_s` to `end_s`: those out of the sagittal plane are zero."""
+    count = max(8, int(np.ceil((end_s - start_s + 2 * BEYOND_S) / SAMPLE_S)) + 1)
+    times = np.linspace(start_s - BEYOND_S, end_s + BEYOND_S, count)
+    values = np.zeros((len(times), len(names)))
+    values[:, [list(names).index(name) for name in motion.trajectory.names]] = motion.sample(times)[0]
+    return CoordinateTrajectory(times, values, names)
+
+
+def design_values(
+    walker: Walker, *, heel_stiffness: float = 1.0, alignment_rad: float = 0.0, keel_thickness: float = 1.0
+) -> dict[str, float]:
+    """Values for `Walker.walk` with which the full model has the device of `simulation.sagittal.model.DESIGN`.
+
+    Args:
+        walker: whose numbers are multiplied.
+        heel_stiffness: of the heel's zones over the walker's.
+        alignment_rad: turn of the foot, toes up, beyond the offsets.
+        keel_thickness: over the walker's: bending stiffness goes with its third power (a rectangle's second moment of
+            area), mass stays.
+
+    Raises:
+        InputError: a ratio is not above zero.
+    """
+    for name, value in (("heel_stiffness", heel_stiffness), ("keel_thickness", keel_thickness)):
+        if not value > 0.0:
+            raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0")
+    values: dict[str, float] = {}
+    if heel_stiffness != 1.0:
+        values |= {name: heel_stiffness * variable.default for name, variable in walker.variables.items()
+                   if name.startswith("contact.heel") and name.endswith(".stiffness")}
+    if alignment_rad:
+        values["offset.alignment"] = alignment_rad
+    if keel_thickness != 1.0:
+        values["keel.flexural_modulus"] = keel_thickness**3 * walker.variables["keel.flexural_modulus"].default
+    return values
+
+
+def solved_trajectory(
+    solution: TrajectorySolution, walker: Walker, *, advance: np.ndarray | None = None,
+    values: Mapping[str, float] | None = None, offsets: GeometricOffsets | None = None
+) -> SagittalTrajectory:
+    """Motion, torques and ground reaction of a solution, with its fulcrum and its device.
+
+    Args:
+        solution: of a problem whose function has the outputs torque_COORDINATE and FOOT_fx, FOOT_fz of
+            `SagittalModel`, and the parameters `DESIGN`.
+        walker: whose device the design multiplies.
+        advance: (8,) of the coordinates in a period, if the problem's grid is periodic.
+        values, offsets: of the walk, as the sagittal model was made with them.
+
+    Raises:
+        FitError: the solution is none; see `TrajectorySolution.unsealed`.
+        InputError: it misses an output, or does not close.
+    """
+    problem = solution.problem
+    layout, grid, names, y = problem.layout, problem.grid, list(problem.function.names), solution.y()
+    coordinates = tuple(layout.coordinates)
+
+    def columns(*wanted: str) -> np.ndarray:
+        return np.array(y[:, [names.index(name) for name in wanted]])
+
+    rows = {part: np.array(solution.z[:, getattr(layout, part)]) for part in ("q", "v", "a")}
+    design = dict(zip(DESIGN, (float(x) for x in solution.p), strict=True))
+    given: dict[str, Any] = {
+        **rows, "torque": columns(*(f"torque_{name}" for name in coordinates[len(PELVIS) :])),
+        "grf": {foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, "names": coordinates,
+        "fulcrum_m": design.pop("fulcrum_m"), "offsets": offsets or GeometricOffsets(),
+        "values": dict(values or {}) | design_values(walker, **design)}
+    if not grid.periodic:
+        return SagittalTrajectory(time_s=np.array(grid.times_s), **given)
+    return SagittalTrajectory.of_period(
+        np.array(grid.times_s), period_s=grid.duration_s, **given,
+        advance=np.zeros(len(coordinates)) if advance is None else np.asarray(advance, dtype=float))

@@ -1,0 +1,499 @@
+"""A solution carried out by the stepper with the full model: its motion prescribed, or its torques with feedback.
+
+Walking is unstable, and torques alone fall. Keel and socket have their dynamics, and contact is as it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.tuning.common import say
+from vsf_drake.analysis.tuning.resimulation.regulator import (
+    LinearSteps,
+    RegulatorWeights,
+    linear_steps,
+    multiplier,
+    regulator,
+)
+from vsf_drake.analysis.tuning.resimulation.trajectory import (
+    COORDINATES,
+    FEET,
+    PELVIS,
+    SagittalTrajectory,
+    SolutionMotion,
+    whole_motion,
+)
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.reactions import foot_reaction
+from vsf_drake.simulation.results import coordinate_unit
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
+from vsf_drake.simulation.stepping.dynamics import Torques
+from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
+from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
+
+PRESCRIBED, FEEDBACK = "prescribed", "feedback"
+STRIDE, STANCE = "stride", "stance"
+TARGET_PERCENT_BW = {PRESCRIBED: 3.0, FEEDBACK: 5.0}
+"""What a re-simulation may differ by (a choice): root mean square of a foot's resultant over the stride, 40 Hz."""
+CUTOFF_HZ = 40.0
+"""As the project filters ground reactions (McGeehan 2021, doi 10.1115/1.4050456)."""
+ALTERNATES = 0.3
+"""Share of the torques above which they are not resolved by the instants (a choice; 0.1 on a stride of 80)."""
+LEAD = 0.3
+"""Part of a period that is walked before the one that counts, until keel and socket swing as they do in walking."""
+TRANSIENT_S = 0.03
+"""The same of a motion without a period, at its start; keel and socket begin at rest there (a choice)."""
+TAIL_S = 0.06
+"""Walked after a period, so that the low-pass ends beyond it."""
+FALLEN_TILT, FALLEN_M = math.radians(30.0), 0.15
+"""Pelvis tilt, and its height below the solution's, at which a person is falling and no longer walking (choices)."""
+MOST_STRIDES = 100
+
+
+@dataclass(frozen=True)
+class ForceDifference:
+    """Root mean square difference of the ground reaction over time, in percent of body weight.
+
+    Attributes:
+        foot: "prosthetic" or "intact".
+        over: "stride", all instants that count, or "stance", those of them where either carries the foot (20 N).
+        filtered: whether the re-simulation was low-passed at 40 Hz before; the solution is never filtered, because its
+            instants are too far apart for that.
+        fore_aft, vertical: of the components. resultant: of the length of the force. NaN without an instant.
+    """
+
+    foot: str
+    over: str
+    filtered: bool
+    fore_aft: float
+    vertical: float
+    resultant: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackUse:
+    """How much a torque-driven re-simulation needed beyond the solution's torques, over the compared time.
+
+    Attributes:
+        share: root mean square of the feedback over that of the solution's torques, all joints together.
+        feedback_peak: by joint, N m.
+        multiplier: largest magnitude among the eigenvalues of the linearised stride with the feedback (Floquet):
+            below 1, a small disturbance dies out. None where the solution is not periodic.
+        open_multiplier: the same without feedback.
+        hand_percent_bw: root mean square of the force of a hand at the pelvis, % of body weight; 0 without a hand.
+        hand_moment_nm: the same of its moment, N m.
+        weights: what the feedback was laid out for, by name (`RegulatorWeights`).
+    """
+
+    share: float
+    feedback_peak: Mapping[str, float]
+    multiplier: float | None
+    open_multiplier: float | None
+    hand_percent_bw: float
+    hand_moment_nm: float
+    weights: Mapping[str, float]
+
+    def sentences(self) -> list[str]:
+        """What it took, in words."""
+        joint = max(self.feedback_peak, key=lambda name: self.feedback_peak[name])
+        return say("resimulation", "feedback", used=any(self.feedback_peak.values()) or self.hand_percent_bw > 0.0,
+                   share=self.share, peak=self.feedback_peak[joint], joint=joint, multiplier=self.multiplier,
+                   open_multiplier=self.open_multiplier, hand_percent_bw=self.hand_percent_bw,
+                   hand_moment_nm=self.hand_moment_nm)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resimulation:
+    """A solution carried out by the stepper with the full model.
+
+    Attributes:
+        kind: "prescribed" or "feedback".
+        fell_after_s, why: the run ended before the solution did, or the person was down: when, from the run's start,
+            and how; None and "" otherwise. Reading a difference of such a one raises SimulationError.
+        counted: (n,) bool, the solution's instants that are compared: not the transient of the start, nothing after a
+            fall.
+        grf, filtered_grf: by foot (n, 2) N of the re-simulation, as the stepper gives it and low-passed at 40 Hz; NaN
+            where not `counted`.
+        forces: the differences of both feet, as they are and filtered.
+        motion_rms: by coordinate, root mean square deviation from the solution, deg or mm; {} if prescribed.
+        lateral_percent_bw: largest lateral force on a foot; the solution knows none.
+        unconverged_steps: of the run, accepted without convergence.
+        feedback: what the torques did beyond the solution's; None if prescribed.
+        walk_time_s, walk_q, walk_grf: the re-simulation at its own steps over the compared time, (m,) s, (m, 8), and by
+            foot (m, 2) N.
+        notes: what else to know of the run.
+    """
+
+    kind: str
+    fell_after_s: float | None
+    why: str
+    counted: np.ndarray
+    grf: Mapping[str, np.ndarray]
+    filtered_grf: Mapping[str, np.ndarray]
+    forces: tuple[ForceDifference, ...]
+    motion_rms: Mapping[str, float]
+    lateral_percent_bw: float
+    unconverged_steps: int
+    feedback: FeedbackUse | None
+    walk_time_s: np.ndarray
+    walk_q: np.ndarray
+    walk_grf: Mapping[str, np.ndarray]
+    notes: Sequence[str]
+
+    @property
+    def fell(self) -> bool:
+        """Whether the person fell."""
+        return self.fell_after_s is not None
+
+    @property
+    def label(self) -> str:
+        """What it is, in words."""
+        return say("resimulation", "label", kind=self.kind)[0]
+
+    def check(self) -> None:
+        """Raises SimulationError if the person fell."""
+        if self.fell_after_s is not None:
+            raise SimulationError(f"the {self.label} fell: {self.why}", time_s=self.fell_after_s)
+
+    def difference(self, foot: str, *, over: str = STRIDE, filtered: bool = True) -> ForceDifference:
+        """One of `forces`; raises SimulationError if the person fell."""
+        self.check()
+        return next(d for d in self.forces if (d.foot, d.over, d.filtered) == (foot, over, filtered))
+
+    @property
+    def percent_bw(self) -> float:
+        """The number to judge by: the larger of both feet's differences of the resultant over the stride, 40 Hz.
+
+        Raises:
+            SimulationError: the person fell.
+        """
+        return max(self.difference(foot).resultant for foot in FEET)
+
+    @property
+    def met(self) -> bool:
+        """Whether it stayed up and within its target, without a hand's help."""
+        helped = self.feedback is not None and self.feedback.hand_percent_bw > 0.0
+        return not self.fell and not helped and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
+
+    def check_row(self) -> dict[str, Any]:
+        """As one of the checks that a tuning leaves."""
+        return {"name": f"resimulation_{self.kind}", "label": self.label,
+                "value": None if self.fell else self.percent_bw, "unit": "% body weight",
+                "target": f"{TARGET_PERCENT_BW[self.kind]:g}", "met": self.met, "sentence": " ".join(self.sentences())}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
+        return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.filtered_grf.items()}
+
+    def sentences(self) -> list[str]:
+        """What it found, in words."""
+        helped = [] if self.feedback is None else self.feedback.sentences()
+        if self.fell:
+            return [*say("resimulation", "fell", label=self.label, after_s=self.fell_after_s, why=self.why), *helped]
+        over = [self.difference(foot) for foot in FEET]
+        angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
+        told = say("resimulation", "found", label=self.label, percent_bw=self.percent_bw,
+                   raw=max(self.difference(foot, filtered=False).resultant for foot in FEET),
+                   stance=max(self.difference(foot, over=STANCE).resultant for foot in FEET),
+                   parts=max(max(d.fore_aft, d.vertical) for d in over), worst=max(angles, default=None),
+                   pelvis=[self.motion_rms.get(name) for name in PELVIS[1:]], lateral=self.lateral_percent_bw,
+                   unconverged=self.unconverged_steps)
+        return [*told, *helped, *self.notes]
+
+
+def _assess(
+    trajectory: SagittalTrajectory, *, kind: str, body_weight_n: float, record: Record, q: np.ndarray,
+    grf_W: Mapping[str, np.ndarray], step_s: float, shift_s: float = 0.0, fell_s: float | None = None, why: str = "",
+    feedback: FeedbackUse | None = None
+) -> Resimulation:
+    """Lays a run of the stepper, or what there is of it, beside the solution.
+
+    Args:
+        q: (m, 8) of the solution's coordinates at the ends of m steps. grf_W: by foot (m, 3) N.
+        shift_s: by how much its clock is ahead of the solution's where strides are repeated: a whole number of periods.
+        fell_s: until when it counts; None to its end.
+    """
+    time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
+    first, last = _first_counted(trajectory) + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
+    counted = (instants >= max(first, time[0]) - 1e-9) & (instants <= last + 1e-9)
+    shown = (time >= first - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
+    sagittal = {foot: force[:, [0, 2]] for foot, force in grf_W.items()}
+    series: dict[bool, dict[str, np.ndarray]] = {False: {}, True: {}}
+    differences = []
+    for filtered in (False, True):
+        for foot in FEET:
+            force = low_pass(sagittal[foot], rate_hz=1.0 / step_s, cutoff_hz=CUTOFF_HZ) if filtered else sagittal[foot]
+            found = np.column_stack([np.interp(instants, time, column) for column in force.T])
+            found[~counted] = np.nan
+            series[filtered][foot] = found
+            differences += _differences(foot, trajectory, found, counted, filtered, body_weight_n)
+    motion_rms = {}
+    if kind == FEEDBACK:
+        deviation = q[shown] - SolutionMotion(trajectory).sample(time[shown])[0]
+        rms = np.sqrt(np.mean(deviation**2, axis=0)) if shown.any() else np.full(COORDINATES, np.nan)
+        motion_rms = {name: float(value) * (1e3 if coordinate_unit(name) == "m" else 180.0 / np.pi)
+                      for name, value in zip(trajectory.names, rms, strict=True)}
+    standing = [] if trajectory.periodic else [foot for foot in FEET if trajectory.grf[foot][0, 1] > THRESHOLD_N]
+    return Resimulation(
+        kind=kind, fell_after_s=None if fell_s is None else fell_s - trajectory.start_s, why=why, counted=counted,
+        grf=series[False], filtered_grf=series[True], forces=tuple(differences),
+        motion_rms=motion_rms,
+        lateral_percent_bw=100.0 * float(max(np.abs(force[shown, 1]).max(initial=0.0) for force in grf_W.values()))
+        / body_weight_n,
+        unconverged_steps=int(np.sum(~record.converged)), feedback=feedback, walk_time_s=time[shown] - shift_s,
+        walk_q=q[shown], walk_grf={foot: force[shown] for foot, force in sagittal.items()},
+        notes=say("resimulation", "notes", standing=standing,
+                  alternation=trajectory.alternation if trajectory.alternation > ALTERNATES else None))
+
+
+def _differences(
+    foot: str, trajectory: SagittalTrajectory, resimulated: np.ndarray, counted: np.ndarray, filtered: bool,
+    body_weight_n: float
+) -> list[ForceDifference]:
+    """Of one foot over the stride and over stance, each instant by the time that it stands for."""
+    weights = np.gradient(trajectory.time_s)
+    weights[[0, -1]] *= 0.5
+    ours, theirs = (np.asarray(force, dtype=float)[counted] / body_weight_n
+                    for force in (resimulated, trajectory.grf[foot]))
+    off = np.column_stack([ours - theirs, np.linalg.norm(ours, axis=1) - np.linalg.norm(theirs, axis=1)])
+    loaded = np.maximum(ours[:, 1], theirs[:, 1]) > THRESHOLD_N / body_weight_n
+    found = []
+    for over, rows in ((STRIDE, np.ones(len(off), dtype=bool)), (STANCE, loaded)):
+        w = weights[counted][rows]
+        rms = np.sqrt(w @ off[rows] ** 2 / w.sum()) if rows.any() else np.full(3, np.nan)
+        found.append(ForceDifference(foot, over, filtered, *(100.0 * rms).tolist()))
+    return found
+
+
+def resimulate_prescribed(
+    walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S
+) -> Resimulation:
+    """Follows the solution's motion and compares the ground reaction.
+
+    A periodic solution is walked `LEAD` of a period ahead; the whole period after that counts. Of another all but the
+    first `TRANSIENT_S` counts.
+
+    Args:
+        walker: the person, with no coordinate free.
+
+    Raises:
+        InputError: the trajectory is of another person's coordinates; a value is out of range.
+        SimulationError: the run diverges: the model cannot follow this motion.
+    """
+    walk = walk_prescribed(walker, trajectory, step_s=step_s)
+    columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
+    return _assess(trajectory, kind=PRESCRIBED, body_weight_n=walker.subject.mass_kg * GRAVITY, record=walk.record,
+                   q=walk.record.q[:, columns], step_s=walk.step_s,
+                   grf_W={"prosthetic": walk.prosthetic.grf_W, "intact": walk.intact.grf_W})
+
+
+def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S) -> Walk:
+    """The run behind `resimulate_prescribed`; the trajectory's start is one of its instants."""
+    side, t = walker.subject.prosthetic_side, trajectory
+    if tuple(t.names) != sagittal_coordinates(side):
+        raise InputError(f"are {', '.join(t.names)}", where="names",
+                         right=f"For a prosthesis on the {side}: {', '.join(sagittal_coordinates(side))}")
+    if walker.free:
+        raise InputError(f"{', '.join(walker.free)} are free", where="walker",
+                         right="Give a walker that prescribes all")
+    if t.period_s is None:
+        start_s, end_s = t.start_s, t.start_s + math.ceil((t.end_s - t.start_s) / step_s - 1e-9) * step_s
+    else:
+        if 0.0 < step_s < t.period_s:
+            step_s = t.period_s / round(t.period_s / step_s)  # of which a period is a whole number
+        start_s, end_s = t.start_s - math.ceil(LEAD * t.period_s / step_s) * step_s, t.end_s + TAIL_S
+    motion = whole_motion(SolutionMotion(t), walker.gait.prescribed, start_s, end_s)
+    return walker.walk(motion, fulcrum_m=t.fulcrum_m, start_s=start_s, end_s=end_s, step_s=step_s, values=t.values,
+                       offsets=t.offsets)
+
+
+def _first_counted(trajectory: SagittalTrajectory) -> float:
+    """The first instant (s) that is compared."""
+    return trajectory.start_s + (0.0 if trajectory.periodic else TRANSIENT_S)
+
+
+def resimulate_with_feedback(
+    walker: Walker,
+    trajectory: SagittalTrajectory,
+    *,
+    strides: int = 2,
+    weights: RegulatorWeights | None = None,
+    feedback: bool = True,
+    hand: bool = False,
+    push: np.ndarray | None = None,
+    step_s: float = DEFAULT_STEP_S,
+) -> Resimulation:
+    """Drives the five joints with the solution's torques and a feedback of the eight coordinates and their rates.
+
+    The pelvis is not held: what keeps it up goes through the joints of the standing leg, as in people. The feedback is
+    a linear-quadratic regulator along the walk with the motion prescribed (`regulator`), linearised with all of the
+    full model; it senses the eight coordinates, not socket and keel. Torques are sampled at every step. The run begins
+    in the state of that walk at the solution's start.
+
+    Args:
+        walker: the person, with no coordinate free.
+        strides: of a periodic solution, of which the last is compared; another runs once.
+        weights: what the feedback is laid out for.
+        feedback: False for the torques alone.
+        hand: whether a force and a moment at the pelvis may help, which is not walking; what they come to is reported.
+        push: (8,) rad/s, m/s, by which the velocities at the start are off, to see whether the feedback copes.
+
+    Raises:
+        InputError: the trajectory is of another person's coordinates; a number is out of range.
+        SimulationError: the model cannot follow the motion even where it is prescribed.
+        FitError: no feedback stabilises the linearised stride.
+    """
+    if isinstance(strides, bool) or not isinstance(strides, int) or not 1 <= strides <= MOST_STRIDES:
+        raise InputError(f"{strides!r} is not usable", where="strides",
+                         right=f"It must be a whole number from 1 to {MOST_STRIDES}")
+    if push is not None and (np.shape(push) != (COORDINATES,) or not np.isfinite(np.asarray(push, dtype=float)).all()):
+        raise InputError(f"is {push!r}", where="push", right="Give eight finite velocities (rad/s, m/s)")
+    weights, strides, period = weights or RegulatorWeights(), strides if trajectory.periodic else 1, trajectory.period_s
+    walk = walk_prescribed(walker, trajectory, step_s=step_s)
+    record, h = walk.record, walk.step_s
+    times = np.concatenate([[record.time_s[0] - h], record.time_s])
+    first, last = (int(np.argmin(np.abs(times - end))) for end in (trajectory.start_s, trajectory.end_s))
+    q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, record.v])
+    columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
+    steps = linear_steps(walk, trajectory.names, first, last)
+    gains = _gains(steps, weights, h, hand=hand, periodic=trajectory.periodic) if feedback else np.zeros(
+        (last - first, COORDINATES, 2 * COORDINATES))
+    turns, k = np.divmod(np.arange(strides * len(gains) + (int(np.ceil(TAIL_S / h)) if period else 0)), len(gains))
+    states = np.hstack([q[first : last + 1, columns], v[first : last + 1, columns]])[k]
+    if trajectory.advance is not None:
+        states[:, :COORDINATES] += np.outer(turns, trajectory.advance)
+    time_s, v0 = trajectory.start_s + h * np.arange(len(k) + 1), v[first].copy()
+    v0[columns] += 0.0 if push is None else push
+    driven = drive(
+        walk, trajectory.names, time_s=time_s, feedforward=SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h),
+        gains=gains[k], states=states, q0=q[first].copy(), v0=v0)
+    shift_s = 0.0
+    if period is not None:  # of the last stride, or of the one in which the person fell
+        fallen = strides - 1 if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // period)
+        shift_s = min(fallen, strides - 1) * period
+    closed = steps.A.copy()
+    closed[:, :, steps.person] -= steps.B @ gains
+    weight, run = walker.subject.mass_kg * GRAVITY, driven.record.time_s
+    rows = (run >= _first_counted(trajectory) + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
+    rows = rows if rows.any() else np.ones_like(rows)
+    used, joints = driven.feedback[rows], slice(len(PELVIS), None)
+    hand_rms = np.sqrt(np.mean(used[:, : len(PELVIS)] ** 2, axis=0))
+    forward = np.sqrt(np.sum(np.mean(driven.feedforward[rows][:, joints] ** 2, axis=0)))
+    use = FeedbackUse(
+        share=float(np.sqrt(np.sum(np.mean(used[:, joints] ** 2, axis=0))) / forward) if forward else math.inf,
+        feedback_peak=dict(zip(trajectory.names[joints], np.abs(used[:, joints]).max(axis=0).tolist(), strict=True)),
+        multiplier=multiplier(closed) if period else None, open_multiplier=multiplier(steps.A) if period else None,
+        hand_percent_bw=100.0 * float(np.hypot(hand_rms[1], hand_rms[2])) / weight, hand_moment_nm=float(hand_rms[0]),
+        weights={name: float(value) for name, value in vars(weights).items()})
+    return _assess(trajectory, kind=FEEDBACK, body_weight_n=weight, record=driven.record, q=driven.q,
+                   grf_W=driven.grf_W(walker), step_s=h, shift_s=shift_s, fell_s=driven.fell_s, why=driven.why,
+                   feedback=use)
+
+
+def _gains(
+    steps: LinearSteps, weights: RegulatorWeights, h: float, *, hand: bool, periodic: bool
+) -> np.ndarray:
+    """(N, 8, 16), N m or N per rad, m, rad/s, m/s."""
+    n = steps.A.shape[1]
+    gains = np.zeros((len(steps.A), COORDINATES, 2 * COORDINATES))
+    acting = np.arange(0 if hand else len(PELVIS), COORDINATES)
+    Q = np.zeros((n, n))
+    Q[steps.person, steps.person] = h / weights.state**2
+    K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / weights.force[acting] ** 2), periodic=periodic)
+    gains[:, acting] = K @ steps.whole
+    return gains
+
+
+# A run of the stepper with the eight sagittal coordinates free under torques, to its end or until the person falls.
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """m steps, as far as they went.
+
+    Attributes:
+        q: (m, 8) the coordinates. feedforward, feedback: (m, 8) N m, N on each of them over each step.
+        fell_s: when the person was down or the run diverged; None if neither. why: in words.
+    """
+
+    record: Record
+    q: np.ndarray
+    feedforward: np.ndarray
+    feedback: np.ndarray
+    ground_height: float
+    fell_s: float | None
+    why: str
+
+    def grf_W(self, walker: Walker) -> dict[str, np.ndarray]:
+        """(m, 3) N by foot."""
+        count = len(walker.gait.person.foot.sites.radius)
+        return {foot: foot_reaction(self.record, sites, self.ground_height).grf_W
+                for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True)}
+
+
+def drive(
+    walk: Walk, names: Sequence[str], *, time_s: np.ndarray, feedforward: np.ndarray, gains: np.ndarray,
+    states: np.ndarray, q0: np.ndarray, v0: np.ndarray
+) -> Driven:
+    """Runs the mechanism of `walk` with `names` free and what was prescribed beside them at rest.
+
+    Args:
+        time_s: (n + 1,). feedforward: (n, 8). gains: (n, 8, 16). states: (n, 16) at the start of each step, to which
+            the feedback -gains (state - states) compares.
+        q0, v0: (coordinates,) of the whole model at the start.
+
+    Raises:
+        SimulationError: the first step fails.
+    """
+    mechanism, tree = walk.mechanism, walk.mechanism.tree
+    moving = np.array([tree.index(name) for name in names], dtype=np.int64)
+    inside = np.concatenate([mechanism.spring_index, mechanism.keel_coordinates])
+    held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
+    n = len(time_s)
+    torques = Torques(coordinates=moving, sensed=moving, feedforward=np.ascontiguousarray(feedforward),
+                      gain=np.ascontiguousarray(gains), reference=np.ascontiguousarray(states))
+    inputs = Inputs(
+        time_s=time_s, prescribed=held, prescribed_q=np.tile(q0[held], (n, 1)),
+        fulcrum=np.full(n, float(walk.fulcrum_m[0])), ground=np.full(n, mechanism.ground_height),
+        torques=torques)
+    tilt, up = 0, 2
+
+    def down(record: Record, done: int) -> np.ndarray:
+        q = record.q[:done, moving]
+        return (np.abs(q[:, tilt] - states[:done, tilt]) > FALLEN_TILT) | (states[:done, up] - q[:, up] > FALLEN_M)
+
+    stepper = Stepper(mechanism)
+    stepper.warm_up()
+    fell_s, why = None, ""
+    try:
+        record = stepper.run(inputs, q0, v0, stop=lambda done, record: bool(down(record, done).any()))
+    except SimulationError as error:
+        # The run again as far as it went: the steps before the one in which it failed.
+        fell_s, why = error.time_s, error.what
+        done = int(np.sum(time_s[1:] < error.time_s - 1e-9))
+        if done == 0:
+            raise
+        rows = {name: getattr(inputs, name)[: done + 1] for name in ("time_s", "prescribed_q", "fulcrum", "ground")}
+        kept = {name: getattr(torques, name)[:done] for name in ("feedforward", "gain", "reference")}
+        record = stepper.run(dataclasses.replace(inputs, **rows, torques=torques._replace(**kept)), q0, v0)
+    m = len(record.time_s)
+    fallen = down(record, m)
+    if fallen.any():
+        at = int(np.argmax(fallen))
+        off = record.q[at, moving] - states[at, :COORDINATES]
+        fell_s, why = float(record.time_s[at]), say("resimulation", "down", tilt_deg=math.degrees(off[tilt]),
+                                                    lower_mm=1e3 * off[up])[0]
+    starts = np.hstack([np.vstack([start, values])[:m, moving] for start, values in ((q0[None], record.q),
+                                                                                     (v0[None], record.v))])
+    return Driven(record=record, q=record.q[:, moving], feedforward=feedforward[:m],
+                  feedback=-np.einsum("kij,kj->ki", gains[:m], starts - states[:m]),
+                  ground_height=mechanism.ground_height, fell_s=fell_s, why=why)
