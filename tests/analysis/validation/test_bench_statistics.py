@@ -10,7 +10,6 @@ from vsf_drake.analysis.validation.bench_lines import (
     agreement,
     at_loads,
     curve_errors,
-    energy,
     mean_and_half_width,
     regression,
     rising,
@@ -120,7 +119,3 @@ def test_a_hertz_like_foam_in_series_has_the_slope_of_its_law():
     loads = np.linspace(0.0, 600.0, 6001)
     slope = tangent(loads / k + (loads / c) ** (1.0 / n), loads, np.array([300.0]))[0]
     assert slope == pytest.approx(1.0 / (1.0 / k + (300.0 / c) ** (1.0 / n) / (n * 300.0)), rel=1e-3)
-
-
-def test_the_energy_of_a_linear_spring_is_half_of_force_times_way():
-    assert energy(LOADS / 10.0, LOADS) == pytest.approx(600.0**2 / 20.0)

@@ -10,7 +10,7 @@ from made_study import embedded_study
 
 from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.validation.energy_same_load import prosthesis_energy
+from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy
 from vsf_drake.analysis.validation.sensitivity_section import local_changes, value_slopes
 from vsf_drake.analysis.validation.sensitivity_walks import (
     OUTPUTS,

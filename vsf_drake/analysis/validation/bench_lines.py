@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +38,7 @@ class Setting:
     @property
     def where(self) -> str:
         """What it is called in messages."""
-        return "heel" if self.fulcrum_m is None else f"fulcrum at {1e3 * self.fulcrum_m:g} mm"
+        return where_of(self.fulcrum_m)
 
     @property
     def curve(self) -> Curve | None:
@@ -57,22 +56,24 @@ class Setting:
     def row(self) -> dict[str, Any]:
         """What is known of it without a model."""
         published = published_stiffness(self.fulcrum_m)
-        return {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
-                "max_load_n": self.load_n, "repeats": len(self.passes),
-                "published_n_per_mm": None if published is None else 1e-3 * published, "measured": self._measured()}
-
-    def _measured(self) -> dict[str, Any] | None:
+        row = {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
+               "max_load_n": self.load_n, "repeats": len(self.passes),
+               "published_n_per_mm": None if published is None else 1e-3 * published, "measured": None}
         if self.curve is None:
-            return None
+            return row
         values = [described(one, self.where) for one in self.passes]
-        found: dict[str, float | None] = {}
+        found = described(self.curve, self.where)
         for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
+            found |= {key: None, f"{key}_half_width": None}
             if values[0][key] is not None:
                 mean, half = mean_and_half_width(np.array([value[key] for value in values]))
                 found |= {key: float(mean), f"{key}_half_width": float(half) if math.isfinite(half) else None}
-            else:
-                found |= {key: None, f"{key}_half_width": None}
-        return described(self.curve, self.where) | found
+        return row | {"measured": found}
+
+
+def where_of(fulcrum_m: float | None) -> str:
+    """What a position (m from A; None for the heel) is called in messages."""
+    return "heel" if fulcrum_m is None else f"fulcrum at {1e3 * fulcrum_m:g} mm"
 
 
 def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[Setting]:
@@ -84,8 +85,7 @@ def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[
     settings = []
     for position in [*positions, None]:
         curves = [rising(1e3 * curve.displacement_m, curve.load_n) for curve in found.get(position, ())]
-        largest = min([float(load[-1]) for _, load in curves], default=LOAD_N)
-        largest = min(largest, MOST_LOAD_N)
+        largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in curves)] if curves else [LOAD_N])
         settings.append(Setting(fulcrum_m=position, load_n=largest,
                                 passes=tuple(up_to(*curve, largest) for curve in curves)))
     return settings
@@ -95,9 +95,10 @@ def described(curve: Curve, where: str) -> dict[str, Any]:
     """Stiffness, mid-range displacement, stored energy and shape of one rising curve; None without 250 N."""
     x, load = curve
     enough = load[-1] >= LEAST_LOAD_N * (1.0 - 1e-9)
-    return {"stiffness_n_per_mm": stiffness_n_per_mm(x, load, where) if enough else None,
-            "mid_range_mm": mid_range_mm(x, load, where), "max_displacement_mm": float(x[-1]),
-            "stored_j": 1e-3 * energy(x, load), "shape": shape(x, load) if enough else None}
+    return {"stiffness_n_per_mm": 1e-3 * stiffness(1e-3 * x, load, where=where) if enough else None,
+            "mid_range_mm": 1e3 * mid_range_displacement(1e-3 * x, load, where=where),
+            "max_displacement_mm": float(x[-1]), "stored_j": 1e-3 * float(np.trapezoid(load, x)),
+            "shape": shape(x, load) if enough else None}
 
 
 def pressed(
@@ -145,16 +146,15 @@ def statistics(settings: Sequence[Setting], rows: Sequence[dict[str, Any] | None
              if setting.fulcrum_m is not None and setting.judged and row is not None]
     if not pairs:
         return None
-    values = {key: np.array([[row[key], measured[key]] for measured, row in pairs]).T
-              for key in ("stiffness_n_per_mm", "mid_range_mm")}
-    k, mid = (agreement(*values[key]) for key in ("stiffness_n_per_mm", "mid_range_mm"))
+    k, mid = (agreement(*np.array([[row[key], measured[key]] for measured, row in pairs]).T)
+              for key in ("stiffness_n_per_mm", "mid_range_mm"))
     return {
         "n": k["n"], "stiffness_r2": k["r2"], "stiffness_correlation2": k["correlation2"],
         "stiffness_rmse_n_per_mm": k["rmse"], "stiffness_bias_n_per_mm": k["bias"],
         "stiffness_bias_half_width_n_per_mm": k["bias_half_width"], "mid_range_rmse_mm": mid["rmse"],
         "mid_range_bias_mm": mid["bias"], "mid_range_bias_half_width_mm": mid["bias_half_width"],
-        "curve_rmse_mm": float(np.sqrt(np.mean([row["curve_rmse_mm"] ** 2 for _, row in pairs]))),
-        "curve_rmse_n": float(np.sqrt(np.mean([row["curve_rmse_n"] ** 2 for _, row in pairs])))}
+        **{key: float(np.sqrt(np.mean([row[key] ** 2 for _, row in pairs])))
+           for key in ("curve_rmse_mm", "curve_rmse_n")}}
 
 
 def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
@@ -188,7 +188,7 @@ class Loop:
 
     Attributes:
         up_mm, up_n: (n,) loading, from (0, 0).
-        down_mm, down_n: (m,) unloading, in order: the displacement falls.
+        down_mm, down_n: (m + 1,) unloading, from the loading's end: the displacement falls.
         loading_s: duration of the loading.
         unconverged_steps: accepted without convergence; the energies are then doubtful.
     """
@@ -203,12 +203,12 @@ class Loop:
     @property
     def stored_j(self) -> float:
         """Work of the platen on the foot while it loads."""
-        return 1e-3 * energy(self.up_mm, self.up_n)
+        return 1e-3 * float(np.trapezoid(self.up_n, self.up_mm))
 
     @property
-    def returned_j(self) -> float:
-        """Work of the foot on the platen while it unloads."""
-        return -1e-3 * energy(np.append(self.up_mm[-1], self.down_mm), np.append(self.up_n[-1], self.down_n))
+    def lost_j(self) -> float:
+        """What of it the foot does not give back while it unloads."""
+        return self.stored_j + 1e-3 * float(np.trapezoid(self.down_n, self.down_mm))
 
 
 class Machine:
@@ -229,9 +229,9 @@ class Machine:
         Raises:
             InputError, SimulationError: see `simulation.bench.Bench.press`.
         """
-        setting = self._bench(fulcrum_m).press(
-            fulcrum_m=self._carriage(fulcrum_m), max_load_n=load_n, speed_m_per_s=speed_m_per_s)
-        x, load = from_touch(setting.platen_m, setting.load_n)
+        bench, fulcrum = self._bench(fulcrum_m)
+        setting = bench.press(fulcrum_m=fulcrum, max_load_n=load_n, speed_m_per_s=speed_m_per_s)
+        x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
         return *up_to(x, load, load_n), setting.unconverged_steps
 
     def loop(
@@ -248,43 +248,21 @@ class Machine:
         top = 1e-3 * float(self.press(fulcrum_m, load_n, speed_m_per_s)[0][-1])
         steps = int(np.ceil(top * 1e3 * steps_per_mm))
         way = np.linspace(0.0, top, steps + 1)
-        platen = np.concatenate((way, way[-2::-1]))
-        setting = self._bench(fulcrum_m).follow(
-            fulcrum_m=self._carriage(fulcrum_m), time_s=np.linspace(0.0, 2.0 * top / speed_m_per_s, 2 * steps + 1),
-            platen_m=platen)
-        x, load = from_touch(setting.platen_m[:steps], setting.load_n[:steps])
-        load[-1] = 2.0 * load[-2] - load[-3]
-        return Loop(up_mm=x, up_n=load, down_mm=1e3 * setting.platen_m[steps:], down_n=setting.load_n[steps:],
+        bench, fulcrum = self._bench(fulcrum_m)
+        setting = bench.follow(
+            fulcrum_m=fulcrum, time_s=np.linspace(0.0, 2.0 * top / speed_m_per_s, 2 * steps + 1),
+            platen_m=np.concatenate((way, way[-2::-1])))
+        x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
+        load[steps] = 2.0 * load[steps - 1] - load[steps - 2]
+        return Loop(up_mm=x[: steps + 1], up_n=load[: steps + 1], down_mm=x[steps:], down_n=load[steps:],
                     loading_s=top / speed_m_per_s, unconverged_steps=setting.unconverged_steps)
 
-    def _bench(self, fulcrum_m: float | None) -> Bench:
+    def _bench(self, fulcrum_m: float | None) -> tuple[Bench, float]:
+        """The bench of forefoot or heel, and where the carriage stands in it (m)."""
         heel = fulcrum_m is None
         if heel not in self._benches:
             self._benches[heel] = Bench(self.foot, heel=heel)
-        return self._benches[heel]
-
-    def _carriage(self, fulcrum_m: float | None) -> float:
-        return self.foot.fulcrum.rearmost_m if fulcrum_m is None else fulcrum_m
-
-
-def from_touch(platen_m: np.ndarray, load_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A simulated pass in mm and N with its touch-down, (0, 0), before the end of its first step."""
-    return np.concatenate(([0.0], 1e3 * platen_m)), np.concatenate(([0.0], load_n))
-
-
-def moved_load(foot: FootParameters, load_point_m: float) -> FootParameters:
-    """The foot with its load point elsewhere (m from A); the foam under it stays as it is."""
-    return dataclasses.replace(foot, load_point_m=load_point_m)
-
-
-def stiffness_n_per_mm(x: np.ndarray, load: np.ndarray, where: str) -> float:
-    """Mean slope above 200 N of a curve in mm and N (`analysis.bench_metrics.stiffness`)."""
-    return 1e-3 * stiffness(1e-3 * x, load, where=where)
-
-
-def mid_range_mm(x: np.ndarray, load: np.ndarray, where: str) -> float:
-    """Displacement at half of the largest load (`analysis.bench_metrics.mid_range_displacement`)."""
-    return 1e3 * mid_range_displacement(1e-3 * x, load, where=where)
+        return self._benches[heel], self.foot.fulcrum.rearmost_m if fulcrum_m is None else fulcrum_m
 
 
 # How straight a load-displacement curve is: the linear part and the curvilinear one, told apart.
@@ -329,11 +307,6 @@ def tangent(x: np.ndarray, load: np.ndarray, loads: np.ndarray) -> np.ndarray:
     return np.where(inside, slope, np.nan)
 
 
-def energy(x: np.ndarray, load: np.ndarray) -> float:
-    """Integral of the load over the displacement (trapezoidal): N mm, which is mJ, for mm and N."""
-    return float(np.trapezoid(load, x))
-
-
 def _line_r2(x: np.ndarray, load: np.ndarray, start: float) -> float:
     """R² of a straight line of load over displacement, samples evenly along the displacement."""
     places = np.linspace(start, float(x[-1]), GRID)
@@ -351,7 +324,6 @@ def _line_r2(x: np.ndarray, load: np.ndarray, start: float) -> float:
 GRID = 201
 """Loads, evenly from 0, at which a setting's curves are compared."""
 LEVEL = 0.95
-_FEWEST_FOR_LINE = 3
 
 
 def rising(x: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -422,7 +394,6 @@ def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> d
     The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line.
 
     Args:
-        measured, simulated: (n,) each.
         at: (m,) measured values at which the line and the band are given.
 
     Returns:
@@ -431,7 +402,7 @@ def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> d
     """
     x, y, at = (np.asarray(values, dtype=float) for values in (measured, simulated, at))
     count = len(x)
-    if count < _FEWEST_FOR_LINE or np.ptp(x) == 0.0:
+    if count < 3 or np.ptp(x) == 0.0:
         return None
     centre, sxx = x.mean(), float(np.sum((x - x.mean()) ** 2))
     slope = float(np.sum((x - centre) * (y - y.mean())) / sxx)

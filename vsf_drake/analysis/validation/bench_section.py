@@ -9,27 +9,26 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from vsf_drake.analysis.bench_metrics import stiffness
 from vsf_drake.analysis.validation.bench_lines import (
     LOAD_N,
-    Loop,
+    Curve,
     Machine,
     Setting,
     at_loads,
     compared,
     curve_arrays,
-    moved_load,
     pressed,
     regression,
     rising,
     settings_of,
     statistics,
-    stiffness_n_per_mm,
+    where_of,
 )
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
@@ -66,31 +65,52 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
             progress(f"bench: {what}", fraction)
 
     settings = settings_of(study.bench, PUBLISHED_FULCRUMS_M)
-    outside = _out_of_reach(study.model.foot, settings)
+    outside = {}
+    for setting in settings:
+        try:
+            if setting.fulcrum_m is not None:
+                check_fulcrum(setting.fulcrum_m, study.model.foot)
+        except InputError as error:
+            outside[setting.where] = f"Not simulated: {error.what}. {error.right}."
     missing = [*_missing_inputs(study, settings), *outside.values()]
-    lines, found, unconverged, failures = _lines(study, settings, show)
-    missing += [text for text in failures if not any(f", {where}: " in text for where in outside)]
-    measured = [setting for setting in settings if setting.judged and setting.fulcrum_m is not None]
+    lines, feet, problem = _lines(study, settings, show)
+    missing += [problem] if problem else []
     rows = [setting.row() for setting in settings]
-    for line in lines:
-        of_line = [compared(setting, curve) for setting, curve in zip(settings, found[line["key"]], strict=True)]
+    found: dict[str, list[Curve | None]] = {}
+    unconverged = 0
+    for i, (line, foot) in enumerate(zip(lines, feet, strict=True)):
+        show("pressing", 0.2 + 0.07 * i)
+        key = line["key"]
+        # finer keel and calibration are the forefoot's: at the heel those feet are the study's
+        found[key], failed, failures = pressed(foot, settings, heel=key not in ("calibrated", "refined"))
+        unconverged += failed
+        missing += [f"Bench, {line['name']}, {failure}" for failure in failures
+                    if not any(failure.startswith(f"{where}: ") for where in outside)]
+        of_line = [compared(setting, curve) for setting, curve in zip(settings, found[key], strict=True)]
         for row, values in zip(rows, of_line, strict=True):
-            row[line["key"]] = values
-        line["statistics"] = statistics(settings, of_line)
-        line["within_limits"] = _within(line["statistics"])
+            row[key] = values
+        own = statistics(settings, of_line)
+        line["statistics"] = own
+        line["within_limits"] = {
+            name: None if own is None or own[name] is None else
+            bool(own[name] >= limit if name == "stiffness_r2" else own[name] <= limit) for name, limit in PAPER.items()}
         if line["fitted_mm"]:
             held = [i for i, row in enumerate(rows) if row["fulcrum_mm"] not in line["fitted_mm"]]
             line["held_out"] = statistics([settings[i] for i in held], [of_line[i] for i in held])
-        line["end_points"] = _end_points(rows, line["key"])
+        line["end_points"] = [
+            {"fulcrum_mm": row["fulcrum_mm"], "published_n_per_mm": row["published_n_per_mm"],
+             "error_n_per_mm": row[key]["stiffness_n_per_mm"] - row["published_n_per_mm"]}
+            for row in rows
+            if row["published_n_per_mm"] is not None and row[key] and row[key]["stiffness_n_per_mm"] is not None]
     arrays = curve_arrays(settings, found)
     own = lines[0]["statistics"] or dict.fromkeys(PAPER)
-    trend = _regression(rows) if measured else None
+    trend = _regression(rows)
     if trend is not None:
         arrays |= {f"regression_{key}": trend.pop(key) for key in ("measured_n_per_mm", "line", "low", "high")}
-    elif measured:
+    elif any(setting.judged and setting.fulcrum_m is not None for setting in settings):
         missing.append("Fewer than three measured positions: no regression of simulated on measured stiffness.")
     show("speeds", 0.5)
-    quick = study.options.quick
+    quick, bench = study.options.quick, study.bench
     fulcrums = [setting.fulcrum_m for setting in settings
                 if setting.fulcrum_m is not None and setting.where not in outside]
     if quick and len(fulcrums) > QUICK_FULCRUMS:
@@ -101,31 +121,19 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
     missing += failures
     points, failures = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
     missing += failures
-    loop_positions = [None if x is None else round(1e3 * x, 6) for x in (*fulcrums, None)]
     table = {
         **{key: own[key] for key in PAPER}, "limits": PAPER, "within_limits": lines[0]["within_limits"],
         "n": lines[0]["statistics"]["n"] if lines[0]["statistics"] else 0,
-        "measured": study.bench is not None, "measured_name": study.bench.name if study.bench else None,
-        "measured_synthetic": study.bench.synthetic if study.bench else None,
-        "touch_down_extrapolated": sum(curve.first_load_n > 0.0 for curve in study.bench.curves) if study.bench else 0,
+        "measured": bench is not None, "measured_name": bench.name if bench else None,
+        "measured_synthetic": bench.synthetic if bench else None,
+        "touch_down_extrapolated": sum(curve.first_load_n > 0.0 for curve in bench.curves) if bench else 0,
         "speed_mm_per_min": 60e3 * PUBLISHED_SPEED_M_PER_S, "contact_name": study.contact_name or None,
         "contact_on_bench": [text for text in study.contact.verdict if "bench" in text] if study.contact else None,
-        "lines": lines, "settings": rows, "regression": trend, "rates": loops, "rate_settings_mm": loop_positions,
+        "lines": lines, "settings": rows, "regression": trend, "rates": loops,
+        "rate_settings_mm": [*(round(1e3 * x, 6) for x in fulcrums), None],
         "rate_speeds_mm_per_min": list(speeds), "load_points": points,
         "unconverged_steps": unconverged + sum(row["unconverged_steps"] for row in loops)}
     return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
-
-
-def _out_of_reach(foot: FootParameters, settings: list[Setting]) -> dict[str, str]:
-    """A sentence for each measured position that this foot's carriage cannot take, by `Setting.where`."""
-    found = {}
-    for setting in settings:
-        try:
-            if setting.fulcrum_m is not None:
-                check_fulcrum(setting.fulcrum_m, foot)
-        except InputError as error:
-            found[setting.where] = f"Not simulated: {error.what}. {error.right}."
-    return found
 
 
 def _missing_inputs(study: Study, settings: list[Setting]) -> list[str]:
@@ -146,63 +154,37 @@ def _missing_inputs(study: Study, settings: list[Setting]) -> list[str]:
 
 def _lines(
     study: Study, settings: list[Setting], show: Progress
-) -> tuple[list[dict[str, Any]], dict[str, list], int, list[str]]:
-    """The models that are pressed, their curves by key, unconverged steps, and what could not be done."""
-    nominal = load_model(resource("models/nominal.yaml"))
-    same = nominal.foot == study.model.foot
-    own = "fitted contact" if study.contact else "nominal" if same else "study's model"
-    feet: dict[str, FootParameters] = {"model": study.model.foot}
-    lines: list[dict[str, Any]] = [{"key": "model", "name": own, "fitted_mm": None}]
-    if not same:
-        feet["nominal"] = nominal.foot
-        lines.append({"key": "nominal", "name": "nominal", "fitted_mm": None})
-    coarse = len(study.model.foot.keel.element_lengths_m)
+) -> tuple[list[dict[str, Any]], list[FootParameters], str | None]:
+    """The models that are pressed, the foot of each, and why none of them is calibrated."""
+    foot, nominal = study.model.foot, load_model(resource("models/nominal.yaml")).foot
+    own = "fitted contact" if study.contact else "nominal" if nominal == foot else "study's model"
+    coarse = len(foot.keel.element_lengths_m)
     finer = FINER * coarse
-    feet["refined"] = with_elements(study.model.foot, finer)
+    lines: list[dict[str, Any]] = [{"key": "model", "name": own, "fitted_mm": None}]
+    feet = [foot]
+    if nominal != foot:
+        lines.append({"key": "nominal", "name": "nominal", "fitted_mm": None})
+        feet.append(nominal)
     lines.append({"key": "refined", "name": f"{own}, {finer} elements", "fitted_mm": None, "elements": finer,
                   "coarse_elements": coarse})
-    missing = []
+    feet.append(with_elements(foot, finer))
     show("calibration", 0.1)
-    calibration, problem = _calibration(study.model, settings)
-    if calibration is not None:
-        foot = feet["calibrated"] = calibration.foot
-        lines.append({
-            "key": "calibrated", "name": "calibrated to two curves",
-            "fitted_mm": [round(1e3 * x, 6) for x in calibration.fulcrums_m], "at_bound": list(calibration.at_bound),
-            "fulcrum_stiffness_n_per_m": foot.fulcrum.stiffness_n_per_m,
-            "series_stiffness": foot.series_stiffness_n_per_m, "series_exponent": foot.series_exponent})
-    elif problem:
-        missing.append(problem)
-    found, unconverged = {}, 0
-    for i, (key, foot) in enumerate(feet.items()):
-        show("pressing", 0.2 + 0.07 * i)
-        # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        found[key], failed, failures = pressed(foot, settings, heel=key not in ("calibrated", "refined"))
-        unconverged += failed
-        missing += [f"Bench, {lines[i]['name']}, {failure}" for failure in failures]
-    return lines, found, unconverged, missing
-
-
-def _calibration(model: ModelParameters, settings: list[Setting]) -> tuple[Calibration | None, str | None]:
-    low, high = model.foot.fulcrum.rearmost_m, model.foot.fulcrum.foremost_m
+    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
     curves = {s.fulcrum_m: s.curve for s in settings
               if s.fulcrum_m is not None and s.judged and s.curve is not None and low <= s.fulcrum_m <= high}
-    if not curves:
-        return None, None
     if len(curves) < 3:
-        return None, "Fewer than three usable measured positions: no foot is calibrated to two of them."
+        return lines, feet, ("Fewer than three usable measured positions: no foot is calibrated to two of them."
+                             if curves else None)
     try:
-        return calibrated(model.foot, curves), None
+        tuned, at_bound = calibrated(foot, curves)
     except (InputError, SimulationError) as error:
-        return None, f"The foot could not be calibrated to the measured curves: {error}."
-
-
-def _end_points(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
-    """Stiffness less the published one where there is one."""
-    return [{"fulcrum_mm": row["fulcrum_mm"], "published_n_per_mm": row["published_n_per_mm"],
-             "error_n_per_mm": row[key]["stiffness_n_per_mm"] - row["published_n_per_mm"]}
-            for row in rows
-            if row["published_n_per_mm"] is not None and row[key] and row[key]["stiffness_n_per_mm"] is not None]
+        return lines, feet, f"The foot could not be calibrated to the measured curves: {error}."
+    lines.append({
+        "key": "calibrated", "name": "calibrated to two curves",
+        "fitted_mm": [round(1e3 * x, 6) for x in (min(curves), max(curves))], "at_bound": at_bound,
+        "fulcrum_stiffness_n_per_m": tuned.fulcrum.stiffness_n_per_m,
+        "series_stiffness": tuned.series_stiffness_n_per_m, "series_exponent": tuned.series_exponent})
+    return lines, [*feet, tuned], None
 
 
 def _regression(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
@@ -214,13 +196,6 @@ def _regression(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
     at = np.linspace(pairs[:, 0].min(), pairs[:, 0].max(), LINE_POINTS)
     found = regression(pairs[:, 0], pairs[:, 1], at)
     return None if found is None else found | {"measured_n_per_mm": at}
-
-
-def _within(found: dict[str, Any] | None) -> dict[str, bool | None]:
-    """Whether each of the paper's figures is reached; None where it is not known."""
-    own: dict[str, Any] = found or dict.fromkeys(PAPER)
-    return {key: None if (value := own[key]) is None else bool(value >= limit if key.endswith("r2") else value <= limit)
-            for key, limit in PAPER.items()}
 
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
@@ -240,19 +215,11 @@ _EVALUATIONS = 60
 _STEP = 1e-3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Calibration:
-    """The foot, what it was calibrated to (m from A), and which of its numbers ended at a bound."""
-
-    foot: FootParameters
-    fulcrums_m: tuple[float, float]
-    at_bound: tuple[str, ...]
-
-
 def calibrated(
     foot: FootParameters, curves: Mapping[float, tuple[np.ndarray, np.ndarray]]
-) -> Calibration:
-    """`foot` calibrated to the rising curves (mm, N) of the rearmost and the foremost of the fulcrum positions (m).
+) -> tuple[FootParameters, list[str]]:
+    """`foot` calibrated to the rising curves (mm, N) of the rearmost and the foremost of the fulcrum positions (m), and
+    which of its numbers ended at a bound.
 
     Raises:
         InputError, SimulationError: a trial foot cannot be pressed, or the search does not end.
@@ -261,13 +228,16 @@ def calibrated(
     loads = {x: np.linspace(0.0, float(curves[x][1][-1]), SAMPLES + 1)[1:] for x in ends}
     measured = {x: at_loads(*curves[x], loads[x]) for x in ends}
 
+    def trial(values: np.ndarray) -> FootParameters:
+        exponent, depth = float(values[2]), math.exp(values[1])
+        return dataclasses.replace(
+            foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=math.exp(values[0])),
+            series_stiffness_n_per_m=MIDDLE_N / depth**exponent, series_exponent=exponent)
+
     def residuals(values: np.ndarray) -> np.ndarray:
-        machine = Machine(_with(foot, values))
-        parts = []
-        for x in ends:
-            found = at_loads(*machine.press(x, float(loads[x][-1]))[:2], loads[x])
-            parts.append((found - measured[x]) / measured[x][-1])
-        return np.concatenate(parts)
+        machine = Machine(trial(values))
+        found = {x: at_loads(*machine.press(x, float(loads[x][-1]))[:2], loads[x]) for x in ends}
+        return np.concatenate([(found[x] - measured[x]) / measured[x][-1] for x in ends])
 
     k, n = foot.series_stiffness_n_per_m, foot.series_exponent
     start = np.array([math.log(foot.fulcrum.stiffness_n_per_m),
@@ -278,15 +248,7 @@ def calibrated(
     if not found.success:
         raise InputError(f"the calibration to the measured curves found no end: {found.message}")
     names = ("fulcrum stiffness", "foam stiffness", "foam exponent")
-    return Calibration(foot=_with(foot, found.x), fulcrums_m=ends,
-                       at_bound=tuple(name for name, state in zip(names, found.active_mask, strict=True) if state))
-
-
-def _with(foot: FootParameters, values: np.ndarray) -> FootParameters:
-    exponent, depth = float(values[2]), math.exp(values[1])
-    return dataclasses.replace(
-        foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=math.exp(values[0])),
-        series_stiffness_n_per_m=MIDDLE_N / depth**exponent, series_exponent=exponent)
+    return trial(found.x), [name for name, state in zip(names, found.active_mask, strict=True) if state]
 
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.
@@ -317,46 +279,36 @@ def rates(
     """
     rows: list[dict[str, Any]] = []
     missing: list[str] = []
-    shape = len(fulcrums_m), 2, LOOP_SAMPLES
-    loops = {"loop_mm": np.full(shape, np.nan), "loop_n": np.full(shape, np.nan)}
-    for i, fulcrum in enumerate(fulcrums_m):
-        for j, speed in enumerate(speeds_mm_per_min):
-            where = "heel" if fulcrum is None else f"fulcrum at {1e3 * fulcrum:g} mm"
-            try:
-                loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * steps_per_mm)
-                                for share in (1.0, 0.5))
-                rows.append(_row(fulcrum, speed, loop, coarse, where))
-            except (InputError, SimulationError) as error:
-                missing.append(f"Loading and unloading at {speed:g} mm/min, {where}: {error}.")
-                continue
-            if speed == max(speeds_mm_per_min):
-                loops["loop_mm"][i], loops["loop_n"][i] = _sampled(loop)
-            if progress:
-                progress((i * len(speeds_mm_per_min) + j + 1) / (len(fulcrums_m) * len(speeds_mm_per_min)))
+    cases = [(i, fulcrum, speed) for i, fulcrum in enumerate(fulcrums_m) for speed in speeds_mm_per_min]
+    loops = {name: np.full((len(fulcrums_m), 2, LOOP_SAMPLES), np.nan) for name in ("loop_mm", "loop_n")}
+    for j, (i, fulcrum, speed) in enumerate(cases, start=1):
+        where = where_of(fulcrum)
+        try:
+            loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * steps_per_mm)
+                            for share in (1.0, 0.5))
+            # at high speed the keel rings at first touch
+            x, load = rising(loop.up_mm, loop.up_n)
+            k = 1e-3 * stiffness(1e-3 * x, load, where=where)
+        except (InputError, SimulationError) as error:
+            missing.append(f"Loading and unloading at {speed:g} mm/min, {where}: {error}.")
+            continue
+        stored, top = loop.stored_j, float(loop.up_n[-1])
+        lost = 2.0 * loop.lost_j - coarse.lost_j
+        rows.append({
+            "fulcrum_mm": None if fulcrum is None else round(1e3 * fulcrum, 6), "speed_mm_per_min": speed,
+            "stiffness_n_per_mm": k, "max_load_n": top, "max_displacement_mm": float(loop.up_mm[-1]),
+            "loading_s": loop.loading_s, "stored_j": stored, "returned_j": stored - lost, "lost_j": lost,
+            "lost_step_error_j": abs(loop.lost_j - coarse.lost_j), "return_ratio": 1.0 - lost / stored,
+            "linear_spring_j": 1e-3 * top**2 / (2.0 * k),
+            "unconverged_steps": loop.unconverged_steps + coarse.unconverged_steps})
+        if speed == max(speeds_mm_per_min):
+            up = np.linspace(0.0, loop.up_mm[-1], LOOP_SAMPLES)
+            loops["loop_mm"][i] = up, up[::-1]
+            loops["loop_n"][i] = (np.interp(up, loop.up_mm, loop.up_n),
+                                  np.interp(up[::-1], loop.down_mm[::-1], loop.down_n[::-1]))
+        if progress:
+            progress(j / len(cases))
     return rows, loops, missing
-
-
-def _row(fulcrum: float | None, speed: float, loop: Loop, coarse: Loop, where: str) -> dict[str, Any]:
-    k = stiffness_n_per_mm(*rising(loop.up_mm, loop.up_n), where)  # at high speed the keel rings at first touch
-    stored, top = loop.stored_j, float(loop.up_n[-1])
-    with_steps, with_coarse = loop.stored_j - loop.returned_j, coarse.stored_j - coarse.returned_j
-    lost = 2.0 * with_steps - with_coarse
-    return {
-        "fulcrum_mm": None if fulcrum is None else round(1e3 * fulcrum, 6), "speed_mm_per_min": speed,
-        "stiffness_n_per_mm": k, "max_load_n": top, "max_displacement_mm": float(loop.up_mm[-1]),
-        "loading_s": loop.loading_s, "stored_j": stored, "returned_j": stored - lost, "lost_j": lost,
-        "lost_step_error_j": abs(with_steps - with_coarse), "return_ratio": 1.0 - lost / stored,
-        "linear_spring_j": 1e-3 * top**2 / (2.0 * k),
-        "unconverged_steps": loop.unconverged_steps + coarse.unconverged_steps,
-    }
-
-
-def _sampled(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    up = np.linspace(0.0, loop.up_mm[-1], LOOP_SAMPLES)
-    way_mm = np.append(loop.up_mm[-1], loop.down_mm)[::-1]
-    way_n = np.append(loop.up_n[-1], loop.down_n)[::-1]
-    load = np.interp(up, loop.up_mm, loop.up_n), np.interp(up[::-1], way_mm, way_n)
-    return np.array([up, up[::-1]]), np.array(load)
 
 
 def load_points(
@@ -371,7 +323,7 @@ def load_points(
     missing: list[str] = []
     for i, shift in enumerate(LOAD_POINT_SHIFTS_M):
         point = round(model.foot.load_point_m + shift, 9)
-        foot = moved_load(model.foot, point)
+        foot = dataclasses.replace(model.foot, load_point_m=point)
         if not foot.fulcrum.foremost_m < point <= sum(foot.keel.element_lengths_m) + 1e-12:
             missing.append(f"A load at {1e3 * point:g} mm from the keel's end is not on the free part of this keel.")
             continue
@@ -385,7 +337,7 @@ def load_points(
                 continue
             rows.append({
                 "load_point_mm": round(1e3 * point, 6), "fulcrum_mm": round(1e3 * fulcrum, 6),
-                "stiffness_n_per_mm": stiffness_n_per_mm(x, load, where),
+                "stiffness_n_per_mm": 1e-3 * stiffness(1e-3 * x, load, where=where),
                 "closed_form_n_per_mm": 1e-3 * small_load_stiffness(foot, fulcrum),
                 "chain_n_per_mm": 1e-3 * small_load_stiffness(foot, fulcrum, chain=True), "own_point": shift == 0.0})
         if progress:

@@ -10,7 +10,7 @@ import numpy as np
 from vsf_drake.analysis.comparison import resample
 from vsf_drake.analysis.tuning.common import COSTS, WEIGHTED
 from vsf_drake.analysis.tuning.level1.options import TuningOptions
-from vsf_drake.analysis.validation.segment_power import follow
+from vsf_drake.analysis.validation.energy_ledger import follow
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
@@ -292,7 +292,7 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
 #
 # over the later part of stance, with the ground's wrench F on the foot and the spatial velocity V of the residual
 # shank, both about one point. It is the power of the unified deformable segment (Takahashi 2012; see
-# `analysis.validation.segment_power`): what passes from all that is distal of the shank into it, if that had no
+# `analysis.validation.energy_ledger`): what passes from all that is distal of the shank into it, if that had no
 # mass. The shank's motion is given, so that only the force changes with a setting.
 
 

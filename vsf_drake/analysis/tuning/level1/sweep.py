@@ -12,8 +12,12 @@ import numpy as np
 from vsf_drake.analysis.tuning.common import SETTINGS
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
-from vsf_drake.analysis.validation.energy_same_load import ProsthesisEnergy, prosthesis_energy, walk_with_same_load
-from vsf_drake.analysis.validation.energy_section import stance_energy
+from vsf_drake.analysis.validation.energy_ledger import (
+    ProsthesisEnergy,
+    prosthesis_energy,
+    stance_energy,
+    walk_with_same_load,
+)
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.simulation.walk import Walk
@@ -234,7 +238,7 @@ def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, fl
 #
 # With the motion given a stiffer foot is pressed as far and bears more. Experiments compare settings under about the
 # same load: people carry the same weight on any foot. Here the pelvis rises and sinks by what keeps the vertical force
-# that of the trial's own setting (`analysis.validation.energy_same_load`); everything else of the motion stays. It is
+# that of the trial's own setting (`analysis.validation.energy_ledger`); everything else of the motion stays. It is
 # no prediction of how a person adapts, and no cost counts it; it tells the direction in which the device works.
 
 

@@ -1,0 +1,431 @@
+"""Energy of the prosthesis over a walk: what the residual limb puts in through the socket, and where it goes.
+
+The system is everything under the residual shank: the bushing, socket, pylon, foot. What passes into it is the work of
+the limb on the bushing; the ground is at rest and only takes. So
+
+    limb work = kinetic + gravity + strain of bushing, keel, foam and fulcrum support
+                + loss in bushing, keel, foam, support and friction + remainder
+
+No term is made of the others. Strains, kinetic and gravity are functions of the state. Works are integrals
+(trapezoidal rule) of a force law at the instants times the velocity there, which is the mean of the steps' before and
+after, hence of second order in the step. The limb's wrench comes from the law of the bushing, not from a balance. What
+remains is what the first-order implicit stepper loses or gains: numerical dissipation. It gets a line of its own. The
+fulcrum rests in a walk of a trial, so the carriage does no work.
+
+Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular velocity, velocity of the point of
+the body at W's origin), (moment about W's origin, force).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from vsf_drake.analysis.comparison import cumulative_integral
+from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.laws.bushing import axis_force
+from vsf_drake.laws.compiled import compiled
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trial_record import Trial
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.courses import Course
+from vsf_drake.simulation.reactions import (
+    FootReaction,
+    central,
+    contact_terms,
+    spring_loss,
+    spring_strain,
+    sum_sites,
+    work,
+)
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
+from vsf_drake.simulation.stepping.dynamics import place, tree_arrays, work_space
+from vsf_drake.simulation.stepping.tree import Tree, dot, inertia_in_world, inertia_times, plus, put, six
+from vsf_drake.simulation.walk import Walk, Walker
+
+INPUT, REMAINDER = "limb_work", "remainder"
+FOOT_STRAINS = ("keel_strain", "foam_strain", "fulcrum_strain")
+STORED = (*FOOT_STRAINS, "bushing_strain", "kinetic", "gravity")
+FOOT_LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
+LOST = (*FOOT_LOSSES, "bushing_loss")
+TERMS = (INPUT, *STORED, *LOST, REMAINDER)
+
+
+@dataclass(frozen=True, eq=False)
+class ProsthesisEnergy:
+    """Energy of the prosthesis over a walk.
+
+    Attributes:
+        time_s: (n,) ends of the steps.
+        terms: TERMS, each (n,) J; differences between two instants count.
+        socket_work: (n,) J of the bushing on the socket: the limb's work without what the bushing keeps.
+        balance_work: (n,) J, the limb's work once more, without the bushing's law: from the wrench of the ground and
+            the rate of the prosthesis' momentum.
+        pylon_power, shank_power: (n,) W, `distal_power` of the pylon and of the residual shank.
+        vertical_n: (n,) force of the ground on the prosthetic foot.
+        keel_load: (n, 2) N and m: load on the keel across it, and where it acts, from A; NaN for the place unloaded.
+    """
+
+    time_s: np.ndarray
+    terms: dict[str, np.ndarray]
+    socket_work: np.ndarray
+    balance_work: np.ndarray
+    pylon_power: np.ndarray
+    shank_power: np.ndarray
+    vertical_n: np.ndarray
+    keel_load: np.ndarray
+
+
+def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
+    """The ledger of a `walk` that `walker` made with a fulcrum at rest.
+
+    Raises:
+        ValueError: the fulcrum moved.
+    """
+    if np.ptp(walk.fulcrum_m) > 0.0:
+        raise ValueError("this ledger has no line for the work of a fulcrum that moves")
+    record, m, person, step = walk.record, walk.mechanism, walker.gait.person, walk.step_s
+    tree, gravity, foot = m.tree, m.tree.gravity, person.foot
+    socket = [tree.index(name) for name in person.socket.coordinate_names]
+    keel = [tree.index(name) for name in foot.keel_joint_names]
+    shank = person.segments[f"shank_{person.subject.prosthetic_side}"]
+    bodies = [int(body.index()) for body in (shank, person.socket.pylon, foot.frame)]
+    motion = follow(tree, record.q, central(record.v), bodies=bodies, coordinates=socket,
+                    inside=tree.ancestors[:, socket[-1]])
+    shank_twist, pylon_twist = motion.twist[:, 0], motion.twist[:, 1]
+    count = len(foot.sites.radius)
+
+    def worked(wrench: np.ndarray, twist: np.ndarray) -> np.ndarray:
+        return cumulative_integral(np.sum(wrench * twist, axis=1), step)
+
+    # the limb's wrench on the socket passes through all six joints of the bushing, whose links weigh nothing
+    constants = dict(zip(SPRING_COLUMNS, m.springs[-6:].T, strict=True))
+    force = axis_force(record.q[:, socket], record.v[:, socket], **constants)
+    limb: np.ndarray = np.linalg.solve(motion.joints, force[..., None])[..., 0]
+
+    terms = {INPUT: worked(limb, shank_twist), "kinetic": motion.kinetic_j, "gravity": -(motion.mass_moment @ gravity)}
+    for name, own in (("keel", keel), ("bushing", socket)):
+        rows = np.isin(m.spring_index, own)
+        terms[f"{name}_strain"] = spring_strain(m, record.q, rows)
+        terms[f"{name}_loss"] = work(spring_loss(m, record, rows), step)
+    terms["foam_strain"], foam, friction = contact_terms(m, record, count)
+    _, deflection, closing = record.fulcrum.T
+    terms |= {"foam_loss": work(foam, step), "friction_loss": work(friction, step),
+              "fulcrum_strain": 0.5 * m.fulcrum[0] * deflection**2,
+              "fulcrum_loss": work(m.fulcrum[1] * closing * central(closing), step)}
+    terms[REMAINDER] = terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0)
+
+    ground = np.zeros((len(record.q), 6))
+    sum_sites(record.sites, 0, count, ground)
+    ground[:, 0] -= m.ground_height * ground[:, 4]  # `sum_sites` has moments about the ground's height
+    ground[:, 1] += m.ground_height * ground[:, 3]
+    weight = np.column_stack([np.cross(motion.mass_moment, gravity),
+                              np.tile(motion.mass * gravity, (len(record.q), 1))])
+    balance = np.gradient(motion.momentum, step, axis=0) - ground - weight
+    return ProsthesisEnergy(
+        time_s=record.time_s, terms={name: terms[name] - terms[name][0] for name in TERMS},
+        socket_work=worked(limb, pylon_twist), balance_work=worked(balance, shank_twist),
+        pylon_power=distal_power(walk.prosthetic, pylon_twist), shank_power=distal_power(walk.prosthetic, shank_twist),
+        vertical_n=walk.prosthetic.grf_W[:, 2], keel_load=_keel_load(walk, walker, motion))
+
+
+def _keel_load(walk: Walk, walker: Walker, motion: SegmentMotion) -> np.ndarray:
+    """Force of the ground on the keel's spheres across the undeformed keel, and its lever about A along it."""
+    sites, foot = walk.record, walker.gait.person.foot
+    on_keel = np.flatnonzero(np.isin(foot.sites.body_indices, [int(body.index()) for body in foot.keel]))
+    force = np.stack([sites.site(name)[:, on_keel] for name in ("friction_x", "friction_y", "normal_force")], axis=2)
+    point = np.stack([sites.site("x")[:, on_keel], sites.site("y")[:, on_keel],
+                      walk.mechanism.ground_height - sites.site("depth")[:, on_keel]], axis=2)
+    in_K = np.einsum("nsi,nij->nsj", point - motion.p_WB[:, None], motion.R_WB)
+    force_K = np.einsum("nsi,nij->nsj", force, motion.R_WB)
+    across = force_K[..., 2].sum(1)
+    moment = np.sum(in_K[..., 0] * force_K[..., 2] - in_K[..., 2] * force_K[..., 0], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lever = np.where(across > 0.0, moment / across, np.nan)
+    return np.column_stack([across, lever])
+
+
+# How the bodies under the residual shank move, and the power that the ground gives to what is distal of a segment.
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMotion:
+    """Motion of some bodies of a tree at n instants.
+
+    Attributes:
+        twist: (n, b, 6) of the bodies asked for, rad/s and m/s.
+        joints: (n, c, 6) motion of a unit rate of each coordinate asked for.
+        momentum: (n, 6) of all bodies inside, N m s and N s. mass: kg, theirs. mass_moment: (n, 3) kg m, mass times the
+            position of their common centre of mass. kinetic_j: (n,).
+        R_WB: (n, 3, 3), p_WB: (n, 3) m, pose of the last of the bodies asked for.
+    """
+
+    twist: np.ndarray
+    joints: np.ndarray
+    momentum: np.ndarray
+    mass: float
+    mass_moment: np.ndarray
+    kinetic_j: np.ndarray
+    R_WB: np.ndarray
+    p_WB: np.ndarray
+
+
+def follow(
+    tree: Tree, q: np.ndarray, v: np.ndarray, *, bodies: Sequence[int], coordinates: Sequence[int], inside: np.ndarray
+) -> SegmentMotion:
+    """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates).
+
+    Args:
+        inside: (B,) bool, the bodies whose momentum and energy are summed.
+    """
+    n = len(q)
+    found = SegmentMotion(
+        twist=np.zeros((n, len(bodies), 6)), joints=np.zeros((n, len(coordinates), 6)), momentum=np.zeros((n, 6)),
+        mass=float(tree.inertias[inside, 0].sum()), mass_moment=np.zeros((n, 3)), kinetic_j=np.zeros(n),
+        R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
+    _follow(tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), work_space(tree),
+            np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
+            found.twist, found.joints, found.momentum, found.mass_moment, found.kinetic_j, found.R_WB, found.p_WB)
+    return found
+
+
+def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
+    """(n,) W, power that passes from all that is distal of a rigid segment into it, positive when it is pushed on.
+
+        P = F . v_d + M_free . omega,        v_d = v_s + omega x (CoP - CM)
+
+    with the force F of the ground and its free moment, and the velocity v_s of the segment's centre of mass CM: the
+    distal segment power of Siegel (1996) in Takahashi's (2012) unified deformable segment, derived in the appendix of
+    Zelik and Honert (2018, doi 10.1016/j.jbiomech.2018.04.017). The formula is that of a public program of E.
+    Honert's, the papers' equations were not read. It is the power of the ground's wrench on a body that moves with the
+    segment, exact if what lies distal has no mass. Zero where the foot bears too little for a centre of pressure.
+
+    Args:
+        reaction: of the foot. twist: (n, 6) of the segment.
+    """
+    loaded = ~np.isnan(reaction.cop_W[:, 0])
+    turning, moving = twist[:, :3], twist[:, 3:]
+    v_d = moving + np.cross(turning, np.where(loaded[:, None], reaction.cop_W, 0.0))
+    power = np.sum(reaction.grf_W * v_d, axis=1) + reaction.free_moment_nm * turning[:, 2]
+    return np.where(loaded, power, 0.0)
+
+
+@compiled
+def _follow(tree, q, v, motion, bodies, coordinates, inside, twist, joints, momentum, mass_moment, kinetic, R, p):
+    last = bodies[bodies.shape[0] - 1]
+    for k in range(q.shape[0]):
+        place(tree, q[k], motion)
+        put(motion.V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for m in range(tree.links.shape[0]):
+            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            V_b = six(motion.V, parent)
+            if c >= 0:
+                V_b = plus(V_b, six(motion.S, c), v[k, c])
+            put(motion.V, b, V_b)
+            if inside[b] and tree.inertias[b, 0] > 0.0:
+                inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
+                momentum_b = inertia_times(motion.own, b, V_b)
+                kinetic[k] += 0.5 * dot(V_b, momentum_b)
+                for i in range(3):
+                    mass_moment[k, i] += motion.own[b, 1 + i]
+                put(momentum, k, plus(six(momentum, k), momentum_b, 1.0))
+        for i in range(bodies.shape[0]):
+            for j in range(6):
+                twist[k, i, j] = motion.V[bodies[i], j]
+        for i in range(coordinates.shape[0]):
+            for j in range(6):
+                joints[k, i, j] = motion.S[coordinates[i], j]
+        for i in range(3):
+            p[k, i] = motion.p[last, i]
+            for j in range(3):
+                R[k, i, j] = motion.R[last, i, j]
+
+
+# A trial walked with the fulcrum elsewhere and the load on the foot kept: the pelvis rises and sinks as that takes.
+#
+# The recorded motion prescribes where the limb goes, so that a stiffer foot under the same motion is pressed as far and
+# bears more. A person carries the same weight on either. Here the motion is changed by a course of the pelvis' height
+# until the vertical force on the prosthetic foot is that of the walk at the trial's own position; everything else of
+# the motion stays. The course is found by Newton's method instant by instant, with how the force depends on the height.
+
+
+_HEIGHT = "pelvis_ty"
+_MOST_WALKS = 8
+_CLOSE_ENOUGH = 0.002
+"""Of body weight: root mean square over stance of what the forces differ by, at which the search ends."""
+_USABLE = 0.01
+"""The same, beyond which the load does not count as kept."""
+_FORCE_CUTOFF_HZ, _HEIGHT_CUTOFF_HZ = 20.0, 12.0
+"""Of the forces that are compared and of the change of height (choices)."""
+_LEAST_N_PER_M = 8e3
+"""Least stiffness in a Newton step, where the foot hardly bears (a choice)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SameLoad:
+    """A walk with the load of another.
+
+    Attributes:
+        walk: with the changed height, in the finer step.
+        off_bw: root mean square over stance of what the low-passed vertical forces differ by, over body weight.
+        height_mm: largest change of the pelvis' height.
+    """
+
+    walk: Walk
+    off_bw: float
+    height_mm: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether the load is that of the other walk."""
+        return self.off_bw <= _USABLE
+
+
+def walk_with_same_load(
+    walker: Walker, trial: Trial, *, fulcrum_m: float, search_step_s: float, step_s: float
+) -> SameLoad:
+    """Walks `trial` with the fulcrum at `fulcrum_m` (m from A) under the load that it has with its own.
+
+    Args:
+        search_step_s: of the walks that look for the height. step_s: of the one that is returned.
+
+    Raises:
+        InputError, SimulationError: see `Walker.walk`.
+    """
+    weight = walker.subject.mass_kg * float(np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector()))
+
+    def walked(x: float, step: float, height: np.ndarray | None = None, *, differentiated: bool = False) -> Walk:
+        course = None if height is None else Course(
+            name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))
+        return walker.walk(
+            trial.trajectory, fulcrum_m=x, start_s=trial.start_s, end_s=trial.end_s, step_s=step, offsets=trial.offsets,
+            courses=[] if course is None else [course], values={} if course is None else {"course.height": 1.0},
+            with_respect_to=(f"coordinate.{_HEIGHT}",) if differentiated else ())
+
+    def smooth(values: np.ndarray, step: float, cutoff_hz: float) -> np.ndarray:
+        return low_pass(values, rate_hz=1.0 / step, cutoff_hz=cutoff_hz)
+
+    def vertical(walk: Walk) -> np.ndarray:
+        return smooth(walk.prosthetic.grf_W[:, 2], walk.step_s, _FORCE_CUTOFF_HZ)
+
+    def off_bw(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(values[inside] ** 2))) / weight if inside.any() else 0.0
+
+    own = walked(trial.fulcrum_m, search_step_s)
+    time, wanted = own.record.time_s, vertical(own)
+    inside = np.zeros(len(time), dtype=bool)
+    for stance in find_stances(time, own.prosthetic.grf_W[:, 2]):
+        inside |= (time >= stance.start_s) & (time <= stance.end_s)
+    grid = np.concatenate([[trial.start_s], time])
+    height = np.zeros(len(grid))
+    for _ in range(_MOST_WALKS):
+        walk = walked(fulcrum_m, search_step_s, height, differentiated=True)
+        too_much = vertical(walk) - wanted
+        if off_bw(too_much) <= _CLOSE_ENOUGH:
+            break
+        assert walk.sensitivity is not None
+        falling = smooth(-walk.sensitivity.grf_W[:, 2, 0], search_step_s, _HEIGHT_CUTOFF_HZ)
+        height[1:] += smooth(too_much / np.maximum(falling, _LEAST_N_PER_M), search_step_s, _HEIGHT_CUTOFF_HZ)
+    final = walked(fulcrum_m, step_s, height)
+    off = np.interp(time, final.record.time_s, vertical(final)) - wanted
+    return SameLoad(walk=final, off_bw=off_bw(off), height_mm=float(1e3 * np.abs(height).max()))
+
+
+# One stance of the ledger in numbers: stored, returned, lost, and how well it closes.
+#
+# Stored is the strain of keel, foam and fulcrum support above what it was at touch-down, at its largest. Of it,
+# `released` is gone again at toe-off; `returned` is what of that the foot gave back: released without what keel, foam,
+# support and friction lost on the way. The return ratio is returned over stored. The efficiency is returned over what
+# was put into the foot up to the largest strain, stored and lost.
+
+
+PERCENT = np.linspace(0.0, 100.0, 201)
+"""Of stance, where curves are given; powers are means between neighbours."""
+_LATE = 0.5
+"""Share of stance after which the largest vertical load is that of push-off."""
+_PHASES = {"loading": (0.0, 0.15), "middle": (0.15, 0.75), "push_off": (0.75, 1.0)}
+"""Shares of stance by which the remainder is looked at (a choice)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StanceEnergy:
+    """Numbers of one stance, and curves on PERCENT: `terms_j` (len(TERMS), 201) from touch-down on, and
+    `pylon_power_w`, `shank_power_w` (200,)."""
+
+    row: dict[str, Any]
+    curves: dict[str, np.ndarray]
+
+
+def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParameters, fulcrum_m: float) -> StanceEnergy:
+    """The ledger from the last instant before touch-down to the first after toe-off."""
+    first = max(int(np.searchsorted(energy.time_s, stance.start_s)) - 1, 0)
+    cut = slice(first, min(int(np.searchsorted(energy.time_s, stance.end_s)), len(energy.time_s) - 1) + 1)
+    time = energy.time_s[cut]
+    step, last = float(time[1] - time[0]), len(time) - 1
+    terms = {name: energy.terms[name][cut] - energy.terms[name][first] for name in TERMS}
+    strain = np.sum([terms[name] for name in FOOT_STRAINS], axis=0)
+    lost = np.sum([terms[name] for name in FOOT_LOSSES], axis=0)
+    balance = energy.balance_work[cut] - energy.balance_work[first]
+    remainder = terms[REMAINDER]
+    missed = float(np.abs(remainder).max())
+    top = int(strain.argmax())
+    stored, released = float(strain[top]), float(strain[top] - strain[-1])
+    returned = released - float(lost[-1] - lost[top])
+    absorbed = stored + float(lost[top])
+
+    def share(part: float, whole: float = stored) -> float | None:
+        return part / whole if whole > 0.0 else None
+
+    pylon, shank = (cumulative_integral(power[cut], step) for power in (energy.pylon_power, energy.shank_power))
+    grid = time[0] + 0.01 * PERCENT * (time[-1] - time[0])
+    pylon_w, shank_w = (np.diff(np.interp(grid, time, work)) / np.diff(grid) for work in (pylon, shank))
+    half = int(_LATE * len(time))
+    late = energy.vertical_n[cut][half:]
+    load, lever = energy.keel_load[cut][top]
+    row: dict[str, Any] = {
+        "fulcrum_mm": round(1e3 * fulcrum_m, 6), "start_s": stance.start_s, "end_s": stance.end_s, "step_s": step,
+        "stored_j": stored, "stored_at_percent": 100.0 * top / last,
+        "keel_stored_j": float(terms["keel_strain"].max()),
+        **{f"{name.removesuffix('_strain')}_at_most_j": float(terms[name][top]) for name in FOOT_STRAINS},
+        "released_j": released, "returned_j": returned, "return_ratio": share(returned),
+        "absorbed_j": absorbed, "efficiency": share(returned, absorbed), "lost_j": float(lost[-1]),
+        "lost_before_j": float(lost[top]), "lost_after_j": float(lost[-1] - lost[top]),
+        **{f"{name}_j": float(terms[name][-1]) for name in TERMS},
+        "remainder_max_j": missed, "remainder_share": share(missed),
+        "remainder_by_phase_j": {name: float(remainder[round(end * last)] - remainder[round(start * last)])
+                                 for name, (start, end) in _PHASES.items()},
+        "socket_work_j": float(energy.socket_work[cut][-1] - energy.socket_work[first]),
+        "balance_work_j": float(balance[-1]), "balance_share": share(float(np.abs(balance - terms[INPUT]).max())),
+        "distal_work_j": float(pylon[-1]), "distal_absorbed_j": -float(pylon[top]),
+        "distal_returned_j": float(pylon[-1] - pylon[top]),
+        "distal_peak_w": float(pylon_w.max()), "distal_lowest_w": float(pylon_w.min()),
+        "shank_distal_work_j": float(shank[-1]), "shank_distal_peak_w": float(shank_w.max()),
+        "distal_share": share(float(np.abs(pylon + strain + lost).max())),
+        "late_load_n": float(late.max()), "late_load_at_percent": 100.0 * (half + int(late.argmax())) / last,
+        "keel_load_n": float(load), "keel_load_point_mm": float(1e3 * lever) if np.isfinite(lever) else None,
+        "beam_j": _beam_energy(foot, fulcrum_m, float(load), float(lever)),
+    }
+    row["bent_at_most_j"] = row["keel_at_most_j"] + row["fulcrum_at_most_j"]
+    return StanceEnergy(row=row, curves={
+        "terms_j": np.array([np.interp(grid, time, terms[name]) for name in TERMS]),
+        "pylon_power_w": pylon_w, "shank_power_w": shank_w})
+
+
+def _beam_energy(foot: FootParameters, fulcrum_m: float, load_n: float, place_m: float) -> float | None:
+    """F²/2k of keel and support in closed form under one load across the keel; None if it is not ahead of the fulcrum.
+
+    A second method: small deflections, one load in place of the spheres', no time.
+    """
+    keel = foot.keel
+    if not place_m > fulcrum_m:
+        return None
+    stiffness = lumped_stiffness(
+        bending_stiffness=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
+        element_lengths=keel.element_lengths_m, support=fulcrum_m, load_point=place_m,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
+    return 0.5 * load_n**2 / stiffness
