@@ -29,16 +29,19 @@ FIGURES, TABLES = "figures", "tables"
 UNKNOWN = "–"
 _PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
 """Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
+_SENTENCES = re.compile(r"<(p|li)[ >].*?</\1>", re.DOTALL)
+"""What templates may break into lines."""
 _NUMBER = r"[+-]?[0-9.]+(e[+-]?[0-9]+)?"
 
 
 def render(template: str, /, **context: Any) -> Markup:
     """The template filled in; texts are escaped where they are shown, and a name that is not given is an error.
 
-    Besides Jinja2's own, templates have the filters `number`, `said`, `listed`, `data_uri` of this module and the
-    macros of macros.html.j2.
+    Besides Jinja2's own, templates have the filters `number`, `said`, `listed`, `joint`, `span`, `data_uri` of this
+    module and the macros of macros.html.j2.
     """
-    return Markup(_PAGES.get_template(template).render(context))
+    text = _PAGES.get_template(template).render(context)
+    return Markup(_SENTENCES.sub(lambda found: " ".join(found[0].split()), text))
 
 
 def number(value: Any, form: str = "{}", factor: float = 1.0) -> str:
@@ -64,6 +67,18 @@ def listed(names: Iterable[Any], last: str = " and ") -> str:
     """`names` with commas between them, and `last` before the last one."""
     *first, end = [str(name) for name in names] or [UNKNOWN]
     return f"{', '.join(first)}{last}{end}" if first else end
+
+
+def joint(loop: Any, between: str = ", ", last: str = " and ") -> str:
+    """What stands before an item of a `for` of a template, so that the items are listed."""
+    return "" if loop.first else last if loop.last else between
+
+
+def span(values: Iterable[float | None], form: str) -> str:
+    """From the least to the largest of the values that are known, once if both look the same."""
+    known = [value for value in values if value is not None]
+    low, high = form.format(min(known)), form.format(max(known))
+    return low if low == high else f"{low} to {high}"
 
 
 def data_uri(figure: Figure | bytes) -> str:
@@ -117,7 +132,8 @@ class Chapter:
 
     Attributes:
         name: HTML anchor. title: its heading.
-        template: its text. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`,
+        template: its text. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`
+            (or `table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...))`, the columns told there),
             `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
             `{% call missing() %}what is not there, and why{% endcall %}`.
         facts: numbers and decisions, by the names that the template calls them.
@@ -180,8 +196,14 @@ class ShownChapter:
         self.missing.append(text.striptags() if isinstance(text, Markup) else text)
         return _macros.absent(text)
 
-    def _table(self, name: str | Grid, text: str = "", caller: Callable[[], str] | None = None) -> Markup:
-        grid = name if isinstance(name, Grid) else next(each for each in self._chapter.tables if each.name == name)
+    def _table(self, name: str | Grid, rows: Sequence[Mapping[str, Any]] | None = None,
+               columns: Iterable[Sequence[Any]] = (), text: str = "",
+               caller: Callable[[], str] | None = None) -> Markup:
+        """A table of the chapter, or of `rows` with these columns, each what `Column` is made of."""
+        grid = name if isinstance(name, Grid) else next(
+            (each for each in self._chapter.tables if each.name == name), None)
+        if grid is None:
+            grid = Grid(str(name), [Column(*column) for column in columns], [] if rows is None else rows)
         try:
             shown = _grid(grid, _one_line(text, caller))
             if self._folder is not None:
@@ -284,7 +306,8 @@ def _environment() -> Environment:
     pages = Environment(loader=PackageLoader("vsf_drake.report"), autoescape=True, undefined=StrictUndefined,
                         trim_blocks=True, lstrip_blocks=True)
     pages.filters |= {
-        "number": number, "said": said, "listed": listed, "data_uri": data_uri, "print_size_pt": _print_size_pt,
+        "number": number, "said": said, "listed": listed, "joint": joint, "span": span,
+        "data_uri": data_uri, "print_size_pt": _print_size_pt,
         "kind": lambda piece: type(piece).__name__,
         "number_columns": lambda rows, count: [bool(rows) and all(_is_numeral(row[i]) for row in rows)
                                                for i in range(count)],

@@ -10,14 +10,14 @@ import sys
 import numpy as np
 import pytest
 from made_study import embedded_study
+from shown_chapter import Shown
 
 from vsf_drake.analysis.validation import embedded_bench
 from vsf_drake.analysis.validation.bench_section import bench_section
 from vsf_drake.bench_curves import load_bench_curves
-from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text, cell, chapter_page
+from vsf_drake.report.page import cell, chapter_page
 from vsf_drake.report.style import save_figure
-from vsf_drake.report.validation.bench_chapter import bench_chapter, result_text
-from vsf_drake.report.validation.bench_figures import bench_agreement_figure
+from vsf_drake.report.validation.bench_chapter import bench_agreement_figure, bench_chapter
 
 CURVES = load_bench_curves(embedded_bench())
 
@@ -44,69 +44,60 @@ def heel_only():
     return saved(dataclasses.replace(CURVES, curves=CURVES.curves[-1:]))
 
 
-def words(chapter):
-    return " ".join([piece.text for piece in chapter.pieces if isinstance(piece, Text)]
-                    + [line for piece in chapter.pieces if isinstance(piece, Bullets) for line in piece.lines])
+def shown(table, arrays):
+    return Shown(bench_chapter(table, arrays))
 
 
 @pytest.mark.parametrize("which", ["full", "unmeasured", "heel_only"])
 def test_every_chapter_has_its_figures_with_numbers_in_words_and_tables_that_print(which, request):
-    chapter = bench_chapter(*request.getfixturevalue(which))
-    for kind in (Grid, Picture):
-        named = [piece.name for piece in chapter.pieces if isinstance(piece, kind)]
-        assert len(named) == len(set(named))
-    for piece in chapter.pieces:
-        if isinstance(piece, Picture):
-            assert any(character.isdigit() for character in piece.alt) and len(piece.alt) > 60
-            assert "nan" not in piece.alt.lower() and "None" not in piece.alt
-            for axes in piece.figure.axes:
-                assert "(" in axes.get_xlabel() or "heel" in axes.get_xlabel()
-                assert "(" in axes.get_ylabel()
-        elif isinstance(piece, Grid):
-            assert piece.rows and all(cell(column, row.get(column.key)) for row in piece.rows
-                                      for column in piece.columns)
-    page = chapter_page([chapter], title="t", first_line="SYNTHETIC", synthetic=True)[0]
-    assert ">nan<" not in page and ">None<" not in page
+    saved_section = request.getfixturevalue(which)
+    chapter = shown(*saved_section)
+    for name, alt in chapter.alts.items():
+        assert any(character.isdigit() for character in alt) and len(alt) > 60
+        assert "nan" not in alt.lower() and "None" not in alt
+        for axes in chapter.figures[name].axes:
+            assert "(" in axes.get_xlabel() or "heel" in axes.get_xlabel()
+            assert "(" in axes.get_ylabel()
+    for grid in chapter.grids.values():
+        assert grid.rows and all(cell(column, row.get(column.key)) for row in grid.rows for column in grid.columns)
+    page = chapter_page([bench_chapter(*saved_section)], title="t", first_line="SYNTHETIC", synthetic=True)[0]
+    assert ">nan<" not in page and ">None<" not in page and "None" not in chapter.words
 
 
 def test_the_paper_s_figures_stand_beside_ours_and_what_is_not_reached_is_said(full):
     table, arrays = full
-    chapter = bench_chapter(table, arrays)
-    grid = next(piece for piece in chapter.pieces if isinstance(piece, Grid) and piece.name == "bench_comparison")
+    chapter = shown(table, arrays)
+    grid = chapter.grids["bench_comparison"]
     paper = grid.rows[-1]
     assert (paper["stiffness_r2"], paper["stiffness_rmse_n_per_mm"], paper["mid_range_rmse_mm"]) == (0.98, 1.37, 0.45)
     assert grid.rows[0]["mid_range_rmse_mm"] == table["mid_range_rmse_mm"]
-    said = words(chapter)
-    assert f"RMSE of mid-range displacement {table['mid_range_rmse_mm']:.2f} mm" in said
-    assert ("not reached" in result_text(table)) == (not all(table["within_limits"].values()))
-    assert result_text(table) in said
-    assert "SYNTHETIC" in said and "to which it was fitted too" in said
+    assert f"RMSE of mid-range displacement {table['mid_range_rmse_mm']:.2f} mm" in chapter.items[0]
+    assert ("not reached" in chapter.items[0]) == (not all(table["within_limits"].values()))
+    assert "SYNTHETIC" in chapter.words and "to which it was fitted too" in chapter.words
 
 
 def test_a_worse_model_is_said_not_to_reach_the_paper(full):
     table = json.loads(json.dumps(full[0]))
     table["lines"][0]["statistics"]["stiffness_rmse_n_per_mm"] = 2.5
     table["within_limits"]["stiffness_rmse_n_per_mm"] = False
-    assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in words(bench_chapter(table, full[1]))
+    assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in shown(table, full[1]).words
 
 
 def test_steps_that_did_not_converge_are_said_first(full):
-    pieces = bench_chapter(full[0] | {"unconverged_steps": 3}, full[1]).pieces
-    assert any(isinstance(piece, Missing) and "3 steps" in piece.text for piece in pieces[:3])
-    assert not any(isinstance(piece, Missing) for piece in bench_chapter(*full).pieces)
+    assert "3 steps" in shown(full[0] | {"unconverged_steps": 3}, full[1]).missing[0]
+    assert not shown(*full).missing
 
 
 def test_without_curves_there_is_no_statistic(unmeasured):
-    chapter = bench_chapter(*unmeasured)
-    assert not any(isinstance(piece, Grid) and piece.name == "bench_comparison" for piece in chapter.pieces)
-    said = words(chapter)
-    assert "published end points" in said and "R²" not in said and "SYNTHETIC" not in said
+    chapter = shown(*unmeasured)
+    assert "bench_comparison" not in chapter.grids
+    assert "published end points" in chapter.words
+    assert "R²" not in chapter.words and "SYNTHETIC" not in chapter.words
 
 
 def test_without_rates_and_load_points_the_rest_is_shown(full):
-    table = full[0] | {"rates": [], "load_points": []}
-    named = [piece.name for piece in bench_chapter(table, full[1]).pieces if isinstance(piece, Picture)]
-    assert named == ["bench_curves", "bench_agreement", "bench_shape"]
+    assert list(shown(full[0] | {"rates": [], "load_points": []}, full[1]).alts) == [
+        "bench_curves", "bench_agreement", "bench_shape"]
 
 
 def test_the_same_table_gives_the_same_figure(full, tmp_path):
@@ -115,8 +106,7 @@ def test_the_same_table_gives_the_same_figure(full, tmp_path):
 
 
 def test_measured_curves_are_solid_and_simulated_ones_dashed(full):
-    chapter = bench_chapter(*full)
-    figure = next(piece for piece in chapter.pieces if isinstance(piece, Picture)).figure
+    figure = bench_chapter(*full).figures["bench_curves"]
     lines = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 100]
     solid = [line for line in lines if line.get_linestyle() == "-"]
     assert len(solid) == 5 and len(lines) == 15

@@ -7,27 +7,19 @@ from functools import cache
 
 import pytest
 from made_energy import saved_energy
+from shown_chapter import Shown
 
-from vsf_drake.report.page import Bullets, Grid, Missing, Picture, Text
 from vsf_drake.report.validation.energy_chapter import energy_chapter
 
 
 @cache
-def chapter_of(walks):
-    return energy_chapter(*saved_energy(walks))
-
-
-def pieces(kind, walks=3):
-    return [piece for piece in chapter_of(walks).pieces if isinstance(piece, kind)]
-
-
-def words(walks=3):
-    return " ".join(piece.text for piece in pieces((Text, Missing), walks))
+def shown(walks=3):
+    return Shown(energy_chapter(*saved_energy(walks)))
 
 
 def test_first_sentence_has_stored_and_returned_energy_of_every_position():
     table, _ = saved_energy()
-    first = pieces(Text)[0].text
+    first = shown().paragraphs[0]
     for c in table["conditions"]:
         assert f"{c['stored_j']:.1f} J" in first
         assert f"{c['returned_j']:.1f} J with the fulcrum at {c['fulcrum_mm']:g} mm" in first
@@ -35,30 +27,25 @@ def test_first_sentence_has_stored_and_returned_energy_of_every_position():
 
 
 def test_it_says_that_there_is_no_measured_energy_and_which_sources_were_not_read():
-    assert "There is no measured energy to compare with" in words()
-    assert words().count("not read for this report") == 1
+    assert "There is no measured energy to compare with" in shown().missing[0]
+    assert shown().words.count("not read for this report") == 1
 
 
 def test_verdict_names_the_load_and_why_the_motion_gives_the_opposite():
     assert ("Under the same load, in every trial walked at all positions, the softer setting stores and returns more"
-            in words())
-    assert "With the same motion the opposite holds" in words()
+            in shown().words)
+    assert "With the same motion the opposite holds, as it must" in shown().words
 
 
 def test_every_grid_shows_values_that_its_rows_have():
-    names = [grid.name for grid in pieces(Grid)]
-    assert len(set(names)) == len(names)
-    for grid in pieces(Grid):
+    assert len(shown().grids) == 6
+    for grid in shown().grids.values():
         assert grid.rows
-        for row in grid.rows:
-            for column in grid.columns:
-                value = row[column.key]
-                if column.form and value is not None:
-                    column.form.format(column.scale * value)
+        assert all(column.key in row for row in grid.rows for column in grid.columns)
 
 
 def test_terms_of_the_ledger_grid_add_up_to_the_limbs_work():
-    [grid] = [g for g in pieces(Grid) if g.name == "energy_ledger"]
+    grid = shown().grids["energy_ledger"]
     names = [column.key for column in grid.columns if column.key.endswith("_j")]
     assert names[0] == "limb_work_j"
     for row in grid.rows:
@@ -67,23 +54,20 @@ def test_terms_of_the_ledger_grid_add_up_to_the_limbs_work():
 
 @pytest.mark.parametrize("walks", [1, 3])
 def test_every_figure_has_units_on_its_axes_and_its_finding_in_words(walks):
-    pictures = pieces(Picture, walks)
-    assert [picture.name for picture in pictures] == ["energy_stance", "energy_position", "energy_ledger",
-                                                      "energy_power"]
-    for picture in pictures:
-        assert re.search(r"\d.* [JW]\b", picture.alt)
-        for axes in picture.figure.axes:
+    assert list(shown(walks).alts) == ["energy_stance", "energy_position", "energy_ledger", "energy_power"]
+    for name, alt in shown(walks).alts.items():
+        assert re.search(r"\d.* [JW]\b", alt)
+        for axes in shown(walks).figures[name].axes:
             assert re.search(r"\(.+\)$|^trial$", axes.get_xlabel())
 
 
 def test_second_methods_are_named_with_their_differences():
-    [bullets] = pieces(Bullets)
-    assert len(bullets.lines) == 4
-    assert all(re.search(r"\d", line) for line in bullets.lines)
+    assert len(shown().items) == 4
+    assert all(re.search(r"\d", line) for line in shown().items)
 
 
 def test_one_setting_has_no_verdict_over_settings():
-    assert "there are not two settings to compare" in words(1)
+    assert "there are not two settings to compare" in shown(1).words
 
 
 @pytest.mark.parametrize(("stores", "returns", "said"), [
@@ -94,16 +78,15 @@ def test_a_setting_that_does_not_store_more_is_called_so_with_the_trials(stores,
     table, arrays = saved_energy()
     judged = {key: table["softer"][key] | {"same_load": one, "same_load_against": [] if one else ["low_2"]}
               for key, one in (("stored_j", stores), ("returned_j", returns))}
-    chapter = energy_chapter(table | {"softer": judged}, arrays)
-    assert any(said in piece.text for piece in chapter.pieces if isinstance(piece, Text))
+    assert said in Shown(energy_chapter(table | {"softer": judged}, arrays)).words
 
 
 def test_without_a_stance_there_is_a_sentence_and_no_figure():
     table, arrays = saved_energy()
     empty = table | {key: [] for key in ("trials", "conditions", "same_load", "same_motion", "convergence")}
-    chapter = energy_chapter(empty, {"percent": arrays["percent"]})
-    assert "no energy to tell of" in chapter.pieces[0].text
-    assert not any(isinstance(piece, (Picture, Grid)) for piece in chapter.pieces)
+    chapter = Shown(energy_chapter(empty, {"percent": arrays["percent"]}))
+    assert "no energy to tell of" in chapter.paragraphs[0]
+    assert not chapter.alts and not chapter.grids
 
 
 def test_walks_at_other_positions_may_be_missing():
@@ -112,5 +95,5 @@ def test_walks_at_other_positions_may_be_missing():
                "same_motion_against": [], "both": None}
     bare = table | {"same_load": [], "same_motion": [], "convergence": [],
                     "softer": {"stored_j": verdict, "returned_j": verdict}}
-    names = [piece.name for piece in energy_chapter(bare, arrays).pieces if isinstance(piece, (Picture, Grid))]
-    assert "energy_position" not in names
+    chapter = Shown(energy_chapter(bare, arrays))
+    assert "energy_position" not in chapter.alts and "energy_same_load" not in chapter.grids

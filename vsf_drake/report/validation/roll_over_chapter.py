@@ -161,15 +161,15 @@ def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
         shapes.set_aspect("equal", adjustable="datalim")
         shapes.legend(loc="upper right", ncols=2)
         label(shapes, x="forward of the pylon's axis (mm)", y="above the pylon's end (mm)",
-              title="Centre of pressure seen from the shank, mean of the footfalls, heel strike to the end of the shape")
+              title="Centre of pressure seen from the shank, mean of the footfalls, "
+                    "heel strike to the end of the shape")
         for i, (name, scale, words) in enumerate(_PANELS):
             axes = figure.add_subplot(grid[1, i])
             for side, marker, said, shift in (("measured", "o", "plate", 2.0), ("model", "D", "model", -2.0)):
-                for row in table["walks"]:
-                    if row[side][name] is not None:
-                        colour = condition_colour(1e-3 * row["fulcrum_mm"])
-                        axes.plot(row["fulcrum_mm"] + shift, scale * row[side][name], marker, markersize=6, color=colour,
-                                  markerfacecolor=colour if shift > 0.0 else "white")
+                for row in (row for row in table["walks"] if row[side][name] is not None):
+                    colour = condition_colour(1e-3 * row["fulcrum_mm"])
+                    axes.plot(row["fulcrum_mm"] + shift, scale * row[side][name], marker, markersize=6, color=colour,
+                              markerfacecolor=colour if shift > 0.0 else "white")
                 axes.plot([], [], marker, color=NEUTRAL, markerfacecolor=NEUTRAL if shift > 0.0 else "white",
                           label=said)
             axes.margins(x=0.12, y=0.15)
