@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from refined_spheres import with_spheres
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.files import replaced
@@ -23,8 +24,8 @@ from vsf_drake.motion.events import runs
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.plants.foot import with_elements
 from vsf_drake.plants.person import PELVIS_COORDINATES, leg_coordinates
-from vsf_drake.plants.refined_foot import with_elements, with_spheres
 from vsf_drake.report.style import NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker

@@ -23,11 +23,10 @@ from pydrake.systems.primitives import PassThrough
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import secant_stiffness, zones_under_load
 from vsf_drake.parameters import GRAVITY, FootParameters
-from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_ground_geometry
 from vsf_drake.plants.foot import CONTACTS, add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import wire_foot
-from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.wiring import share_spatial_forces
 
 # One foot dropped under a leg, and pressed with dead loads, under Drake's own Simulator.

@@ -24,7 +24,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants import add_foot, follow_fulcrum, place_fulcrum, wire_foot
-from vsf_drake.plants.discrete_foot import largest_step
+from vsf_drake.plants.foot import largest_step
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 FOOT = FootParameters()

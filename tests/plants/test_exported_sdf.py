@@ -29,8 +29,8 @@ from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot
+from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
-from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench_stiffness import KeelStatics
 

@@ -12,8 +12,8 @@ from pydrake.systems.framework import DiagramBuilder
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import wire_foot
+from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
-from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.solids import box
 

@@ -1,10 +1,9 @@
 """Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a person."""
 
-from vsf_drake.plants.discrete_foot import place_fulcrum
-from vsf_drake.plants.foot import add_foot, mirrored
+from vsf_drake.plants.contact_geometry import add_ground_geometry
+from vsf_drake.plants.foot import add_foot, mirrored, place_fulcrum
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import FulcrumDrive, WiredFoot, add_fulcrum_drive, follow_fulcrum, wire_foot
-from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.visuals import add_foot_visuals
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces, to_symbolic
 

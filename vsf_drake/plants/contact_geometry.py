@@ -5,7 +5,7 @@
 
 Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a zone's own law
 becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is Coulomb's with the foot's two
-coefficients; a plant with a time step takes the kinetic one alone. The ground: `ground_geometry`.
+coefficients; a plant with a time step takes the kinetic one alone. `add_ground_geometry` makes the ground.
 
 Why a pad is a mesh and not a Box: the pressure in a compliant box is E e / h, e the distance to the nearest face and h
 half the least dimension, so pressed by a plane to depth D it bears E / h (a b D - (a + b) D² + 4/3 D³). Boxes of the
@@ -20,6 +20,7 @@ first evaluation over a contact says that hunt_crossley_dissipation is of a diff
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,8 @@ from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Box,
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
@@ -35,13 +38,15 @@ from pydrake.geometry import (
     ProximityProperties,
     Sphere,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch, check_ground
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
+from vsf_drake.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
@@ -55,6 +60,9 @@ PRESSURE_PER_DEPTH = 8e7
 """Pa/m in every pad: those of the nominal foot, 10 mm and 16 mm wide, do not overlap then (a choice)."""
 PAD_THICKNESS_M, RIM_M = 0.03, 2e-5
 """Of a pad, upwards: more than foam is pressed in; how far its inner vertices are from its surface (choices)."""
+RIGID_N_PER_M = 1e12
+"""Point-contact stiffness of rigid ground; in series with a foam's it changes that by less than 1e-6."""
+GROUND_THICKNESS_M = 1.0
 
 
 def dissipation(sites: ContactSites) -> np.ndarray:
@@ -85,33 +93,24 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
     """Gives the foot its collision geometry for one of DRAKE_CONTACTS, before Finalize.
 
     Raises:
-        InputError: there is no such contact, the plant has no SceneGraph, or it is told to treat hydroelastic
-            bodies as points.
+        InputError: see `check_scene_graph`.
     """
-    if contact not in DRAKE_CONTACTS:
-        raise InputError(f"{contact!r} is not a contact of Drake's", where="contact",
-                         right=f"Known are {', '.join(DRAKE_CONTACTS)}")
     check_scene_graph(plant, contact)
-    friction = foot.parameters.friction
+    sites, friction = foot.sites, foot.parameters.friction
     mu = CoulombFriction(friction.mu_static, min(friction.mu_kinetic, friction.mu_static))
-    sites = foot.sites
     stiffness, rate = point_law(sites)
-    if contact == "drake_point":
-        for i in np.flatnonzero(stiffness):
-            properties = ProximityProperties()
+    for i in np.flatnonzero(stiffness):
+        properties, body = ProximityProperties(), plant.get_body(sites.body_indices[i])
+        if contact == "drake_point":
             AddContactMaterial(rate[i], stiffness[i], mu, properties)
-            plant.RegisterCollisionGeometry(plant.get_body(sites.body_indices[i]), RigidTransform(sites.p_BS[i]),
-                                            Sphere(sites.radius[i]), f"foam_{i}", properties)
-    else:
-        bottoms = sites.p_BS - np.outer(sites.radius, [0.0, 0.0, 1.0])
-        for i in np.flatnonzero(stiffness):
-            properties = ProximityProperties()
+            name, shape, place = f"foam_{i}", Sphere(sites.radius[i]), sites.p_BS[i]
+        else:
             AddCompliantHydroelasticProperties(
                 PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties)
             AddContactMaterial(rate[i], None, mu, properties)
-            plant.RegisterCollisionGeometry(
-                plant.get_body(sites.body_indices[i]), RigidTransform(bottoms[i]), _pad(pad_widths(sites)[i]),
-                f"pad_{i}", properties)
+            name, shape = f"pad_{i}", _pad(pad_widths(sites)[i])
+            place = sites.p_BS[i] - [0.0, 0.0, sites.radius[i]]
+        plant.RegisterCollisionGeometry(body, RigidTransform(place), shape, name, properties)
 
 
 def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[GeometryId]:
@@ -136,7 +135,9 @@ def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: Foot
 
 
 def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
-    """Raises InputError unless `plant` can still be given geometry for `contact`."""
+    """Raises InputError unless `contact` is one of Drake's that `plant` can still be given geometry for."""
+    if contact not in DRAKE_CONTACTS:
+        raise InputError(f"{contact!r} takes no geometry", where="contact", right=f"One of {', '.join(DRAKE_CONTACTS)}")
     if not plant.geometry_source_is_registered():
         raise InputError(f"contact {contact} needs geometry, and the plant has no SceneGraph", where="plant",
                          right="Make both with AddMultibodyPlantSceneGraph(builder, time_step)")
@@ -168,3 +169,80 @@ def _pad(width: float) -> Mesh:
         f"CELLS {len(cells)} {5 * len(cells)}", *(" ".join(map(str, (4, *cell))) for cell in cells),
         f"CELL_TYPES {len(cells)}", *(["10"] * len(cells)), ""))
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".vtk", filename_hint="pad.vtk")))
+
+
+def add_ground_geometry(
+    plant: MultibodyPlant, ground: Ground | None = None, *, foot: FootParameters | None = None,
+    contact: str = "drake_point"
+) -> None:
+    """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize.
+
+    Each patch is a rigid box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches
+    two of them: at a seam, and over a lower patch that a foot reaches through the upper one.
+
+    Args:
+        ground: by default the plane z = 0.
+        foot: of the feet that will stand on it, by default the nominal one, for its friction. A patch with
+            coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
+        contact: of the feet. Say "hydroelastic" where one of them has it: pads do not feel a patch's stiffness, which
+            is refused then.
+
+    Raises:
+        InputError: see `check_ground`; the contact is none of Drake's; the plant has no SceneGraph, or a ground
+            already; two patches lie in one plane over one another; a patch has a stiffness of its own under
+            "hydroelastic"; a patch's friction cannot be had.
+    """
+    ground, foot = check_ground(ground or Ground()), foot or FootParameters()
+    check_scene_graph(plant, contact)
+    _check_apart(ground.patches)
+    for i, patch in enumerate(ground.patches):
+        if patch.stiffness_n_per_m is not None and contact == "hydroelastic":
+            raise InputError("hydroelastic pads take the ground for rigid",
+                             where=f"patches[{i}].stiffness_n_per_m", right="Leave it out, or take contact drake_point")
+        properties = ProximityProperties()
+        AddRigidHydroelasticProperties(1.0, properties)
+        AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
+                           properties)
+        name = f"ground_{i}"  # whatever its patch is called, so that a second ground is told
+        try:
+            plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
+        except RuntimeError as error:
+            raise InputError(f"the plant has a ground already, its geometry {name}", where=f"patches[{i}]",
+                             right="Call add_ground_geometry once for all feet, with every patch") from error
+
+
+def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:
+    """What together with the foot's makes the patch's coefficients: Drake takes the harmonic mean."""
+    static = foot.mu_static if patch.mu_static is None else patch.mu_static
+    kinetic = min(static, foot.mu_kinetic if patch.mu_kinetic is None else patch.mu_kinetic)
+    made = []
+    for name, mu, own in (("mu_static", static, foot.mu_static), ("mu_kinetic", kinetic, foot.mu_kinetic)):
+        if mu > 0.0 and 2.0 * own <= mu:
+            raise InputError(f"{mu:g} is twice the foot's {own:g} or more; Drake takes the harmonic mean",
+                             where=f"patches[{row}].{name}", right="Raise the foot's own coefficient")
+        made.append(mu * own / (2.0 * own - mu) if mu > 0.0 else 0.0)
+    return CoulombFriction(max(made), made[1])
+
+
+def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, Box]:
+    """Pose in W and shape of the box whose top is the patch; exact bounds where it slopes one way only."""
+    slope, bank = np.tan(np.radians([patch.slope_deg, patch.bank_deg]))
+    x, y = 0.5 * (patch.from_x_m + patch.to_x_m), 0.5 * (patch.from_y_m + patch.to_y_m)
+    top = np.array([x, y, patch.height_m + slope * (x - patch.reference_x_m) + bank * y])
+    along = np.array([1.0, 0.0, slope]) / np.hypot(1.0, slope)
+    normal = np.array([-slope, -bank, 1.0]) / np.sqrt(1.0 + slope**2 + bank**2)
+    R_WG = RotationMatrix(np.column_stack((along, np.cross(normal, along), normal)))
+    length, width = patch.to_x_m - patch.from_x_m, patch.to_y_m - patch.from_y_m
+    size = (length * np.hypot(1.0, slope), width * np.hypot(1.0, bank))
+    return RigidTransform(R_WG, top - 0.5 * thickness_m * normal), Box(*size, thickness_m)
+
+
+def _check_apart(patches: Sequence[GroundPatch]) -> None:
+    planes = [(p.height_m, p.slope_deg, p.bank_deg, p.reference_x_m if p.slope_deg else 0.0) for p in patches]
+    for i, a in enumerate(patches):
+        for j, b in enumerate(patches[:i]):
+            over = (min(a.to_x_m, b.to_x_m) > max(a.from_x_m, b.from_x_m)
+                    and min(a.to_y_m, b.to_y_m) > max(a.from_y_m, b.from_y_m))
+            if over and planes[i] == planes[j]:
+                raise InputError(f"lies in the plane of patches[{j}] and over it, and Drake would add up both forces",
+                                 where=f"patches[{i}]", right="Give them bounds that do not overlap")

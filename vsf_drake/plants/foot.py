@@ -9,11 +9,11 @@
        (heel)           |  fulcrum carriage, l from A       C load point, 30 mm behind the tip
        foam: contact spheres below
 
-The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior
-end A on the undeformed centreline, x along it to the toe, y left, z up. The keel turns freely
-about A and about sprung joints in the middle of its elements (rigid half, joint, rigid half);
-neighbouring halves of two elements are welded, so N elements make 2 N rigid pieces in N + 1
-bodies. Positive keel coordinates lift the toe. Nothing here exerts a force: `systems` do.
+The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior end A on the undeformed
+centreline, x along it to the toe, y left, z up. The keel turns freely about A and about sprung joints in the middle of
+its elements (rigid half, joint, rigid half); neighbouring halves of two elements are welded, so N elements make 2 N
+rigid pieces in N + 1 bodies. Positive keel coordinates lift the toe. Nothing here exerts a force, `systems` do, but in
+a plant with a time step: see the second half.
 """
 
 from __future__ import annotations
@@ -22,25 +22,30 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
+    MultibodyConstraintId,
+    PdControllerGains,
     PrismaticJoint,
     RevoluteJoint,
     RigidBody,
-    SpatialInertia,
     WeldJoint,
 )
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model_file import check_foot, check_fulcrum
+from vsf_drake.model_file import check_foot, check_fulcrum, secant_stiffness
 from vsf_drake.parameters import FootParameters, KeelParameters
-from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_contact_geometry, check_scene_graph
-from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
+from vsf_drake.plants.contact_geometry import (
+    DRAKE_CONTACTS,
+    REFERENCE_LOAD_N,
+    add_contact_geometry,
+    check_scene_graph,
+)
 from vsf_drake.plants.foot_handles import (
     FULCRUM_M,
     ContactSites,
@@ -83,9 +88,8 @@ def mount_pose(
         fore_aft: how far (m) the foot is shifted forward under the pylon.
         alignment: how far (rad) the foot is turned toes-up against the pylon.
     """
-    R_KM = RotationMatrix.MakeYRotation(alignment)
     p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
-    return RigidTransform(R_KM, p_KM)
+    return RigidTransform(RotationMatrix.MakeYRotation(alignment), p_KM)
 
 
 def set_mount(
@@ -108,6 +112,23 @@ def mirrored(parameters: FootParameters) -> FootParameters:
     return replace(parameters, zones=zones, side=other)
 
 
+def with_elements(foot: FootParameters, elements: int) -> FootParameters:
+    """`foot` with each keel element cut into equal parts, `elements` in all.
+
+    The beam stays the same: E I and damping time belong to the material, a part's joint is stiffer as it is shorter.
+
+    Raises:
+        InputError: `elements` is not a whole multiple of what the keel has.
+    """
+    lengths = foot.keel.element_lengths_m
+    parts, rest = divmod(elements, len(lengths))
+    if rest or parts < 1:
+        raise InputError(f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
+                         where="elements", right=f"It must be a multiple of {len(lengths)}")
+    finer = tuple(length / parts for length in lengths for _ in range(parts))
+    return replace(foot, keel=replace(foot.keel, element_lengths_m=finer))
+
+
 def add_foot(
     plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf",
     side: str | None = None, contact: str = "kelvin_voigt", fulcrum_m: float | None = None
@@ -127,7 +148,7 @@ def add_foot(
         fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or where the carriage
             comes closest to it.
 
-    In a plant with a time step, springs, carriage and support are actuators and a constraint (`discrete_foot`). The
+    In a plant with a time step, springs, carriage and support are actuators and a constraint (see below). The
     plant's actuation port counts these too: connect your controller to that of your own model instance.
 
     Raises:
@@ -145,35 +166,29 @@ def add_foot(
     fulcrum_m = float(np.clip(FULCRUM_M, *reach)) if fulcrum_m is None else check_fulcrum(fulcrum_m, parameters)
     if contact in DRAKE_CONTACTS:
         check_scene_graph(plant, contact)
-    keel_mass = parameters.keel.density_kg_m3 * _keel_volume(parameters.keel)
-    frame_mass = parameters.mass_kg - keel_mass - parameters.fulcrum.carriage_mass_kg
+    beam, carriage_mass = parameters.keel, parameters.fulcrum.carriage_mass_kg
+    volume = sum(beam.element_lengths_m) * beam.width_m * beam.thickness_m
+    frame_mass = parameters.mass_kg - beam.density_kg_m3 * volume - carriage_mass
     instance = plant.AddModelInstance(name)
-    rear, height = parameters.fulcrum.rearmost_m, parameters.build_height_m + sole_height(parameters)
-    width = parameters.keel.width_m
+    rear, width, height = reach[0], beam.width_m, parameters.build_height_m + sole_height(parameters)
     inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
     frame = plant.AddRigidBody(f"{name}_frame", instance, inertia)
     mount = plant.AddFrame(FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance))
     plant.AddJoint(WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
-    keel, starts, joint_names = _add_keel(plant, instance, frame, parameters.keel)
-    carriage_mass = parameters.fulcrum.carriage_mass_kg
+    keel, starts, joint_names = _add_keel(plant, instance, frame, beam)
     carriage = plant.AddRigidBody(
         f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
     plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach))
-    stiffness = np.concatenate(([0.0], keel_joint_stiffness(parameters.keel)))
+    stiffness = np.concatenate(([0.0], keel_joint_stiffness(beam)))
     foot = FootHandles(
         parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,
-        keel=keel, keel_starts=starts,
-        keel_joint_names=joint_names, joint_stiffness=stiffness,
-        joint_damping=stiffness * parameters.keel.damping_time_s, carriage_joint_name="fulcrum",
+        keel=keel, keel_starts=starts, keel_joint_names=joint_names, joint_stiffness=stiffness,
+        joint_damping=stiffness * beam.damping_time_s, carriage_joint_name="fulcrum",
         sites=_foot_sites(parameters, frame, keel, starts), fulcrum_m=fulcrum_m)
     if contact in DRAKE_CONTACTS:
         add_contact_geometry(plant, foot, contact)
     check_step(plant.time_step(), foot)
     return replace(foot, support=add_implicit_device(plant, foot, fulcrum_m)) if plant.time_step() > 0.0 else foot
-
-
-def _keel_volume(keel: KeelParameters) -> float:
-    return sum(keel.element_lengths_m) * keel.width_m * keel.thickness_m
 
 
 def _add_keel(
@@ -187,7 +202,7 @@ def _add_keel(
     for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
         length = end - start
         size = (length, keel.width_m, keel.thickness_m)
-        inertia: SpatialInertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
+        inertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
         body = plant.AddRigidBody(f"keel_body_{i}", instance, inertia)
         offset = RigidTransform([start - (starts[i - 1] if i else 0.0), 0.0, 0.0])
         joint_frame = plant.AddFrame(FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
@@ -210,3 +225,128 @@ def _foot_sites(
             indices.append((frame if on_frame else keel[j]).index())
             points.append([x if on_frame else x - starts[j], 1e-3 * y_mm, z])
     return zone_sites(foot.zones, indices, np.array(points))
+
+
+# The foot in a plant with a time step: springs and support where the step's own solver takes them implicitly.
+#
+# A discrete MultibodyPlant takes forces on its ports, and the springs of its joints, as they are at the start of a
+# step. Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do not survive that. Implicit are PD-controlled actuators and
+# constraints, so
+#
+#     keel springs       PD actuators that want the keel straight, gains the joints' stiffness and damping
+#     carriage           PD actuator that wants the fulcrum position
+#     fulcrum support    a compliant distance constraint: a rod of ROD_M along z_K from the frame to the keel's point at
+#                        the fulcrum, with the support's stiffness and damping
+#
+# The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel
+# there over ROD_M, so as a support it is exact to 1e-5. Its place belongs to the plant's Context, not to a port:
+# `place_fulcrum` moves it, and `foot_wiring.follow_fulcrum` does so in every step of a Simulator.
+
+
+ROD_M = 10.0
+"""Length of the rod that stands for the support's direction (a choice)."""
+CARRIAGE_FREQUENCY = 2 * np.pi * 100.0
+"""Natural frequency (rad/s) of the carriage's actuator, critically damped (a choice)."""
+STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
+"""Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at 0.15 ms and 0.1 ms."""
+STICKING_STEPS = {"kelvin_voigt": 8.0, "smooth": 8.0, "hunt_crossley": 4.0}
+"""Of `grip_limit`, from drops of the nominal foot under 10 to 80 kg, level and on its forefoot: up to here forces are
+within 3 % of their peak (root mean square) of those of a tenth of the step, at twice that up to 46 % off."""
+
+
+def largest_step(foot: FootHandles) -> float:
+    """The longest time step (s) at which the foot's own contact law stays stable in a discrete plant; inf without.
+
+    Our laws act there as forces from the start of the step. The dampers must not reverse in one the speed of the keel
+    piece they act on: STABLE_STEPS times the least mass over damping lets through what stayed smooth in drops of the
+    nominal foot and little else. Nor may the springs: an undamped mass m on a spring k diverges beyond 2 sqrt(m / k),
+    of which half is taken, k the slope of the foam's force under REFERENCE_LOAD_N on each sphere.
+    """
+    if foot.contact not in STABLE_STEPS:
+        return np.inf
+    sites, longest = foot.sites, np.inf
+    on = np.array([int(body) for body in sites.body_indices])
+    slope = [n * secant_stiffness(k, n, REFERENCE_LOAD_N) for k, n in zip(sites.stiffness, sites.exponent, strict=True)]
+    for body in foot.keel:
+        here = on == int(body.index())
+        damping, stiffness, mass = np.sum(sites.damping[here]), np.sum(np.array(slope)[here]), body.default_mass()
+        if damping > 0.0:
+            longest = min(longest, STABLE_STEPS[foot.contact] * mass / damping)
+        if stiffness > 0.0:
+            longest = min(longest, np.sqrt(mass / stiffness))
+    return float(longest)
+
+
+def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
+    """(len(keel),) N s/m, the most friction per speed that each keel piece bears at `time_step_s` under our own laws.
+
+    While the foot sticks, friction is a damper of mu_static / threshold velocity times the load on the piece. It is as
+    explicit as the foam's and grows with the load, so `FootForces` looks at it while it runs.
+    """
+    return STICKING_STEPS[foot.contact] / time_step_s * np.array([body.default_mass() for body in foot.keel])
+
+
+def check_step(time_step_s: float, foot: FootHandles) -> None:
+    """Raises InputError if the foot's contact cannot be had in a plant with this time step."""
+    longest = largest_step(foot)
+    if time_step_s > longest:
+        raise InputError(
+            f"contact {foot.contact} is an explicit force in a plant with a time step, and {1e3 * time_step_s:g} ms is "
+            f"too long for this foot", where="time_step",
+            right=f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant")
+
+
+def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float) -> MultibodyConstraintId:
+    """Adds springs, carriage and support of `foot` to a plant with a time step, before Finalize.
+
+    Returns:
+        The support, which `place_fulcrum` moves.
+
+    Raises:
+        InputError: the carriage cannot reach `fulcrum_m` (m from A), or the plant's solver knows no constraints.
+    """
+    check_fulcrum(fulcrum_m, foot.parameters)
+    mass = foot.parameters.fulcrum.carriage_mass_kg
+    hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
+    for name, stiffness, damping in (
+            *zip(foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True), hold):
+        if stiffness > 0.0:
+            actuator = plant.AddJointActuator(f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance))
+            actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
+    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
+    rod = _rod(foot, fulcrum_m)
+    try:
+        return plant.AddDistanceConstraint(
+            plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
+            rod.stiffness(), rod.damping())
+    except RuntimeError as error:
+        raise InputError(f"the plant takes no distance constraint: {error}", where="plant",
+                         right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
+                         "or a continuous plant") from None
+
+
+def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float) -> None:
+    """Puts the support of `foot` at `fulcrum_m` (m from A) in the plant's Context; the carriage stays where it is.
+
+    Raises:
+        InputError: the carriage cannot reach it, the plant has no time step, or the Context is not the plant's.
+    """
+    support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
+    check_context(plant, plant_context)
+    plant.SetDistanceConstraintParams(plant_context, support, rod)
+
+
+def support_of(foot: FootHandles) -> MultibodyConstraintId:
+    """The constraint that is the support of `foot`; raises InputError for a foot in a continuous plant."""
+    if foot.support is None:
+        raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
+                         right="There the support follows its port by itself: leave this call out")
+    return foot.support
+
+
+def _rod(foot: FootHandles, fulcrum_m: float) -> DistanceConstraintParams:
+    piece, fulcrum = foot.keel_body_at(fulcrum_m), foot.parameters.fulcrum
+    return DistanceConstraintParams(
+        bodyA=foot.keel[piece].index(), p_AP=[fulcrum_m - foot.keel_starts[piece], 0.0, 0.0],
+        bodyB=foot.frame.index(), p_BQ=[fulcrum_m, 0.0, ROD_M], distance=ROD_M,
+        stiffness=fulcrum.stiffness_n_per_m, damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s)

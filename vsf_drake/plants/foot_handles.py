@@ -1,4 +1,4 @@
-"""What a foot in a plant is known by."""
+"""What a foot in a plant is known by, and what must hold before one is added."""
 
 from __future__ import annotations
 
@@ -14,52 +14,6 @@ from vsf_drake.parameters import SIDES, ContactZone, FootParameters
 
 FULCRUM_M = 0.108
 """Of a foot that nobody sets: the middle of the five published positions (McGeehan 2021)."""
-
-
-@dataclass(frozen=True)
-class FootHandles:
-    """What `add_foot` put into the plant.
-
-    Attributes:
-        name: of the model instance, and before the names of the systems that `wire_foot` adds.
-        contact: one of CONTACTS.
-        side: "left", "right", or "either" where nobody said.
-        instance: the foot's model instance, in which its joint names are unique.
-        frame: rigid frame of the foot; its body frame is K.
-        mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
-        keel: the keel's bodies from A to the toe, their frames at their joints, x along the keel.
-        keel_starts: (len(keel),) distance (m) of each body's frame from A.
-        keel_joint_names: the pin at A, then the sprung joints.
-        joint_stiffness, joint_damping: (len(keel),) N m/rad and N m s/rad; zero for the pin.
-        carriage_joint_name: slide of the fulcrum carriage, coordinate = distance from A (m).
-        sites: contact spheres.
-        fulcrum_m: fulcrum position (m from A) where no other is commanded.
-        support: in a plant with a time step, the constraint that is the fulcrum's support; else None.
-    """
-
-    parameters: FootParameters
-    name: str
-    contact: str
-    side: str
-    instance: ModelInstanceIndex
-    frame: RigidBody
-    mount: Frame
-    keel: list[RigidBody]
-    keel_starts: np.ndarray
-    keel_joint_names: tuple[str, ...]
-    joint_stiffness: np.ndarray
-    joint_damping: np.ndarray
-    carriage_joint_name: str
-    sites: ContactSites
-    fulcrum_m: float = FULCRUM_M
-    support: MultibodyConstraintId | None = None
-
-    def keel_body_at(self, x: float) -> int:
-        """Index into `keel` of the body that carries the point `x` (m from A)."""
-        return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
-
-
-# Where a foot's contact spheres are and by which law each presses.
 
 
 @dataclass(frozen=True)
@@ -93,18 +47,54 @@ class ContactSites:
 def zone_sites(zones: tuple[ContactZone, ...], body_indices: list, p_BS: np.ndarray) -> ContactSites:
     """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
     count = [len(zone.x_mm) for zone in zones]
-
-    def repeated(field: str) -> np.ndarray:
-        return np.repeat([float(getattr(zone, field)) for zone in zones], count)
-
+    fields = {"radius": "radius_m", "stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
+              "full_damping_depth": "full_damping_depth_m"}
     return ContactSites(
-        body_indices=body_indices, p_BS=p_BS, radius=repeated("radius_m"), stiffness=repeated("stiffness"),
-        exponent=repeated("exponent"), damping=repeated("damping_n_s_per_m"),
-        full_damping_depth=repeated("full_damping_depth_m"),
-        zone=np.repeat(np.arange(len(zones)), count), zone_names=tuple(zone.name for zone in zones))
+        body_indices=body_indices, p_BS=p_BS, zone=np.repeat(np.arange(len(zones)), count),
+        zone_names=tuple(zone.name for zone in zones),
+        **{name: np.repeat([float(getattr(zone, field)) for zone in zones], count) for name, field in fields.items()})
 
 
-# What must hold before a foot is added to a plant.
+@dataclass(frozen=True)
+class FootHandles:
+    """What `add_foot` put into the plant.
+
+    Attributes:
+        name: of the model instance, and before the names of the systems that `wire_foot` adds.
+        contact: one of CONTACTS.
+        side: "left", "right", or "either" where nobody said.
+        instance: the foot's model instance, in which its joint names are unique.
+        frame: rigid frame of the foot; its body frame is K.
+        mount: frame M on `frame` where the pylon attaches; its pose can be changed in a Context.
+        keel: the keel's bodies from A to the toe, their frames at their joints, x along the keel.
+        keel_starts: (len(keel),) distance (m) of each body's frame from A.
+        keel_joint_names: the pin at A, then the sprung joints.
+        joint_stiffness, joint_damping: (len(keel),) N m/rad and N m s/rad; zero for the pin.
+        carriage_joint_name: slide of the fulcrum carriage, coordinate = distance from A (m).
+        fulcrum_m: fulcrum position (m from A) where no other is commanded.
+        support: in a plant with a time step, the constraint that is the fulcrum's support; else None.
+    """
+
+    parameters: FootParameters
+    name: str
+    contact: str
+    side: str
+    instance: ModelInstanceIndex
+    frame: RigidBody
+    mount: Frame
+    keel: list[RigidBody]
+    keel_starts: np.ndarray
+    keel_joint_names: tuple[str, ...]
+    joint_stiffness: np.ndarray
+    joint_damping: np.ndarray
+    carriage_joint_name: str
+    sites: ContactSites
+    fulcrum_m: float = FULCRUM_M
+    support: MultibodyConstraintId | None = None
+
+    def keel_body_at(self, x: float) -> int:
+        """Index into `keel` of the body that carries the point `x` (m from A)."""
+        return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
 
 
 def check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:

@@ -26,9 +26,8 @@ from pydrake.multibody.tree import (
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
-from vsf_drake.plants.discrete_foot import add_implicit_device, check_step
 from vsf_drake.plants.export import NAME, Pad, pad_of, rigid_foot
-from vsf_drake.plants.foot import CONTACTS, add_foot
+from vsf_drake.plants.foot import CONTACTS, add_foot, add_implicit_device, check_step
 from vsf_drake.plants.foot_handles import FootHandles, checked_side
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 

@@ -59,12 +59,11 @@ from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
-from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
 from vsf_drake.plants.gait import make_gait
-from vsf_drake.plants.ground_geometry import add_ground_geometry
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces

@@ -19,8 +19,8 @@ from pydrake.systems.framework import DiagramBuilder
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
+from vsf_drake.plants.contact_geometry import box_under
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
-from vsf_drake.plants.ground_geometry import box_under
 from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles, SocketHandles
 from vsf_drake.plants.solids import frustum_taper
 

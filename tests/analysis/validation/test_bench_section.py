@@ -16,7 +16,7 @@ from vsf_drake.analysis.validation.bench_section import bench_section, small_loa
 from vsf_drake.bench_curves import BenchCurves, MeasuredCurve, load_bench_curves
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.plants.refined_foot import with_elements
+from vsf_drake.plants.foot import with_elements
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
+from refined_spheres import fill, with_spheres
 from scipy.spatial import ConvexHull
 
 from vsf_drake.analysis.bench_metrics import displacement, stiffness
@@ -14,8 +15,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
 from vsf_drake.model_file import check_model
 from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.refined_foot import fill, with_elements, with_spheres
+from vsf_drake.plants.foot import add_foot, with_elements
 from vsf_drake.simulation.bench import Bench
 
 FOOT = FootParameters()

@@ -1,8 +1,7 @@
-"""The same foot in more pieces: more keel elements, more contact spheres.
+"""The same foot with more contact spheres (with more keel elements: `vsf_drake.plants.foot.with_elements`).
 
-What tells a model of pieces from the foot that it stands for is that finer pieces change little. Both refinements
-keep what the foot is (mass, bending stiffness, what a zone bears, its outline, the contact laws) and only divide it
-further.
+What tells a model of pieces from the foot that it stands for is that finer pieces change little. The refinement keeps
+what the foot is (what a zone bears, its outline, the contact laws) and only divides it further.
 """
 
 from __future__ import annotations
@@ -13,23 +12,6 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ContactZone, FootParameters
-
-
-def with_elements(foot: FootParameters, elements: int) -> FootParameters:
-    """`foot` with each keel element cut into equal parts, `elements` in all.
-
-    The beam stays the same: E I and damping time belong to the material, a part's joint is stiffer as it is shorter.
-
-    Raises:
-        InputError: `elements` is not a whole multiple of what the keel has.
-    """
-    lengths = foot.keel.element_lengths_m
-    parts, rest = divmod(elements, len(lengths))
-    if rest or parts < 1:
-        raise InputError(f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
-                         where="elements", right=f"It must be a multiple of {len(lengths)}")
-    finer = tuple(length / parts for length in lengths for _ in range(parts))
-    return dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, element_lengths_m=finer))
 
 
 def with_spheres(foot: FootParameters, spheres: int) -> FootParameters:
