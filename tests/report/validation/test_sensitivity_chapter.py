@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from matplotlib.colors import to_hex
+from shown_chapter import Shown
 
-from vsf_drake.report.page import Bullets, Chapter, Grid, Missing, Picture, Text
 from vsf_drake.report.validation.sensitivity_chapter import (
     GROUPS,
     MAIN,
@@ -52,28 +52,23 @@ def made_table() -> dict[str, Any]:
     return json.loads(json.dumps(table))
 
 
-def of(chapter: Chapter, kind: type) -> list[Any]:
-    return [piece for piece in chapter.pieces if isinstance(piece, kind)]
-
-
-def words(chapter: Chapter) -> str:
-    return " ".join([*(piece.text for piece in of(chapter, Text)), *(piece.text for piece in of(chapter, Missing)),
-                     *(line for piece in of(chapter, Bullets) for line in piece.lines)])
+def shown(table: dict[str, Any]) -> Shown:
+    return Shown(sensitivity_chapter(table, {}))
 
 
 def test_the_chapter_names_the_strongest_factors_with_their_intervals_and_says_synthetic():
-    chapter = sensitivity_chapter(made_table(), {})
-    assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in words(chapter)
-    assert "synthetic walk_66" in words(chapter)
-    assert [piece.name for piece in of(chapter, Picture)] == ["sensitivity_screening", "sensitivity_indices"]
-    for picture in of(chapter, Picture):
-        assert "kinematics" in picture.alt and any(character.isdigit() for character in picture.alt)
+    chapter = shown(made_table())
+    assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in chapter.words
+    assert "synthetic walk_66" in chapter.words
+    assert list(chapter.alts) == ["sensitivity_screening", "sensitivity_indices"]
+    for alt in chapter.alts.values():
+        assert "kinematics" in alt and any(character.isdigit() for character in alt)
 
 
 def test_every_grid_has_its_columns_in_every_row_and_a_name_of_its_own():
-    grids = of(sensitivity_chapter(made_table(), {}), Grid)
-    assert len({grid.name for grid in grids}) == len(grids) == 6
-    for grid in grids:
+    grids = shown(made_table()).grids
+    assert len(grids) == 6
+    for grid in grids.values():
         keys = {column.key for column in grid.columns}
         assert all(keys <= set(row) for row in grid.rows), grid.name
 
@@ -81,7 +76,7 @@ def test_every_grid_has_its_columns_in_every_row_and_a_name_of_its_own():
 def test_indices_with_an_interval_wider_than_themselves_are_counted():
     table = made_table()
     table["sobol"]["grf_rmse_bw"][2]["st_wide"] = True
-    text = words(sensitivity_chapter(table, {}))
+    text = shown(table).words
     # Of each output 5 of 6 groups and 3 of 4 factors.
     assert f"{3 * 8} of {3 * 10} first-order indices" in text
     assert f"total index of {table['sobol']['grf_rmse_bw'][2]['name']} (resultant GRF error)" in text
@@ -93,9 +88,9 @@ def test_the_short_form_shows_the_screening_alone():
               "spread": dict.fromkeys(OUTPUTS), "explained": dict.fromkeys(OUTPUTS), "local_agreement": None,
               "interaction": dict.fromkeys(OUTPUTS), "interaction_conf": dict.fromkeys(OUTPUTS),
               "stability": dict.fromkeys(OUTPUTS), "conditions": table["conditions"][:1], "indexed": 0}
-    chapter = sensitivity_chapter(table, {})
-    assert [piece.name for piece in of(chapter, Picture)] == ["sensitivity_screening"]
-    assert "sensitivity_conditions" not in [grid.name for grid in of(chapter, Grid)]
+    chapter = shown(table)
+    assert list(chapter.alts) == ["sensitivity_screening"]
+    assert "sensitivity_conditions" not in chapter.grids
 
 
 def test_without_a_centre_of_pressure_the_other_outputs_are_shown():
@@ -106,8 +101,8 @@ def test_without_a_centre_of_pressure_the_other_outputs_are_shown():
         table[key] |= dict.fromkeys(centres)
     table["ranking"] |= {name: [] for name in centres}
     table["baseline"] |= {name: {"mean": None, "by_condition": [None, None]} for name in centres}
-    chapter = sensitivity_chapter(table, {})
-    assert "CoP error" not in of(chapter, Picture)[0].alt
+    chapter = shown(table)
+    assert "CoP error" not in chapter.alts["sensitivity_screening"]
     assert len(screening_figure(table).axes) == len(MAIN) - 1
 
 
@@ -116,15 +111,15 @@ def test_without_any_effects_the_chapter_says_so_and_draws_nothing():
     for key in ("morris", "sobol", "sobol_factors"):
         table[key] = dict.fromkeys(OUTPUTS)
     table["local_agreement"] = None
-    chapter = sensitivity_chapter(table, {})
-    assert of(chapter, Missing) and not of(chapter, Picture)
+    chapter = shown(table)
+    assert chapter.missing and not chapter.alts
 
 
 def test_failures_are_counted_and_the_first_is_quoted():
     table = made_table()
     table["failures"] |= {"count": 3, "examples": ["point 4: the run diverges"]}
     table["failures"]["dropped"]["grf_rmse_bw"] = {"trajectories": 1, "group_blocks": 2, "factor_blocks": None}
-    text = words(sensitivity_chapter(table, {}))
+    text = shown(table).words
     assert "3 failed" in text and "the run diverges" in text and "3 for the resultant GRF error" in text
 
 
