@@ -7,28 +7,77 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from vsf_drake.report.page import (
-    Bullets,
-    Chapter,
-    Column,
-    Grid,
-    Heading,
-    Missing,
-    Piece,
-    Text,
-    absent_chapter,
-    made_chapter,
-)
+from vsf_drake.report.page import Chapter, absent_chapter, made_chapter
+from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, condition_label, label, new_figure, style
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
-from vsf_drake.report.validation.standing_chapter import standing_chapter
 from vsf_drake.report.validation.walking_chapter import exact_chapter, walking_chapter
 
-Maker = Callable[[Mapping[str, Any], Mapping[str, np.ndarray]], Chapter]
+Row = Mapping[str, Any]
+_LEAST_TOLD = 1e-4
+"""Share of the mass below which an error has no number in a sentence."""
+
+
+def standing_chapter(table: Row, arrays: Mapping[str, np.ndarray]) -> Chapter:
+    """Mass predicted against mass known, per fulcrum position."""
+    shown = []
+    for row in table["rows"]:
+        held = row["held_nm"]
+        shown.append(row | {"paper_mass_error": table["paper_mass_error"], "held": None if held is None else ", ".join(
+            f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in held.items()) or "nothing"})
+    stood = [row for row in table["rows"] if row["failure"] is None]
+    facts = {"shown": shown, "stood": stood, "tellable": abs(table["worst_mass_error"] or 0.0) >= _LEAST_TOLD,
+             "notes": [f"Fulcrum at {row['fulcrum_mm']:g} mm: {note}" for row in stood for note in row["notes"]]}
+    return Chapter(name="standing", title="Standing", template="validation/standing.html.j2", facts={**table, **facts},
+                   figures={"standing": _standing_figure(table, arrays)} if stood else {})
+
+
+_SETTLED_S = 1.0
+"""What is drawn of the force: later there is nothing to see."""
+
+
+def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
+    """Left, the force on both feet against the weight until it has settled; right, the mean force on each foot."""
+    rows = [(i, row) for i, row in enumerate(table["rows"]) if row["failure"] is None]
+    with style():
+        figure = new_figure(10.5, 3.9)
+        left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+        weight = rows[0][1]["weight_n"]
+        left.axhline(weight, color=NEUTRAL, label=f"weight, {weight:.1f} N", **MEASURED)
+        for k, (i, row) in enumerate(rows):
+            time = np.asarray(arrays[f"standing_{i}_time_s"])
+            both = np.asarray(arrays[f"standing_{i}_prosthetic_n"]) + np.asarray(arrays[f"standing_{i}_intact_n"])
+            left.plot(time, both, color=condition_colour(1e-3 * row["fulcrum_mm"]), linewidth=1.4,
+                      linestyle=("--", "-.", (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))[k % 4],
+                      label=f"{condition_label(1e-3 * row['fulcrum_mm'])}, mean {row['mean_vertical_n']:.1f} N")
+        left.set_xlim(0.0, min(table["duration_s"], _SETTLED_S))
+        left.legend(loc="upper right")
+        label(left, x="time (s)", y="vertical force on both feet (N)", title="Let go off rest: the start")
+        places = np.arange(len(rows))
+        for key, shade, hatch, name in (("mean_prosthetic_n", "0.35", "", "prosthetic foot"),
+                                        ("mean_intact_n", "0.85", "///", "intact foot")):
+            base = np.zeros(len(rows)) if key == "mean_prosthetic_n" else np.array(
+                [row["mean_prosthetic_n"] for _, row in rows])
+            right.bar(places, [row[key] for _, row in rows], bottom=base, color=shade, edgecolor="0.2", hatch=hatch,
+                      width=0.6, label=name)
+        for place, (_, row) in zip(places, rows, strict=True):
+            right.text(place, 0.5 * row["mean_prosthetic_n"], f"{row['prosthetic_share']:.0%}", color="white",
+                       ha="center", va="center")
+        right.axhline(weight, color=NEUTRAL, **MEASURED)
+        right.set_xticks(places, [f"{row['fulcrum_mm']:g}" for _, row in rows])
+        right.set_ylim(0.0, 1.3 * weight)
+        right.legend(loc="upper center", ncols=2)
+        label(right, x="fulcrum from the keel's end (mm)", y="mean vertical force (N)", title="How the feet share it")
+        figure.draw_without_rendering()
+    return figure
+
+
+Maker = Callable[[Row, Mapping[str, np.ndarray]], Chapter]
 _MAKERS: dict[str, tuple[str, Maker]] = {
     "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
     "walking": ("Walking", walking_chapter), "walking_exact": ("Without errors of measurement", exact_chapter),
@@ -39,7 +88,7 @@ _MAKERS: dict[str, tuple[str, Maker]] = {
 _OPTIONAL = ("walking_exact",)
 
 
-def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, lenient: bool) -> list[Chapter]:
+def make_chapters(content: Row, arrays: Mapping[str, np.ndarray], *, lenient: bool) -> list[Chapter]:
     """Summary, one chapter a section, and how it was made.
 
     Args:
@@ -47,7 +96,7 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
         lenient: whether a section that this version cannot show is named as missing instead of raising, as for results
             that another version wrote or somebody edited.
     """
-    chapters = [made_chapter("summary", "Summary", lambda: summary_chapter(content), lenient)]
+    chapters = [made_chapter("summary", "Summary", lambda: _summary(content), lenient)]
     for name, (title, maker) in _MAKERS.items():
         section = content["sections"].get(name)
         if not isinstance(section, Mapping):
@@ -62,61 +111,19 @@ def make_chapters(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], 
                 name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
             missing = [str(sentence) for sentence in section.get("missing") or ()]
             chapters.append(replace(made, name=name, missing=[*missing, *made.missing]))
-    return [*chapters, made_chapter("made", "How this was made", lambda: making_chapter(content), lenient)]
+    return [*chapters, made_chapter("made", "How this was made", lambda: _making(content), lenient)]
 
 
-# The first and the last chapter of the validation's report: what it comes to, and how it was made.
+def _summary(content: Row) -> Chapter:
+    tables = {name: (content["sections"].get(name) or {}).get("table") or {} for name in ("bench", "settings")}
+    return Chapter(
+        name="summary", title="Summary", template="validation/summary.html.j2", missing=content.get("notes", ()),
+        facts={**content, "failed": content.get("failed", ()), "on_bench": tables["bench"].get("contact_on_bench"),
+               "answer": tables["settings"].get("answer")})
 
 
-_WHAT = (
-    "The figures of this table are in the chapters below, with what they rest on. Paper: McGeehan, Adamczyk, "
-    "Nichols and Hahn 2021 (doi 10.1115/1.4050456), on a person and a device; where the data here are synthetic, the "
-    "two columns are of different things and are shown beside each other for their size only.")
-
-
-def summary_chapter(content: Mapping[str, Any]) -> Chapter:
-    """The summary of a validation: `content` of validation.json."""
-    pieces: list[Piece] = [Missing(note) for note in content.get("notes", ())]
-    pieces += [Missing(f"{label} is not among the results: {why}") for label, why in content.get("failed", ())]
-    pieces += [
-        Text(_WHAT),
-        Grid(name="summary", caption="What the model is asked, what it shows, and what the paper reports.", columns=(
-            Column(key="what", heading="what"), Column(key="shown", heading="here", form="{}"),
-            Column(key="unit", heading="unit"), Column(key="paper", heading="paper", form="{}"),
-            Column(key="asked", heading="asked"), Column(key="met", heading="met")), rows=content["summary"])]
-    bench = content["sections"].get("bench", {}).get("table") or {}
-    if bench.get("contact_on_bench"):
-        pieces.append(Text("The foot of these figures was fitted to a bench too, as its contact file says; on that "
-                           "bench stiffness, and what else was fitted there, is no prediction."))
-    answer = (content["sections"].get("settings", {}).get("table") or {}).get("answer")
-    if answer:
-        pieces += [Heading("Can two settings be told apart?"), Text(answer)]
-    columns = (Column(key="label", heading="trial"), Column(key="fulcrum_mm", heading="fulcrum (mm)", form="{:g}"),
-               Column(key="role", heading="role"), Column(key="height_mm", heading="height (mm)", form="{:+z.1f}"),
-               Column(key="fore_aft_mm", heading="fore-aft (mm)", form="{:+z.1f}"),
-               Column(key="alignment_deg", heading="alignment (°)", form="{:+z.1f}"),
-               Column(key="synthetic", heading="synthetic"),
-               Column(key="doubts", heading="doubts"))
-    return Chapter(name="summary", title="Summary", pieces=(*pieces, Grid(
-        name="trials", columns=columns, rows=content["trials"],
-        caption="The trials. Fitted: the contact was fitted to it. Held out: the fit has not seen it. Offsets fitted: "
-                "where the prosthesis sits was fitted to this trial's plate; agreement is then no prediction. "
-                "Height (+ shorter), fore-aft (+ forward), alignment (+ toe up): how it sits under its pylon.")))
-
-
-def making_chapter(content: Mapping[str, Any]) -> Chapter:
-    """Options, versions, files and times of a validation."""
-    options, made = content["options"], content["provenance"]
-    sections = [{"section": name.replace("_", " "), "wall_s": section["wall_s"]}
-                for name, section in content["sections"].items()]
-    files = [{"file": name, "sha256": digest} for name, digest in made["inputs_sha256"].items()]
-    return Chapter(name="made", title="How this was made", pieces=(
-        Bullets([f"{'Short form (--quick)' if options['quick'] else 'Full form'}, seed {options['seed']}, steps of "
-                 f"{1e3 * options['step_s']:g} ms.",
-                 "Software: " + ", ".join(f"{name} {version}" for name, version in made["versions"].items()) + ".",
-                 f"Contact: {content['contact']}."]),
-        Grid(name="times", caption="Time that each section took (s); of one kept from an interrupted run, then.",
-             rows=sections, columns=(
-                 Column(key="section", heading="section"), Column(key="wall_s", heading="time (s)", form="{:.1f}"))),
-        Grid(name="files", caption="Files that were read.", rows=files, columns=(
-            Column(key="file", heading="file"), Column(key="sha256", heading="SHA-256")))))
+def _making(content: Row) -> Chapter:
+    return Chapter(name="made", title="How this was made", template="validation/made.html.j2", facts={
+        **content, "times": [{"section": name.replace("_", " "), "wall_s": section["wall_s"]}
+                             for name, section in content["sections"].items()],
+        "files": [{"file": name, "sha256": digest} for name, digest in content["provenance"]["inputs_sha256"].items()]})
