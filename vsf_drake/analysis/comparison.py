@@ -6,6 +6,7 @@ velocity of the pelvis, lateral to the left of it, vertical up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -126,17 +127,16 @@ def compare(result: WalkResult, plate: Plate) -> Comparison:
                for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
                                    (result.time_s, result.grf_W[:, 2], result.cop_W))]
         cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
-        partner = max(model_stances, key=lambda candidate: _overlap(candidate, stance), default=None)
         wanted = (stance.start_s - MARGIN_S, stance.end_s + MARGIN_S)
         stances.append(StanceComparison(
-            measured=stance, model=partner if partner is not None and _overlap(partner, stance) > 0.0 else None,
+            measured=stance, model=partner(stance, model_stances),
             measured_cop=cop[0], model_cop=cop[1],
             inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
             span=(max(wanted[0], float(time[0])), min(wanted[1], float(time[-1]))), wanted_s=wanted[1] - wanted[0]))
     comparison = Comparison(
         time_s=time, step_s=step, model=model[kept], measured=_filtered_plate(time, step, plate, plate_force),
         scored=np.zeros(len(time), dtype=bool), stances=tuple(stances), heading=heading,
-        extra_model_stances=sum(all(_overlap(m, s) <= 0.0 for s in found) for m in model_stances))
+        extra_model_stances=sum(partner(stance, found) is None for stance in model_stances))
     for item in stances:
         comparison.scored[comparison.within(*item.span)] = True
     return comparison
@@ -203,8 +203,11 @@ def filtered_while_loaded(
     return curve
 
 
-def _overlap(a: Stance, b: Stance) -> float:
-    return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
+def partner(stance: Stance, candidates: Sequence[Stance]) -> Stance | None:
+    """The one of `candidates` that overlaps `stance` most, if any does."""
+    found = [(min(one.end_s, stance.end_s) - max(one.start_s, stance.start_s), one) for one in candidates]
+    overlap, best = max(found, key=lambda item: item[0], default=(0.0, None))
+    return best if overlap > 0.0 else None
 
 
 # How the model's series of a comparison change with variables of the walk.

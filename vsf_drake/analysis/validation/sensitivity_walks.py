@@ -16,6 +16,7 @@ from vsf_drake.analysis.comparison import (
     Comparison,
     compare,
     filtered_while_loaded,
+    partner,
     percent_instants,
     resample,
     rmse,
@@ -105,11 +106,8 @@ def _spring(
     time: np.ndarray, energy: dict[str, np.ndarray], measured: Stance, stances: Sequence[Stance]
 ) -> tuple[float, float, float, float]:
     """The last four OUTPUTS, in the model's stance that overlaps `measured`; NaN without a complete one."""
-    def overlap(stance: Stance) -> float:
-        return min(stance.end_s, measured.end_s) - max(stance.start_s, measured.start_s)
-
-    own = max(stances, key=overlap, default=None)
-    if own is None or overlap(own) <= 0.0 or not own.complete:
+    own = partner(measured, stances)
+    if own is None or not own.complete:
         return np.nan, np.nan, np.nan, np.nan
     down, off = np.searchsorted(time, [own.start_s, own.end_s])
     strain = energy["keel_strain"] + energy["fulcrum_strain"]

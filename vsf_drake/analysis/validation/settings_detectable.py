@@ -189,7 +189,7 @@ def outcome_rows(
     middle, reach = 0.5 * (positions_mm[0] + positions_mm[-1]), positions_mm[-1] - positions_mm[0]
     apart = np.unique(np.append(np.arange(1.0, reach, 1.0), [min(REFERENCE_MM, reach), reach]))
     reference = int(np.flatnonzero(apart == min(REFERENCE_MM, reach))[0])
-    base, noisy = (np.array([getattr(w, name) for w in walked]) for name in ("base_values", "values"))
+    base, noisy = _both(walked, "values")
     sides = [(_between(positions_mm, base, -2, middle + sign * apart / 2),
               _between(positions_mm, noisy, -2, middle + sign * apart / 2)) for sign in (-1.0, 1.0)]
     effects = sides[1][0] - sides[0][0]
@@ -220,7 +220,7 @@ def outcome_rows(
 
 def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError) -> list[dict[str, Any]]:
     """One row an outcome and pair of positions: the effect with the motion held, and whether it exceeds the error."""
-    base, noisy = (np.array([getattr(w, name) for w in walked]) for name in ("base_values", "values"))
+    base, noisy = _both(walked, "values")
     rows = []
     for i, j in combinations(range(len(positions_mm)), 2):
         effects = base[:, j] - base[:, i]
@@ -241,7 +241,7 @@ def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[dict[
     and the share of stance in which the difference exceeds t times the noise, each percent for itself."""
     rows = []
     for name in CURVES:
-        base, noisy = (np.array([getattr(w, prefix + name) for w in walked]) for prefix in ("base_", ""))
+        base, noisy = _both(walked, name)
         for i, j in combinations(range(len(positions_mm)), 2):
             difference = _mean(base[:, j] - base[:, i])
             known = np.isfinite(difference)
@@ -290,6 +290,11 @@ def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
                 "stride_half_width": width * stride_sd[o],
                 "beyond_strides": _exceeds(of_model[o], width * stride_sd[o])})
     return rows
+
+
+def _both(walked: Sequence[Walked], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(T, ...) of all trials: without noise, and with it."""
+    return np.array([w.alone[name] for w in walked]), np.array([w.noisy[name] for w in walked])
 
 
 def _between(positions: np.ndarray, values: np.ndarray, axis: int, at: np.ndarray) -> np.ndarray:

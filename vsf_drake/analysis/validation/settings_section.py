@@ -70,7 +70,7 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         "synthetic": study.synthetic, "noise": dataclasses.asdict(NoiseSizes()), "quick": study.options.quick,
         "held_out_trials": sum(base.walk.role == HELD_OUT for base in bases),
         "held_out_rmse_bw": _mean([b.walk.metrics["grf_rmse_bw"] for b in bases if b.walk.role == HELD_OUT]),
-        "trials": [{"label": b.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
+        "trials": [{"label": b.walk.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
         "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
         "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),
         "as_walked": walked_rows(bases), "as_walked_curves": _walked_curves(bases), "inverse": inverse,
@@ -79,7 +79,7 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     table = plain(table)
     table["answer"] = answer(table)
     return Section(table=table, missing=tuple(missing),
-                   arrays={"effects": np.array([w.base_values for w in walked])})
+                   arrays={"effects": np.array([w.alone["values"] for w in walked])})
 
 
 def _bases(study: Study, missing: list[str]) -> list[Base]:
@@ -101,7 +101,7 @@ def _bases(study: Study, missing: list[str]) -> list[Base]:
     if left_out:
         missing.append(f"To keep the number of walks down, {len(left_out)} trials are not used: "
                        + ", ".join(walk.label for walk in left_out) + ".")
-    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.label))
+    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.walk.label))
 
 
 def _positions(foot: FootParameters, *, quick: bool) -> np.ndarray:
@@ -286,22 +286,22 @@ def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[st
     middle = 0.5 * (positions_mm[0] + positions_mm[-1])
     rows = []
     for w in walked:
-        base = w.base
+        base, locked = w.base, w.alone["locked"]
         plate = np.interp(w.time_s, base.measured.time_s, base.measured.locked)
-        own = PchipInterpolator(positions_mm, w.base_locked, axis=0)(middle) if np.isfinite(w.base_locked).all() \
+        own = PchipInterpolator(positions_mm, locked, axis=0)(middle) if np.isfinite(locked).all() \
             else np.full(len(w.time_s), np.nan)
-        noisy, virtual = (fulcrum_estimates(positions_mm, w.locked, target) for target in (plate, own))
+        noisy, virtual = (fulcrum_estimates(positions_mm, w.noisy["locked"], target) for target in (plate, own))
         at = base.walk.fulcrum_mm
         edge = (noisy <= positions_mm[0]) | (noisy >= positions_mm[-1])
         rows.append({
-            "label": base.label, "role": base.walk.role, "fulcrum_mm": at,
+            "label": base.walk.label, "role": base.walk.role, "fulcrum_mm": at,
             "interior": bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
-            "estimate_mm": float(fulcrum_estimates(positions_mm, w.base_locked, plate)),
+            "estimate_mm": float(fulcrum_estimates(positions_mm, locked, plate)),
             "mean_mm": _mean_estimate(noisy), **_spreads("", noisy), "edge_share": float(np.mean(edge)),
             "model_mean_mm": _mean_estimate(virtual), **_spreads("model_", virtual)})
     interior = [row for row in rows if row["interior"]]
     return {
-        "rows": rows, "middle_mm": float(middle), "draws": sum(w.locked.shape[0] for w in walked),
+        "rows": rows, "middle_mm": float(middle), "draws": sum(w.noisy["locked"].shape[0] for w in walked),
         "trials_interior": len(interior),
         "sd_mm": _rms([row["sd_mm"] for row in interior]),
         "sd_recording_mm": _rms([row["sd_recording_mm"] for row in interior]),

@@ -17,6 +17,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from vsf_drake.analysis.comparison import (
     THRESHOLD_N,
     cumulative_integral,
     filtered_while_loaded,
+    partner,
     percent_instants,
     resample,
     uniform_grid,
@@ -65,17 +67,14 @@ class Base:
     measured: StanceRecord
     simulated: StanceRecord
 
-    @property
-    def label(self) -> str:
-        return self.walk.label
-
     def record(self, outcome: WalkOutcome) -> StanceRecord | None:
         """What one of its walks says; None if the walk failed or the foot of the model has no whole stance."""
         if not outcome.ok:
             return None
         arrays = outcome.arrays
         ledger = dict(zip(outcome.columns["energy_j"], arrays["energy_j"].T, strict=True))
-        return _record(self.walk, self.stance, arrays["time_s"], arrays["grf_W"], arrays["cop_W"], ledger)
+        return stance_record(arrays["time_s"], arrays["grf_W"], arrays["cop_W"], near=self.stance, energy=ledger,
+                             **_units(self.walk))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,22 +82,17 @@ class Walked:
     """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
 
     Attributes:
-        base_values: (P, O) outcomes in the order of NAMES. values: (D, R, P, O).
-        base_resultant, base_cop: (P, 101) BW and FL over the own stance. resultant, cop: (D, R, P, 101).
-        time_s: (n,) instants. base_locked: (P, n) BW, the resultant there. locked: (D, R, P, n).
+        alone: without noise, by name: `values` (P, O) outcomes in the order of NAMES; `resultant` and `cop` (P, 101) BW
+            and FL over the own stance; `locked` (P, n) BW, the resultant at `time_s`.
+        noisy: the same, each (D, R, P, ...).
+        time_s: (n,) instants.
         failed: walks that failed or have no whole stance.
     """
 
     base: Base
-    base_values: np.ndarray
-    values: np.ndarray
-    base_resultant: np.ndarray
-    resultant: np.ndarray
-    base_cop: np.ndarray
-    cop: np.ndarray
+    alone: dict[str, np.ndarray]
+    noisy: dict[str, np.ndarray]
     time_s: np.ndarray
-    base_locked: np.ndarray
-    locked: np.ndarray
     failed: int
 
 
@@ -113,10 +107,11 @@ def base_of(walk: StudyWalk, sizes: NoiseSizes | None = None) -> Base:
     for stance in sorted(whole, key=lambda s: abs(0.5 * (s.start_s + s.end_s) - middle)):
         plate, result = trial.prosthetic_plate, walk.result
         near = (plate.time_s > stance.start_s - 4 * MARGIN_S) & (plate.time_s < stance.end_s + 4 * MARGIN_S)
-        measured = _record(walk, stance, plate.time_s[near], plate.force_W[near],
-                           plate.cop_W[near] if plate.has_cop else None)
+        measured = stance_record(plate.time_s[near], plate.force_W[near], plate.cop_W[near] if plate.has_cop else None,
+                                 near=stance, **_units(walk))
         ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
-        simulated = _record(walk, stance, result.time_s, result.grf_W, result.cop_W, ledger)
+        simulated = stance_record(result.time_s, result.grf_W, result.cop_W, near=stance, energy=ledger,
+                                  **_units(walk))
         if measured is not None and simulated is not None:
             window = dataclasses.replace(trial, start_s=max(trial.start_s, stance.start_s - MARGIN_S),
                                          end_s=min(trial.end_s, stance.end_s + MARGIN_S))
@@ -133,49 +128,37 @@ def walk_all(
     found = []
     with chosen(workers, None, each * len(bases)) as (pool, most):
         for i, base in enumerate(bases):
-            trials = [base.trial, *(trial for d in range(draws) for trial in _drawn(base, seed, i, d))]
+            trials = [base.trial]
+            for draw in range(draws):
+                random = np.random.default_rng([seed, _STREAM, i, draw])
+                session = base.noise.session(random)
+                trials += [base.noise.perturbed(session + base.noise.recording(random)) for _ in range(RECORDINGS)]
             cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions_m]
 
             def show(state: object, i: int = i, base: Base = base) -> None:
                 if progress:
-                    progress(f"{base.label} at {len(positions_m)} positions, with errors of its kinematics",
+                    progress(f"{base.walk.label} at {len(positions_m)} positions, with errors of its kinematics",
                              (i + getattr(state, "done", 0) / each) / len(bases))
             outcomes = simulate_many(cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)
             found.append(_walked(base, outcomes, len(positions_m), draws))
     return found
 
 
-def _drawn(base: Base, seed: int, trial: int, draw: int) -> list[Trial]:
-    random = np.random.default_rng([seed, _STREAM, trial, draw])
-    session = base.noise.session(random)
-    return [base.noise.perturbed(session + base.noise.recording(random)) for _ in range(RECORDINGS)]
+def _units(walk: StudyWalk) -> dict[str, Any]:
+    """In what the outcomes of a walk are told."""
+    return {"heading": walk.comparison.heading, "weight_n": walk.result.subject_mass_kg * GRAVITY,
+            "foot_length_m": walk.result.foot_length_m}
 
 
 def _walked(base: Base, outcomes: Sequence[WalkOutcome], positions: int, draws: int) -> Walked:
     records = [base.record(outcome) for outcome in outcomes]
     time = next((record.time_s for record in records if record is not None), np.empty(0))
-    shape = (1 + RECORDINGS * draws, positions)
-
-    def stacked(name: str, size: int) -> tuple[np.ndarray, np.ndarray]:
+    alone, noisy = {}, {}
+    for name, size in (("values", len(NAMES)), ("resultant", 101), ("cop", 101), ("locked", len(time))):
         rows = [np.full(size, np.nan) if record is None else getattr(record, name) for record in records]
-        every = np.array(rows).reshape(*shape, size)
-        return every[0], every[1:].reshape(draws, RECORDINGS, positions, size)
-
-    base_values, values = stacked("values", len(NAMES))
-    base_resultant, resultant = stacked("resultant", 101)
-    base_cop, cop = stacked("cop", 101)
-    base_locked, locked = stacked("locked", len(time))
-    return Walked(base, base_values, values, base_resultant, resultant, base_cop, cop, time, base_locked, locked,
-                  sum(record is None for record in records))
-
-
-def _record(
-    walk: StudyWalk, near: Stance, time_s: np.ndarray, grf_W: np.ndarray, cop_W: np.ndarray | None,
-    energy: dict[str, np.ndarray] | None = None
-) -> StanceRecord | None:
-    return stance_record(time_s, grf_W, cop_W, near=near, heading=walk.comparison.heading,
-                         weight_n=walk.result.subject_mass_kg * GRAVITY, foot_length_m=walk.result.foot_length_m,
-                         energy=energy)
+        every = np.array(rows).reshape(1 + RECORDINGS * draws, positions, size)
+        alone[name], noisy[name] = every[0], every[1:].reshape(draws, RECORDINGS, positions, size)
+    return Walked(base, alone, noisy, time, sum(record is None for record in records))
 
 
 # Outcome measures of one stance, the same for a simulated walk and for a force plate.
@@ -234,15 +217,6 @@ class StanceRecord:
     locked: np.ndarray
 
 
-def own_stance(time_s: np.ndarray, vertical_n: np.ndarray, near: Stance) -> Stance | None:
-    """The complete stance that overlaps `near` most, or None."""
-    def overlap(stance: Stance) -> float:
-        return min(stance.end_s, near.end_s) - max(stance.start_s, near.start_s)
-
-    found = [s for s in find_stances(time_s, vertical_n, threshold_n=THRESHOLD_N) if s.complete and overlap(s) > 0.0]
-    return max(found, key=overlap, default=None)
-
-
 def stance_record(
     time_s: np.ndarray, grf_W: np.ndarray, cop_W: np.ndarray | None, *, near: Stance, heading: np.ndarray,
     weight_n: float, foot_length_m: float, energy: Mapping[str, np.ndarray] | None = None
@@ -254,8 +228,8 @@ def stance_record(
         heading: (2,) unit vector of progression in W.
         energy: (n,) J by name: `keel_strain` and `keel_loss` of the ledger.
     """
-    axes = walk_axes(heading)
-    stance = own_stance(time_s, grf_W[:, 2], near)
+    whole = [one for one in find_stances(time_s, grf_W[:, 2], threshold_n=THRESHOLD_N) if one.complete]
+    stance, axes = partner(near, whole), walk_axes(heading)
     if stance is None:
         return None
     grid = uniform_grid(time_s)
@@ -284,17 +258,14 @@ def stance_record(
             cop = path - np.nanmin(path)
             values |= {"cop_excursion_fl": np.nanmax(cop), "cop_mid_stance_fl": cop[len(PERCENT) // 2]}
     if energy is not None:
-        values |= _energy(time_s, energy["keel_strain"], energy["keel_loss"], stance)
+        strain, loss = energy["keel_strain"], energy["keel_loss"]
+        rows = np.flatnonzero((time_s >= stance.start_s) & (time_s <= stance.end_s))
+        top = rows[np.argmax(strain[rows])]
+        start, end = np.interp([stance.start_s, stance.end_s], time_s, strain)
+        lost = np.interp(stance.end_s, time_s, loss) - loss[top]
+        values |= {"energy_stored_j": strain[top] - start, "energy_returned_j": strain[top] - end - lost}
     return StanceRecord(values=np.array([values[name] for name in NAMES]), cop=cop,
                         resultant=np.interp(instants, grid, resultant), time_s=grid, locked=resultant)
-
-
-def _energy(time_s: np.ndarray, strain: np.ndarray, loss: np.ndarray, stance: Stance) -> dict[str, float]:
-    rows = np.flatnonzero((time_s >= stance.start_s) & (time_s <= stance.end_s))
-    top = rows[np.argmax(strain[rows])]
-    start, end = np.interp([stance.start_s, stance.end_s], time_s, strain)
-    lost = np.interp(stance.end_s, time_s, loss) - loss[top]
-    return {"energy_stored_j": float(strain[top] - start), "energy_returned_j": float(strain[top] - end - lost)}
 
 
 # Errors that a gait laboratory makes in joint angles, drawn at random and added to a recording.
