@@ -108,7 +108,7 @@ def wire_foot(
     Adds the system `FootForces` under the name `<foot>_forces`. The plant's force ports are shared with whatever else
     uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported. With contact of Drake's own
     `DrakeReaction` is added beside it as `<foot>_reaction`, and in a plant with a time step `FulcrumCommand` as
-    `<foot>_command`, see `discrete_foot`.
+    `<foot>_command`, see `plants.foot`.
 
     Args:
         plant: finalised, and in `builder`.

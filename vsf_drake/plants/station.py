@@ -33,9 +33,10 @@ time step `fulcrum_position` moves the carriage alone until the supports follow:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import yaml
@@ -47,7 +48,7 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint, ModelInstanceIndex
+from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
@@ -57,7 +58,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.trial_record import load_subject
-from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
@@ -70,6 +71,9 @@ from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces
 from vsf_drake.scenario import Scenario, ScenarioFoot, check_scenario, file_of, scenario_ground
 from vsf_drake.systems.joint_forces import GaitDriver
 
+PACKAGE = "vsf_drake"
+_ROTATION_TAGS = {frozenset(("deg",)): "!Rpy", frozenset(("angle_deg", "axis")): "!AngleAxis"}
+
 
 @dataclass(frozen=True)
 class Station:
@@ -78,8 +82,8 @@ class Station:
     Attributes:
         plant: the bodies. Its part of a Context: `plant_context`.
         feet: variable-stiffness feet by name.
-        parts: what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`,
-            or a dict of `WiredFoot` by name for a leg.
+        parts: what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`, or a dict
+            of `WiredFoot` by name for a leg.
     """
 
     scenario: Scenario
@@ -114,72 +118,58 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
             or coordinate that the scenario names is not in it; the carriage cannot reach `fulcrum_mm`.
     """
     check_scenario(scenario)
-    model = _model(scenario)
-    builder = DiagramBuilder()
-    build = {"bench": _bench, "person": _person, "leg": _leg}[scenario.kind]
-    plant, feet, parts = build(builder, scenario, model, visual or meshcat is not None, meshcat)
-    for foot in feet.values():
-        carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance)
-        carriage.set_default_positions(np.array([_fulcrum(scenario, foot.name)]))
-    diagram = builder.Build()
-    diagram.set_name(scenario.name)
-    return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
-
-
-def _model(scenario: Scenario) -> ModelParameters:
     model = load_model(file_of(scenario.model)) if scenario.model else ModelParameters()
     if scenario.contact_file:
         path = file_of(scenario.contact_file)
         model = model_with(model, load_contact(path).values, file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
-    return model
+    builder, visual = DiagramBuilder(), visual or meshcat is not None
+    scene_graph = SceneGraph() if visual else None
+    parts: Any
+    if scenario.kind == "leg":
+        plant, scene_graph, parts = _add_leg(builder, scenario, model, visual=visual)
+        feet = {name: wired.foot for name, wired in parts.items()}
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query")
+        if meshcat is not None:
+            MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    else:
+        if scenario.kind == "bench":
+            parts = make_bench(model.foot, heel=scenario.heel, scene_graph=scene_graph)
+            foot = parts.foot
+        else:
+            given = scenario.subject
+            subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
+            try:
+                parts = make_gait(subject, model, scenario_ground(scenario), free=scenario.free,
+                                  scene_graph=scene_graph)
+            except ValueError as error:
+                raise InputError(str(error), where="free") from error
+            foot = parts.person.foot
+        plant, feet = parts.plant, {foot.name: foot}
+        _embed(builder, scenario, parts.diagram, meshcat)
+    own = {foot.name: foot for foot in scenario.feet}
+    for name, foot in feet.items():
+        carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance)
+        carriage.set_default_positions(np.array([_fulcrum_m(scenario, own.get(name))]))
+    diagram = builder.Build()
+    diagram.set_name(scenario.name)
+    return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
 
 
-def _fulcrum(scenario: Scenario, name: str) -> float:
-    own = next((foot.fulcrum_mm for foot in scenario.feet if foot.name == name), None)
-    return 1e-3 * (scenario.fulcrum_mm if own is None else own)
+def _fulcrum_m(scenario: Scenario, foot: ScenarioFoot | None) -> float:
+    return 1e-3 * (scenario.fulcrum_mm if foot is None or foot.fulcrum_mm is None else foot.fulcrum_mm)
 
 
-def _bench(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
-    bench = make_bench(model.foot, heel=scenario.heel, scene_graph=SceneGraph() if visual else None)
-    _embed(builder, scenario, bench.diagram, "bench", meshcat)
-    return bench.plant, {bench.foot.name: bench.foot}, bench
-
-
-def _person(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
-    given = scenario.subject
-    subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
-    ground, scene_graph = scenario_ground(scenario), SceneGraph() if visual else None
-    try:
-        gait = make_gait(subject, model, ground, free=scenario.free, scene_graph=scene_graph)
-    except ValueError as error:
-        raise InputError(str(error), where="free") from error
-    _embed(builder, scenario, gait.diagram, "person", meshcat)
-    return gait.plant, {gait.person.foot.name: gait.person.foot}, gait
-
-
-def _leg(builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, visual: bool, meshcat: Any) -> tuple:
-    plant, scene_graph, wired = add_leg(builder, scenario, model, visual=visual)
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query")
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    return plant, {name: foot.foot for name, foot in wired.items()}, wired
-
-
-def _embed(
-    builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, name: str, meshcat: Meshcat | None
-) -> None:
+def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None) -> None:
     """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while unconnected."""
-    diagram.set_name(name)
+    diagram.set_name(scenario.kind)
     builder.AddSystem(diagram)
     hold = builder.AddNamedSystem("fulcrum_position", PassThrough(np.array([1e-3 * scenario.fulcrum_mm])))
+    builder.Connect(hold.get_output_port(), diagram.GetInputPort("fulcrum_position"))
     for i in range(diagram.num_input_ports()):
         port = diagram.get_input_port(i)
-        if port.get_name() == "fulcrum_position":
-            builder.Connect(hold.get_output_port(), port)
-            builder.ExportInput(hold.get_input_port(), "fulcrum_position")
-        else:
-            builder.ExportInput(port, port.get_name())
+        held = port.get_name() == "fulcrum_position"
+        builder.ExportInput(hold.get_input_port() if held else port, port.get_name())
     for i in range(diagram.num_output_ports()):
         builder.ExportOutput(diagram.get_output_port(i), diagram.get_output_port(i).get_name())
     if meshcat is not None:
@@ -189,19 +179,12 @@ def _embed(
 # Feet under any model that Drake's Parser reads, as a scenario describes it: the inside of a leg's station.
 
 
-T = TypeVar("T")
-_ROTATION_TAGS = {frozenset(("deg",)): "!Rpy", frozenset(("angle_deg", "axis")): "!AngleAxis"}
-
-
-def add_leg(
+def _add_leg(
     builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, *, visual: bool
 ) -> tuple[MultibodyPlant, SceneGraph, dict[str, WiredFoot]]:
-    """Adds plant, SceneGraph, feet and guides, and exports every port of a leg but `query`; see `station`.
-
-    Raises:
-        InputError: see `station.make_station`.
-    """
-    plant, scene_graph = _add_plant(builder, scenario.time_step_s)
+    """Adds plant, SceneGraph, feet and guides, and exports every port of a leg but `query`."""
+    plant, scene_graph = builder.AddNamedSystem("plant", MultibodyPlant(scenario.time_step_s)), SceneGraph()
+    connect_scene_graph(builder, plant, scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -scenario.gravity_m_per_s2]))
     _parse(plant, scenario)
     feet = [_foot(plant, scene_graph, scenario, i, model) for i in range(len(scenario.feet))]
@@ -216,25 +199,20 @@ def add_leg(
     wired = {foot.name: wire_foot(
         builder, plant, foot, ground=None if foot.contact in DRAKE_CONTACTS else ground,
         fulcrum_m=_fulcrum_m(scenario, asked)) for foot, asked in zip(feet, scenario.feet, strict=True)}
-    _add_guides(builder, plant, scenario)
+    if scenario.guides:
+        _add_guides(builder, plant, scenario)
     extra = builder.AddNamedSystem("generalized_force", PassThrough(plant.num_velocities()))
     share_generalized_forces(builder, plant, extra.get_output_port())
     builder.ExportInput(extra.get_input_port(), "generalized_force")
     own = {foot.instance for foot in feet}
     if any(plant.get_joint_actuator(i).model_instance() not in own for i in plant.GetJointActuatorIndices()):
         builder.ExportInput(plant.get_actuation_input_port(), "actuation")
-    for foot in wired.values():
-        _export(builder, foot, f"{foot.foot.name}_" if len(wired) > 1 else "")
+    for name, foot in wired.items():
+        _export(builder, foot, f"{name}_" if len(wired) > 1 else "")
     builder.ExportOutput(plant.get_state_output_port(), "state")
     builder.ExportOutput(plant.get_body_poses_output_port(), "body_poses")
     builder.ExportOutput(plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities")
     return plant, scene_graph, wired
-
-
-def _add_plant(builder: DiagramBuilder, time_step_s: float) -> tuple[MultibodyPlant, SceneGraph]:
-    plant, scene_graph = builder.AddNamedSystem("plant", MultibodyPlant(time_step_s)), SceneGraph()
-    connect_scene_graph(builder, plant, scene_graph)
-    return plant, scene_graph
 
 
 def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -242,13 +220,14 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
     add_model_package(parser)
     path = file_of(scenario.robot) if scenario.robot else None
     if path is not None and not scenario.directives:
-        _or_refuse(lambda: parser.AddModels(str(path)), "robot", "Drake cannot read the model", file=path)
+        with _refused("robot", "Drake cannot read the model", file=str(path)):
+            parser.AddModels(str(path))
         return
     # Together, because Drake's directives know only models that directives have added.
     first = [] if path is None else [{"add_directives": {"file": path.absolute().as_uri()}}]
-    text = _directives_text([*first, *scenario.directives])
-    _or_refuse(lambda: ProcessModelDirectives(LoadModelDirectivesFromString(text), parser), "directives",
-               "Drake cannot follow them")
+    with _refused("directives", "Drake cannot follow them"):
+        text = _directives_text([*first, *scenario.directives])
+        ProcessModelDirectives(LoadModelDirectivesFromString(text), parser)
 
 
 def _directives_text(directives: list[Any]) -> str:
@@ -267,31 +246,28 @@ def _directives_text(directives: list[Any]) -> str:
     return yaml.serialize(root, Dumper=yaml.SafeDumper)
 
 
-def _or_refuse(action: Callable[[], T], where: str, what: str, *, file: object = None, right: str | None = None) -> T:
+@contextmanager
+def _refused(where: str, what: str, *, file: str | None = None, right: str | None = None) -> Iterator[None]:
+    """Makes InputErrors of what Drake raises."""
     try:
-        return action()
+        yield
     except (RuntimeError, SystemExit) as error:  # SystemExit is what a failed assertion of Drake's becomes
-        message = str(error).strip().rstrip(".")
-        raise InputError(f"{what}: {message}", file=None if file is None else str(file), where=where,
-                         right=right) from error
-
-
-def _fulcrum_m(scenario: Scenario, foot: ScenarioFoot) -> float:
-    return 1e-3 * (scenario.fulcrum_mm if foot.fulcrum_mm is None else foot.fulcrum_mm)
+        raise InputError(f"{what}: {str(error).strip().rstrip('.')}", file=file, where=where, right=right) from error
 
 
 def _foot(
     plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, row: int, model: ModelParameters
 ) -> FootHandles:
     asked, where = scenario.feet[row], f"feet[{row}]"
-    parameters: FootParameters = load_model(file_of(asked.model)).foot if asked.model else model.foot
+    parameters = load_model(file_of(asked.model)).foot if asked.model else model.foot
     fulcrum_m = check_fulcrum(_fulcrum_m(scenario, asked), parameters, where=f"{where}.fulcrum_mm")
     contact, side = asked.contact or scenario.contact, asked.side
     if asked.parent_frame is None:
         return find_foot(plant, asked.name, parameters, side=side, contact=contact, fulcrum_m=fulcrum_m,
                          scene_graph=scene_graph)
-    frame = _or_refuse(lambda: GetScopedFrameByName(plant, asked.parent_frame), f"{where}.parent_frame",
-                       f"{asked.parent_frame!r} is not in the model", right="Give it as instance::frame")
+    with _refused(f"{where}.parent_frame", f"{asked.parent_frame!r} is not in the model",
+                  right="Give it as instance::frame"):
+        frame = GetScopedFrameByName(plant, asked.parent_frame)
     return add_foot(plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m)
 
 
@@ -310,13 +286,10 @@ def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[F
 
 
 def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> None:
-    if not scenario.guides:
-        return
     if plant.num_positions() != plant.num_velocities():
         raise InputError("a body of the model floats freely, which guides cannot do with", where="guides",
                          right="Weld it to the world, or give it joints of one degree of freedom")
-    joints = [_joint(plant, guide.joint, i) for i, guide in enumerate(scenario.guides)]
-    at = [joint.velocity_start() for joint in joints]
+    at = [_guided(plant, guide.joint, f"guides[{i}].joint").velocity_start() for i, guide in enumerate(scenario.guides)]
     driver = builder.AddNamedSystem("guides", GaitDriver(
         num_velocities=plant.num_velocities(), velocity_indices=at,
         position_gain=np.array([guide.stiffness for guide in scenario.guides]),
@@ -329,19 +302,15 @@ def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenar
     builder.ExportInput(desired.get_input_port(), "desired_state")
 
 
-def _joint(plant: MultibodyPlant, name: str, row: int) -> Joint:
+def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
     """The joint `instance::name`, or `name` where it stands once."""
     instance, _, own = name.rpartition("::")
-    joint: Joint = _or_refuse(lambda: plant.GetJointByName(own, _instance(plant, instance)), f"guides[{row}].joint",
-                              f"{name!r} is not in the model", right="Give it as instance::joint")
+    with _refused(where, f"{name!r} is not in the model", right="Give it as instance::joint"):
+        joint = plant.GetJointByName(own, plant.GetModelInstanceByName(instance) if instance else None)
     if joint.num_velocities() != 1:
-        raise InputError(f"{name!r} has {joint.num_velocities()} degrees of freedom", where=f"guides[{row}].joint",
+        raise InputError(f"{name!r} has {joint.num_velocities()} degrees of freedom", where=where,
                          right="A guide is for a joint of one")
     return joint
-
-
-def _instance(plant: MultibodyPlant, name: str) -> ModelInstanceIndex | None:
-    return plant.GetModelInstanceByName(name) if name else None
 
 
 def _export(builder: DiagramBuilder, foot: WiredFoot, prefix: str) -> None:
@@ -354,12 +323,6 @@ def _export(builder: DiagramBuilder, foot: WiredFoot, prefix: str) -> None:
         except InputError:
             continue
         builder.ExportOutput(port, f"{prefix}{name}")
-
-
-# `package://vsf_drake/...`: the shipped model files, for Drake's Parser and its model directives.
-
-
-PACKAGE = "vsf_drake"
 
 
 def add_model_package(parser: Parser) -> None:
