@@ -8,11 +8,9 @@ import pytest
 from vsf_drake.plants.solids import (
     box,
     ellipsoid_central_moments,
-    from_central,
     frustum,
     frustum_taper,
     frustum_volume,
-    shifted,
 )
 
 MASS = 3.0
@@ -91,9 +89,3 @@ def test_taper_puts_the_centre_where_it_is_wanted():
         assert hanging.get_com()[2] == pytest.approx(-0.43 * center, rel=1e-12)
     with pytest.raises(ValueError, match="no frustum"):
         frustum_taper(0.55)
-
-
-def test_shifted_body_stands_further_out_and_is_the_same_body():
-    moments = np.array([0.02, 0.03, 0.04])
-    out = shifted(from_central(MASS, np.array([0.1, 0.0, -0.2]), moments), np.array([0.0, 0.0, 0.3]))
-    assert_inertia(out, [0.1, 0.0, 0.1], moments)

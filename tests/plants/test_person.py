@@ -86,9 +86,9 @@ def test_soles_of_both_feet_stand_on_the_ground_when_upright(gait, side):
     made = gait(side)
     body = made.person.body
     plant, context = moved(made, pelvis_ty=body.leg_length - body.hip_up)
-    for foot in made.ground.values():
+    for sites in (made.person.foot.sites, made.person.intact_sites):
         bottoms = [(plant.get_body(b).EvalPoseInWorld(context) @ p)[2] - r
-                   for b, p, r in zip(foot.sites.body_indices, foot.sites.p_BS, foot.sites.radius, strict=True)]
+                   for b, p, r in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
         np.testing.assert_allclose(bottoms, 0.0, atol=1e-12)
 
 

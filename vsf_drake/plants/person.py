@@ -1,10 +1,10 @@
-"""The person: pelvis with head, arms and trunk, two thighs, intact shank and foot, residual shank.
+"""The person: pelvis with head, arms and trunk, two thighs, intact shank and foot, residual shank, socket and pylon.
 
-Frames: x forward, y left, z up, all parallel to W when every coordinate is zero. Pelvis: origin at the
-midpoint of the anterior superior iliac spines; thigh at the hip centre; shank at the knee centre; foot
-at the ankle centre. Coordinates are named and signed as in OpenSim's gait models, knee flexion
-positive; order of rotations: flexion (tilt), adduction (list), rotation, after Wu et al. (2002,
-doi 10.1016/S0021-9290(01)00222-6) and Grood & Suntay (1983, doi 10.1115/1.3138397).
+Frames: x forward, y left, z up, all parallel to W when every coordinate is zero. Pelvis: origin at the midpoint of the
+anterior superior iliac spines; thigh at the hip centre; shank at the knee centre; foot at the ankle centre. Coordinates
+are named and signed as in OpenSim's gait models, knee flexion positive; order of rotations: flexion (tilt), adduction
+(list), rotation, after Wu et al. (2002, doi 10.1016/S0021-9290(01)00222-6) and Grood & Suntay (1983, doi
+10.1115/1.3138397).
 """
 
 from __future__ import annotations
@@ -31,21 +31,40 @@ from vsf_drake.plants.solids import (
     frustum,
     frustum_taper,
     rotations,
-    shifted,
     translations,
 )
 
 PELVIS_COORDINATES = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
+SOCKET_COORDINATES = ("socket_tx", "socket_ty", "socket_tz", "socket_flexion", "socket_adduction", "socket_rotation")
+SOCKET_RADIUS_M = 0.055
+"""Outer radius of the socket's top (m): the public GaitModel_VSF scripts' radius of the shank there."""
 
 
 def leg_coordinates(side: str, intact: bool) -> tuple[str, ...]:
     """Names of the joint coordinates of the leg on `side` ("right" or "left"), hip to ankle."""
-    s = side[0]
-    names = [f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}",
-             f"knee_angle_{s}", f"knee_adduction_{s}", f"knee_rotation_{s}"]
+    names = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation"]
     if intact:
-        names += [f"ankle_angle_{s}", f"ankle_adduction_{s}", f"ankle_rotation_{s}"]
-    return tuple(names)
+        names += ["ankle_angle", "ankle_adduction", "ankle_rotation"]
+    return tuple(f"{name}_{side[0]}" for name in names)
+
+
+@dataclass(frozen=True)
+class SocketHandles:
+    """What `add_socket` put into the plant.
+
+    Attributes:
+        socket, pylon: the bodies, frames at their upper ends, z up.
+        distal: frame at the pylon's lower end, where the foot goes.
+        coordinate_names: the six joints of the bushing, in the order of `axes`.
+        axes: parameters of the bushing in that order.
+    """
+
+    parameters: SocketParameters
+    socket: RigidBody
+    pylon: RigidBody
+    distal: Frame
+    coordinate_names: tuple[str, ...]
+    axes: tuple[BushingAxis, ...]
 
 
 @dataclass(frozen=True)
@@ -73,38 +92,31 @@ class PersonHandles:
 def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) -> PersonHandles:
     """Adds the person with the prosthesis on `subject.prosthetic_side`.
 
-    28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum
-    carriage 1) and the keel's own on top. Thighs may differ in length, and the foot sits under the pylon as
-    the subject says (`anthropometry.foot_placement`).
+    28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the
+    keel's own on top. Thighs may differ in length, and the foot sits under the pylon as the subject says
+    (`anthropometry.foot_placement`).
 
     Raises:
         InputError: see `anthropometry.scale_body`.
     """
     body = scale_body(subject, model.foot, model.socket)
-    instance = plant.AddModelInstance("person")
+    instance, sound = plant.AddModelInstance("person"), "left" if subject.prosthetic_side == "right" else "right"
     pelvis = _add_pelvis(plant, instance, body)
-    names = list(PELVIS_COORDINATES)
-    segments = {"pelvis": pelvis}
-    shanks = {}
+    names, segments = list(PELVIS_COORDINATES), {"pelvis": pelvis}
     for side in ("right", "left"):
-        intact = side != subject.prosthetic_side
-        thigh, shank = _add_leg(plant, instance, body, pelvis, side, intact)
-        segments |= {f"thigh_{side}": thigh, f"shank_{side}": shank}
-        shanks[side] = shank
-        names += leg_coordinates(side, intact)
-    intact_side = "left" if subject.prosthetic_side == "right" else "right"
-    foot = _add_intact_foot(plant, instance, body, model.intact_foot, shanks[intact_side], intact_side)
-    segments[f"foot_{intact_side}"] = foot
-    sites = intact_foot_sites(model.intact_foot, body, foot, intact_side)
+        segments |= _add_leg(plant, instance, body, pelvis, side, intact=side == sound)
+        names += leg_coordinates(side, side == sound)
+    foot = _add_intact_foot(plant, instance, body, model.intact_foot, segments[f"shank_{sound}"], sound)
+    segments[f"foot_{sound}"] = foot
     mirrored = subject.prosthetic_side == "left"
     socket = add_socket(
-        plant, shanks[subject.prosthetic_side].body_frame(), model.socket, residual_length=body.residual_length,
-        pylon_length=body.pylon_length, mirrored=mirrored)
+        plant, segments[f"shank_{subject.prosthetic_side}"].body_frame(), model.socket,
+        residual_length=body.residual_length, pylon_length=body.pylon_length, mirrored=mirrored)
     place = plant.AddFrame(FixedOffsetFrame("foot_place", socket.distal, body.placement.pose(mirrored=mirrored)))
-    device = add_foot(plant, place, model.foot, side=subject.prosthetic_side)
     return PersonHandles(
         subject=subject, body=body, coordinate_names=tuple(names), pelvis=pelvis, segments=segments,
-        intact_sites=sites, socket=socket, foot=device)
+        intact_sites=_intact_sites(model.intact_foot, body, foot, sound), socket=socket,
+        foot=add_foot(plant, place, model.foot, side=subject.prosthetic_side))
 
 
 def _add_pelvis(plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body) -> RigidBody:
@@ -120,26 +132,25 @@ def _add_pelvis(plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body)
 
 
 def _add_leg(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, pelvis: RigidBody, side: str, intact: bool
-) -> tuple[RigidBody, RigidBody]:
-    table, mirrored, thigh_length = body.table, side == "left", body.thigh_length_of(intact=intact)
-    thigh_taper, shank_taper = frustum_taper(table.thigh_center), frustum_taper(table.shank_center)
-    thigh = plant.AddRigidBody(
-        f"thigh_{side}", instance,
-        frustum(body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, thigh_length))
+    plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, pelvis: RigidBody, side: str, *, intact: bool
+) -> dict[str, RigidBody]:
+    """Thigh and shank, by name."""
+    mirrored, thigh_length = side == "left", body.thigh_length_of(intact=intact)
+    thigh_taper, taper = frustum_taper(body.table.thigh_center), frustum_taper(body.table.shank_center)
     mass, length = body.shank_mass, body.shank_length
     if not intact:
         mass, length = body.residual_shank_mass, body.residual_length
-        shank_taper = 1 + (shank_taper - 1) * length / body.shank_length
+        taper = 1 + (taper - 1) * length / body.shank_length
+    thigh = plant.AddRigidBody(f"thigh_{side}", instance, frustum(
+        body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, thigh_length))
     shank = plant.AddRigidBody(
-        f"shank_{side}", instance, frustum(mass, SHANK_RADIUS_M, SHANK_RADIUS_M * shank_taper, length))
+        f"shank_{side}", instance, frustum(mass, SHANK_RADIUS_M, SHANK_RADIUS_M * taper, length))
     names = leg_coordinates(side, intact)
-    lateral = body.hip_lateral if mirrored else -body.hip_lateral
-    hip = np.array([body.hip_forward, lateral, body.hip_up])
+    hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
     add_chain(plant, instance, pelvis.body_frame(), hip, thigh, rotations(names[:3], mirrored))
     knee = np.array([0.0, 0.0, -thigh_length])
     add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
-    return thigh, shank
+    return {f"thigh_{side}": thigh, f"shank_{side}": shank}
 
 
 def _add_intact_foot(
@@ -152,86 +163,45 @@ def _add_intact_foot(
     heel = -parameters.ankle_x_ratio * body.foot_length
     center = np.array([heel + body.table.foot_center * body.foot_length, 0.0, -0.5 * body.ankle_height])
     foot = plant.AddRigidBody(f"foot_{side}", instance, from_central(body.foot_mass, center, moments))
-    ankle = np.array([0.0, 0.0, -body.shank_length])
-    names = leg_coordinates(side, intact=True)[6:]
-    add_chain(plant, instance, shank.body_frame(), ankle, foot, rotations(names, side == "left"))
+    add_chain(plant, instance, shank.body_frame(), np.array([0.0, 0.0, -body.shank_length]), foot,
+              rotations(leg_coordinates(side, intact=True)[6:], side == "left"))
     return foot
 
 
-def intact_foot_sites(
-    parameters: IntactFootParameters, body: Body, foot: RigidBody, side: str
-) -> ContactSites:
+def _intact_sites(parameters: IntactFootParameters, body: Body, foot: RigidBody, side: str) -> ContactSites:
     """Contact spheres of the intact foot: scaled with foot length, mirrored on the left."""
-    scale = body.foot_length / parameters.reference_length_m
-    mirror = -1.0 if side == "left" else 1.0
+    scale, mirror = body.foot_length / parameters.reference_length_m, -1.0 if side == "left" else 1.0
     points = [
         [scale * 1e-3 * x - parameters.ankle_x_ratio * body.foot_length, mirror * scale * 1e-3 * y,
          zone.radius_m + 1e-3 * rise - body.ankle_height]
-        for zone in parameters.zones
-        for x, y, rise in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True)]
+        for zone in parameters.zones for x, y, rise in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True)]
     return zone_sites(parameters.zones, [foot.index()] * len(points), np.array(points))
 
 
-# Socket and pylon under the residual shank, free to move against it in six directions.
-
-
-SOCKET_COORDINATES = ("socket_tx", "socket_ty", "socket_tz", "socket_flexion", "socket_adduction", "socket_rotation")
-SOCKET_RADIUS_M = 0.055
-"""Outer radius of the socket's top (m): the public GaitModel_VSF scripts' radius of the shank there."""
-
-
-@dataclass(frozen=True)
-class SocketHandles:
-    """What `add_socket` put into the plant.
-
-    Attributes:
-        socket, pylon: the bodies, frames at their upper ends, z up.
-        distal: frame at the pylon's lower end, where the foot goes.
-        coordinate_names: the six joints of the bushing, in the order of `axes`.
-        axes: parameters of the bushing in that order.
-    """
-
-    parameters: SocketParameters
-    socket: RigidBody
-    pylon: RigidBody
-    distal: Frame
-    coordinate_names: tuple[str, ...]
-    axes: tuple[BushingAxis, ...]
-
-
 def add_socket(
-    plant: MultibodyPlant,
-    shank: Frame,
-    parameters: SocketParameters,
-    *,
-    residual_length: float,
-    pylon_length: float,
-    mirrored: bool = False,
-    name: str = "socket",
+    plant: MultibodyPlant, shank: Frame, parameters: SocketParameters, *, residual_length: float, pylon_length: float,
+    mirrored: bool = False
 ) -> SocketHandles:
-    """Adds socket and pylon below `shank` (origin at the knee, z up along it).
+    """Adds socket and pylon below `shank` (origin at the knee, z up along it), free to move in six directions.
 
-    The bushing's origin is at the end of the residual shank, `residual_length` (m) below the knee;
-    coordinates are displacements of the socket in the frame of the residual shank: forward, left,
-    up (onto the limb), then flexion (toes up), adduction and internal rotation.
+    The bushing's origin is at the end of the residual shank, `residual_length` (m) below the knee; coordinates are
+    displacements of the socket in the frame of the residual shank: forward, left, up (onto the limb), then flexion
+    (toes up), adduction and internal rotation.
 
     Args:
         mirrored: the left side, where adduction and rotation change their axes' sign and ty stays left.
     """
-    instance = plant.AddModelInstance(name)
-    radius, height = SOCKET_RADIUS_M, residual_length
-    socket_inertia = frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
-    socket = plant.AddRigidBody(f"{name}_body", instance, shifted(socket_inertia, np.array([0.0, 0.0, height])))
-    pylon_inertia = frustum(
-        parameters.pylon_mass_kg, parameters.pylon_radius_m, parameters.pylon_radius_m, pylon_length)
-    pylon = plant.AddRigidBody("pylon", instance, pylon_inertia)
+    instance, radius, height = plant.AddModelInstance("socket"), SOCKET_RADIUS_M, residual_length
+    hanging = frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
+    socket = plant.AddRigidBody("socket_body", instance, hanging.Shift(np.array([0.0, 0.0, -height])))
+    pylon = plant.AddRigidBody("pylon", instance, frustum(
+        parameters.pylon_mass_kg, parameters.pylon_radius_m, parameters.pylon_radius_m, pylon_length))
     plant.AddJoint(WeldJoint("pylon_weld", socket.body_frame(), pylon.body_frame(), RigidTransform()))
     steps = translations(SOCKET_COORDINATES[:3], (FORWARD, LEFTWARD, UPWARD))
     steps += rotations(SOCKET_COORDINATES[3:], mirrored)
     add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, steps)
     distal = plant.AddFrame(
         FixedOffsetFrame("pylon_distal", pylon.body_frame(), RigidTransform([0.0, 0.0, -pylon_length]), instance))
-    return SocketHandles(
-        parameters=parameters, socket=socket, pylon=pylon, distal=distal, coordinate_names=SOCKET_COORDINATES,
-        axes=(parameters.tx, parameters.ty, parameters.tz, parameters.flexion, parameters.adduction,
-              parameters.rotation))
+    p = parameters
+    return SocketHandles(parameters=p, socket=socket, pylon=pylon, distal=distal, coordinate_names=SOCKET_COORDINATES,
+                         axes=(p.tx, p.ty, p.tz, p.flexion, p.adduction, p.rotation))

@@ -27,9 +27,8 @@ from pydrake.multibody.tree import (
 
 def from_central(mass: float, p_SoScm_S: np.ndarray, central_moments: np.ndarray) -> SpatialInertia:
     """Spatial inertia from mass (kg), centre of mass (m) and principal central moments (kg m^2)."""
-    central = RotationalInertia(*central_moments)
     p = np.asarray(p_SoScm_S, dtype=float)
-    about_origin = central.ShiftFromCenterOfMass(mass=mass, p_BcmQ_E=-p)
+    about_origin = RotationalInertia(*central_moments).ShiftFromCenterOfMass(mass=mass, p_BcmQ_E=-p)
     unit = UnitInertia()
     unit.SetFromRotationalInertia(I=about_origin, mass=mass)
     return SpatialInertia(mass=mass, p_PScm_E=p, G_SP_E=unit)
@@ -85,11 +84,6 @@ def frustum(mass: float, proximal: float, distal: float, length: float) -> Spati
     return from_central(mass, np.array([0.0, 0.0, z_cm]), np.array([lateral, lateral, axial]))
 
 
-def shifted(inertia: SpatialInertia, p_SoPo_S: np.ndarray) -> SpatialInertia:
-    """The same body's inertia about its frame's origin when the body stands `p_SoPo_S` (m) further out in it."""
-    return inertia.Shift(-np.asarray(p_SoPo_S, dtype=float))
-
-
 # Chains of one-degree-of-freedom joints, so that a joint coordinate is the clinical angle itself.
 
 
@@ -103,24 +97,20 @@ Step = tuple[str, type[Joint], np.ndarray]
 
 
 def add_chain(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    parent: Frame,
-    p_PF: np.ndarray,
-    child: RigidBody,
-    steps: Sequence[Step],
+    plant: MultibodyPlant, instance: ModelInstanceIndex, parent: Frame, p_PF: np.ndarray, child: RigidBody,
+    steps: Sequence[Step]
 ) -> list[Joint]:
     """Connects `child` to `parent` by the joints of `steps`, in that order.
 
-    The first joint's frame F sits at `p_PF` (m) in `parent`, parallel to it. Between two joints
-    is a body without mass, named after the earlier one. With all coordinates zero the child's body
-    frame coincides with F.
+    The first joint's frame F sits at `p_PF` (m) in `parent`, parallel to it. Between two joints is a body without mass,
+    named after the earlier one. With all coordinates zero the child's body frame coincides with F.
     """
     frame: Frame = plant.AddFrame(FixedOffsetFrame(f"{steps[0][0]}_frame", parent, RigidTransform(p_PF), instance))
     joints: list[Joint] = []
     for name, kind, axis in steps:
-        last = name == steps[-1][0]
-        body = child if last else plant.AddRigidBody(f"{name}_link", instance, SpatialInertia.Zero())
+        body = child
+        if name != steps[-1][0]:
+            body = plant.AddRigidBody(f"{name}_link", instance, SpatialInertia.Zero())
         joints.append(plant.AddJoint(kind(name, frame, body.body_frame(), axis)))
         frame = body.body_frame()
     return joints

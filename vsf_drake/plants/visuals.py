@@ -1,7 +1,7 @@
 """What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics.
 
-The shapes follow the model: keel pieces of their size, contact spheres where they touch. Only the frame's box and the
-carriage with its roller under the keel are stand-ins.
+The shapes follow the model: keel pieces of their size, contact spheres where they touch, frusta and ellipsoid of the
+segments. The frame's box, the carriage with its roller under the keel and the intact foot are stand-ins.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vsf_drake.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
 from vsf_drake.plants.contact_geometry import box_under
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
-from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles, SocketHandles
+from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles
 from vsf_drake.plants.solids import frustum_taper
 
 Colour = tuple[float, float, float, float]
@@ -31,11 +31,18 @@ FRAME: Colour = (0.42, 0.45, 0.50, 0.45)
 KEEL: Colour = (0.20, 0.50, 0.38, 1.0)
 CARRIAGE: Colour = (0.10, 0.10, 0.12, 1.0)
 SPHERE: Colour = (0.78, 0.78, 0.74, 0.6)
+SKIN: Colour = (0.76, 0.58, 0.45, 1.0)
+TRUNK: Colour = (0.38, 0.46, 0.56, 1.0)
+SOCKET: Colour = (0.25, 0.30, 0.38, 0.55)
+METAL: Colour = (0.62, 0.64, 0.67, 1.0)
+GROUND: Colour = (0.72, 0.70, 0.66, 1.0)
 
 LEAST_RADIUS_M = 0.004
 """Smaller contact spheres are drawn with this radius, their lowest points where they are."""
 SITE_NAME = "site_{}"
 """Name of the drawing of the i-th contact sphere of the prosthetic foot."""
+_SIDES = 32
+_SOCKET_WALL_M, _GROUND_SHOWN_M, _PLATE_M = 0.006, 3.0, 0.02
 
 
 def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
@@ -48,83 +55,27 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     Raises:
         InputError: the plant is not registered with a SceneGraph, or is finalized; the foot has these shapes already.
     """
-    check_drawable(plant, "add_foot_visuals")
+    _check_drawable(plant, "add_foot_visuals")
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
-    try:
-        _draw_frame(plant, foot)
-    except RuntimeError as error:
-        raise InputError(f"the foot {foot.name!r} has its shapes already", where="add_foot_visuals",
-                         right="Call it once a foot") from error
-    _draw_keel(plant, foot)
-    _draw_carriage(plant, foot)
-    draw_sites(plant, foot.sites, SITE_NAME)
-
-
-def check_drawable(plant: MultibodyPlant, caller: str) -> None:
-    """Raises InputError where `plant` takes no shapes; `caller` is what the message begins with."""
-    if not plant.geometry_source_is_registered():
-        raise InputError("shapes need a SceneGraph, and the plant is registered with none", where=caller,
-                         right="Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
-                         "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
-    if plant.is_finalized():
-        raise InputError("the plant is finalized and takes no more shapes", where=caller,
-                         right="Call it between add_foot and plant.Finalize()")
-
-
-def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,
-         p_BG: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0), R_BG: RotationMatrix | None = None) -> None:
-    """Gives `body` a visual `shape` at p_BG (m), turned by R_BG."""
-    plant.RegisterVisualGeometry(body, RigidTransform(R_BG or RotationMatrix(), p_BG), shape, name, np.array(colour))
-
-
-def draw_sites(plant: MultibodyPlant, sites: ContactSites, name: str) -> None:
-    """Gives the bodies of `sites` a sphere each; `name` has a place for its number."""
-    for i, (index, centre, radius) in enumerate(zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)):
-        drawn = max(float(radius), LEAST_RADIUS_M)
-        raised = centre + np.array([0.0, 0.0, drawn - radius])
-        draw(plant, plant.get_body(index), name.format(i), Sphere(drawn), SPHERE, raised)
-
-
-def _draw_frame(plant: MultibodyPlant, foot: FootHandles) -> None:
-    """A box from the keel's upper side to the mount."""
     keel, rear = foot.parameters.keel, foot.parameters.fulcrum.rearmost_m
     bottom = 0.5 * keel.thickness_m
     height = float(foot.mount.GetFixedPoseInBodyFrame().translation()[2]) - bottom
-    draw(plant, foot.frame, "frame", Box(1.5 * rear, 0.8 * keel.width_m, height), FRAME,
-         (0.75 * rear, 0.0, bottom + 0.5 * height))
-
-
-def _draw_keel(plant: MultibodyPlant, foot: FootHandles) -> None:
-    keel = foot.parameters.keel
+    try:
+        draw(plant, foot.frame, "frame", Box(1.5 * rear, 0.8 * keel.width_m, height), FRAME,
+             (0.75 * rear, 0.0, bottom + 0.5 * height))
+    except RuntimeError as error:
+        raise InputError(f"the foot {foot.name!r} has its shapes already", where="add_foot_visuals",
+                         right="Call it once a foot") from error
     ends = np.append(foot.keel_starts[1:], sum(keel.element_lengths_m))
-    for piece, start, end in zip(foot.keel, foot.keel_starts, ends, strict=True):
-        length = float(end - start)
+    for piece, length in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):
         draw(plant, piece, "piece", Box(length, keel.width_m, keel.thickness_m), KEEL, (0.5 * length, 0.0, 0.0))
-
-
-def _draw_carriage(plant: MultibodyPlant, foot: FootHandles) -> None:
-    """The roller under the keel, and the carriage over it; in the model it holds the keel from both sides."""
-    keel = foot.parameters.keel
-    body = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
+    # In the model the carriage, here with a roller under the keel, holds the keel from both sides.
+    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
     roller, width = 0.2 * foot.parameters.foam_thickness_m, 1.1 * keel.width_m
-    draw(plant, body, "roller", Cylinder(roller, width), CARRIAGE, (0.0, 0.0, -0.5 * keel.thickness_m - roller),
+    draw(plant, carriage, "roller", Cylinder(roller, width), CARRIAGE, (0.0, 0.0, -0.5 * keel.thickness_m - roller),
          RotationMatrix.MakeXRotation(0.5 * np.pi))
-    draw(plant, body, "carriage", Box(0.02, width, 0.02), CARRIAGE, (0.0, 0.0, 0.02))
-
-
-# What the person and the prosthesis look like: visual shapes for a SceneGraph, without any role in the physics.
-#
-# Shapes follow the model where it has one (frusta, ellipsoid, contact spheres) and are plain stand-ins elsewhere
-# (intact foot). The prosthetic foot is drawn by `foot_visuals`.
-
-
-SKIN: Colour = (0.76, 0.58, 0.45, 1.0)
-TRUNK: Colour = (0.38, 0.46, 0.56, 1.0)
-SOCKET: Colour = (0.25, 0.30, 0.38, 0.55)
-METAL: Colour = (0.62, 0.64, 0.67, 1.0)
-
-_SIDES = 32
-_SOCKET_WALL_M = 0.006
+    draw(plant, carriage, "carriage", Box(0.02, width, 0.02), CARRIAGE, (0.0, 0.0, 0.02))
+    _draw_sites(plant, foot.sites, SITE_NAME)
 
 
 def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
@@ -135,80 +86,55 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
     Raises:
         InputError: the plant is not registered, or is finalized.
     """
-    check_drawable(plant, "add_visuals")
-    _draw_person(plant, person)
-    _draw_socket(plant, person.socket, person.body.residual_length, person.body.pylon_length)
-    add_foot_visuals(plant, person.foot)
-    draw_sites(plant, person.intact_sites, "intact_site_{}")
-
-
-def _draw_person(plant: MultibodyPlant, person: PersonHandles) -> None:
+    _check_drawable(plant, "add_visuals")
     body = person.body
     trunk_height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
     draw(plant, person.pelvis, "trunk", Ellipsoid(pelvis_semi_axes(body)), TRUNK,
          (body.hip_forward, 0.0, trunk_height))
-    thigh_taper, shank_taper = frustum_taper(body.table.thigh_center), frustum_taper(body.table.shank_center)
+    thigh_end = THIGH_RADIUS_M * frustum_taper(body.table.thigh_center)
+    shank_taper = frustum_taper(body.table.shank_center)
     for name, segment in person.segments.items():
         part, _, side = name.partition("_")
         intact = side != person.subject.prosthetic_side
         if part == "thigh":
-            draw(plant, segment, "thigh", frustum_shape(THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper,
-                                                        body.thigh_length_of(intact=intact)), SKIN)
+            thigh = frustum_shape(THIGH_RADIUS_M, thigh_end, body.thigh_length_of(intact=intact))
+            draw(plant, segment, "thigh", thigh, SKIN)
             draw(plant, segment, "hip", Sphere(THIGH_RADIUS_M), SKIN)
         elif part == "shank":
             length = body.shank_length if intact else body.residual_length
             end = SHANK_RADIUS_M * (1 + (shank_taper - 1) * length / body.shank_length)
             draw(plant, segment, "shank", frustum_shape(SHANK_RADIUS_M, end, length), SKIN)
-            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, THIGH_RADIUS_M * thigh_taper)), SKIN)
-        elif part == "foot":
-            _draw_intact_foot(plant, segment, person)
-
-
-def _draw_intact_foot(plant: MultibodyPlant, foot: RigidBody, person: PersonHandles) -> None:
-    """A low slab from heel to toe and an instep from the ankle to the ball of the foot."""
-    length, height = person.body.foot_length, person.body.ankle_height
-    sites = person.intact_sites
-    rear = float(np.min(sites.p_BS[:, 0] - sites.radius))
-    slab = 0.4 * height
-    draw(plant, foot, "sole", Box(length, 0.33 * length, slab), SKIN, (rear + 0.5 * length, 0.0, 0.5 * slab - height))
-    draw(plant, foot, "instep", Ellipsoid(0.36 * length, 0.14 * length, 0.55 * height), SKIN,
-         (rear + 0.36 * length, 0.0, -0.45 * height))
-
-
-def _draw_socket(plant: MultibodyPlant, socket: SocketHandles, residual_length: float, pylon_length: float) -> None:
-    radius = SOCKET_RADIUS_M + _SOCKET_WALL_M
-    height = 0.85 * residual_length
+            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, thigh_end)), SKIN)
+        elif part == "foot":  # a low slab from heel to toe, and an instep from the ankle to the ball of the foot
+            length, height = body.foot_length, body.ankle_height
+            rear, slab = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius)), 0.4 * height
+            draw(plant, segment, "sole", Box(length, 0.33 * length, slab), SKIN,
+                 (rear + 0.5 * length, 0.0, 0.5 * slab - height))
+            draw(plant, segment, "instep", Ellipsoid(0.36 * length, 0.14 * length, 0.55 * height), SKIN,
+                 (rear + 0.36 * length, 0.0, -0.45 * height))
+    socket, radius, height = person.socket, SOCKET_RADIUS_M + _SOCKET_WALL_M, 0.85 * body.residual_length
     draw(plant, socket.socket, "socket", frustum_shape(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
-    draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, pylon_length), METAL,
-         (0.0, 0.0, -0.5 * pylon_length))
+    draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, body.pylon_length), METAL,
+         (0.0, 0.0, -0.5 * body.pylon_length))
+    add_foot_visuals(plant, person.foot)
+    _draw_sites(plant, person.intact_sites, "intact_site_{}")
 
 
-def frustum_shape(proximal: float, distal: float, length: float) -> Mesh:
-    """A closed conical frustum that hangs from the origin along -z; radii and length in m."""
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_SIDES)])
-    slope = np.array([0.0, 0.0, (distal - proximal) / length])
-    lines = [_obj("v", p) for p in proximal * ring]
-    lines += [_obj("v", p) for p in distal * ring - [0.0, 0.0, length]]
-    lines += [_obj("vn", n) for n in ring + slope] + ["vn 0 0 1", "vn 0 0 -1"]
-    for i in range(1, _SIDES + 1):
-        j = i % _SIDES + 1
-        lines.append(f"f {i}//{i} {i + _SIDES}//{i} {j + _SIDES}//{j} {j}//{j}")
-    lines.append("f " + " ".join(f"{i}//{_SIDES + 1}" for i in range(1, _SIDES + 1)))
-    lines.append("f " + " ".join(f"{i}//{_SIDES + 2}" for i in range(2 * _SIDES, _SIDES, -1)))
-    text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text.encode(), ".obj", "frustum.obj")))
+def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
+    """Gives the world a plate for each patch of `ground` (None: the plane z = 0).
 
-
-def _obj(kind: str, vector: np.ndarray) -> str:
-    return " ".join([kind, *(f"{x:.6g}" for x in vector)])
-
-
-# What a station looks like: a SceneGraph connected with its plant, and the ground's plates.
-
-
-GROUND_COLOUR = (0.72, 0.70, 0.66, 1.0)
-_SHOWN_M, _THICKNESS_M = 3.0, 0.02
+    A plate ends 3 m from the patch's point that is nearest to x = reference_x, y = 0.
+    """
+    for i, patch in enumerate((ground or Ground()).patches):
+        bounds = {}
+        for axis, about in (("x", patch.reference_x_m), ("y", 0.0)):
+            start, end = getattr(patch, f"from_{axis}_m"), getattr(patch, f"to_{axis}_m")
+            middle = min(max(about, start), end)
+            bounds |= {f"from_{axis}_m": max(start, middle - _GROUND_SHOWN_M),
+                       f"to_{axis}_m": min(end, middle + _GROUND_SHOWN_M)}
+        plate = replace(patch, **bounds)
+        plant.RegisterVisualGeometry(plant.world_body(), *box_under(plate, _PLATE_M), f"ground_{i}_{patch.name}",
+                                     np.array(GROUND))
 
 
 def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
@@ -226,20 +152,44 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
     builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(plant.get_source_id()))
 
 
-def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
-    """Gives the world a plate for each patch of `ground` (None: the plane z = 0).
-
-    A plate ends 3 m from the patch's point that is nearest to x = reference_x, y = 0.
-    """
-    for i, patch in enumerate((ground or Ground()).patches):
-        (from_x_m, to_x_m), (from_y_m, to_y_m) = (_shown(patch.from_x_m, patch.to_x_m, patch.reference_x_m),
-                                                  _shown(patch.from_y_m, patch.to_y_m, 0.0))
-        plate = replace(patch, from_x_m=from_x_m, to_x_m=to_x_m, from_y_m=from_y_m, to_y_m=to_y_m)
-        plant.RegisterVisualGeometry(plant.world_body(), *box_under(plate, _THICKNESS_M), f"ground_{i}_{patch.name}",
-                                     np.array(GROUND_COLOUR))
+def _check_drawable(plant: MultibodyPlant, caller: str) -> None:
+    """Raises InputError where `plant` takes no shapes; `caller` is what the message begins with."""
+    if not plant.geometry_source_is_registered():
+        raise InputError("shapes need a SceneGraph, and the plant is registered with none", where=caller,
+                         right="Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
+                         "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
+    if plant.is_finalized():
+        raise InputError("the plant is finalized and takes no more shapes", where=caller,
+                         right="Call it between add_foot and plant.Finalize()")
 
 
-def _shown(start: float, end: float, about: float) -> tuple[float, float]:
-    """From where to where (m) a patch from `start` to `end` is drawn."""
-    middle = min(max(about, start), end)
-    return max(start, middle - _SHOWN_M), min(end, middle + _SHOWN_M)
+def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,
+         p_BG: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0), R_BG: RotationMatrix | None = None) -> None:
+    """Gives `body` a visual `shape` at p_BG (m), turned by R_BG."""
+    plant.RegisterVisualGeometry(body, RigidTransform(R_BG or RotationMatrix(), p_BG), shape, name, np.array(colour))
+
+
+def _draw_sites(plant: MultibodyPlant, sites: ContactSites, name: str) -> None:
+    """Gives the bodies of `sites` a sphere each; `name` has a place for its number."""
+    for i, (index, centre, radius) in enumerate(zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)):
+        drawn = max(float(radius), LEAST_RADIUS_M)
+        raised = centre + np.array([0.0, 0.0, drawn - radius])
+        draw(plant, plant.get_body(index), name.format(i), Sphere(drawn), SPHERE, raised)
+
+
+def frustum_shape(proximal: float, distal: float, length: float) -> Mesh:
+    """A closed conical frustum that hangs from the origin along -z; radii and length in m."""
+    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_SIDES)])
+    vertices = np.vstack([proximal * ring, distal * ring - [0.0, 0.0, length]])
+    slope = np.array([0.0, 0.0, (distal - proximal) / length])
+    normals = np.vstack([ring + slope, [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    lines = [" ".join([kind, *(f"{x:.6g}" for x in row)]) for kind, rows in (("v", vertices), ("vn", normals))
+             for row in rows]
+    for i in range(1, _SIDES + 1):
+        j = i % _SIDES + 1
+        lines.append(f"f {i}//{i} {i + _SIDES}//{i} {j + _SIDES}//{j} {j}//{j}")
+    lines.append("f " + " ".join(f"{i}//{_SIDES + 1}" for i in range(1, _SIDES + 1)))
+    lines.append("f " + " ".join(f"{i}//{_SIDES + 2}" for i in range(2 * _SIDES, _SIDES, -1)))
+    text = "\n".join(lines) + "\n"
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text.encode(), ".obj", "frustum.obj")))
