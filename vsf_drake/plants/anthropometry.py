@@ -1,8 +1,8 @@
 """The person's segments: masses, lengths and radii of gyration after de Leva (1996), scaled to the subject.
 
-Source of the table: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters",
-J Biomech 29:1223-1230 (1996). "Transverse" is read as the medio-lateral axis and "sagittal" as the
-antero-posterior one, as biomechanics practice does. The pelvis carries head, arms and trunk.
+Source of the table: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J Biomech
+29:1223-1230 (1996). "Transverse" is read as the medio-lateral axis and "sagittal" as the antero-posterior one, as
+biomechanics practice does. The pelvis carries head, arms and trunk.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ LEAST_PYLON_M = 0.01
 class Body:
     """The subject's segments in SI units. Masses sum to the subject's mass, prosthesis included.
 
-    Lengths are the intact leg's unless they say otherwise. Below the prosthetic knee: residual shank,
-    pylon, and the foot at `placement`, `prosthesis_length` in all from the knee centre to the sole.
+    Lengths are the intact leg's unless they say otherwise. Below the prosthetic knee: residual shank, pylon, and the
+    foot at `placement`, `prosthesis_length` in all from the knee centre to the sole.
     """
 
     mass_kg: float
@@ -111,13 +111,13 @@ class Body:
 def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
     """Segments of `subject`: measured lengths where given, else stature times the table's ratio.
 
-    The pylon is as long as it takes for the measured prosthesis: knee to sole down the shank's axis, less
-    the residual shank and what the placed foot takes up of it. Masses go by body mass, not by length: the
-    two thighs weigh the same, and whatever limbs and prosthesis leave is head, arms and trunk.
+    The pylon is as long as it takes for the measured prosthesis: knee to sole down the shank's axis, less the residual
+    shank and what the placed foot takes up of it. Masses go by body mass, not by length: the two thighs weigh the same,
+    and whatever limbs and prosthesis leave is head, arms and trunk. The residual shank is the proximal part of the
+    intact one, cut at `residual_length_ratio`, of the same density.
 
-    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's
-    length, relative to the midpoint of the anterior superior iliac spines, unless measured. The residual shank is the
-    proximal part of the intact one, cut at `residual_length_ratio`, of the same density.
+    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's length, relative to the
+    midpoint of the anterior superior iliac spines, unless measured.
 
     Raises:
         InputError: the segments leave no mass for the trunk, or no room for the pylon.
@@ -147,10 +147,9 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     if limbs > 0.75 * mass:
         raise InputError(f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", where="subject.mass_kg",
                          right="Check the masses of foot, socket and pylon")
-
-    def measured(value: float | None, hara: float) -> float:
-        return hara if value is None else value
-
+    hara = {"hip_forward": 0.011 - 0.063 * leg, "hip_up": -0.009 - 0.078 * leg, "hip_lateral": 0.008 + 0.086 * leg}
+    measured = {name: getattr(subject, f"{name}_m") for name in hara}
+    hip = {name: value if measured[name] is None else measured[name] for name, value in hara.items()}
     return Body(
         mass_kg=mass, table=table, pelvis_mass=mass - limbs,
         thigh_mass=mass * table.thigh_mass, shank_mass=shank_mass, residual_shank_mass=residual_mass,
@@ -158,10 +157,7 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
         thigh_length=thigh, prosthetic_thigh_length=subject.prosthetic_thigh_length_m or thigh, shank_length=shank,
         residual_length=residual, pylon_length=pylon, prosthesis_length=prosthesis_length, placement=placement,
         ankle_height=ankle, foot_length=subject.foot_length_m or scale * table.foot_length,
-        trunk_length=scale * table.trunk_length,
-        hip_forward=measured(subject.hip_forward_m, 0.011 - 0.063 * leg),
-        hip_up=measured(subject.hip_up_m, -0.009 - 0.078 * leg),
-        hip_lateral=measured(subject.hip_lateral_m, 0.008 + 0.086 * leg))
+        trunk_length=scale * table.trunk_length, **hip)
 
 
 def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
@@ -212,8 +208,7 @@ class FootPlacement:
     def sole_below(self, build_height: float) -> float:
         """Distance (m) from the pylon's end down the pylon's axis to the plane of the unloaded sole.
 
-        The sole's plane lies `build_height` under P's origin, normal to P's z. Without turns that is
-        the build height itself.
+        That plane lies `build_height` under P's origin, normal to P's z. Without turns it is the build height itself.
         """
         X_DP = self.pose(mirrored=False)
         normal = X_DP.rotation().matrix()[:, 2]

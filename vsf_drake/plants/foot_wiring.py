@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,15 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, OutputPort, PortDataType
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+)
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
@@ -87,16 +96,19 @@ class WiredFoot:
         Raises:
             InputError: there is none of that name.
         """
-        ports: dict[str, OutputPort] = {}
-        for system in (self.forces, self.reaction, self.device):
-            for i in range(system.num_output_ports() if system else 0):
-                port = system.get_output_port(i)
-                if system is not self.device or port.get_name() in FORCES:
-                    ports[port.get_name()] = port
-        if name not in ports:
-            raise InputError(f"there is no output {name!r}", where=self.forces.get_name(),
-                             right=f"There are {', '.join(ports)}")
-        return ports[name]
+        # In a plant with a time step `forces` has outputs of springs and support, too, but `device` tells them.
+        systems = (self.device, self.forces, self.reaction) if name in FORCES else (self.forces, self.reaction)
+        return _output(systems, name, self.forces.get_name())
+
+
+def _output(systems: Sequence[LeafSystem | None], name: str, where: str) -> OutputPort:
+    """The first output of that name of `systems`, which may be None."""
+    there = [system for system in systems if system is not None]
+    for system in there:
+        if system.HasOutputPort(name):
+            return system.GetOutputPort(name)
+    names = [system.get_output_port(i).get_name() for system in there for i in range(system.num_output_ports())]
+    raise InputError(f"there is no output {name!r}", where=where, right=f"There are {', '.join(names)}")
 
 
 def wire_foot(
@@ -280,13 +292,6 @@ def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground
     }
 
 
-# In plants with a time step: supports that follow their fulcrum positions while a Simulator runs.
-
-
-MOVED_M = 1e-9
-"""Travel below which a support stays."""
-
-
 def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
     """Makes the supports of `feet` follow their fulcrum positions: sets the simulator's monitor.
 
@@ -309,7 +314,7 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
             wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
             plant_context = plant.GetMyMutableContextFromRoot(root)
             stands = plant.GetDistanceConstraintParams(plant_context, support_of(wired.foot)).p_BQ()[0]
-            if abs(wanted - stands) > MOVED_M:
+            if abs(wanted - stands) > 1e-9:
                 place_fulcrum(plant, plant_context, wired.foot, wanted)
         return status
 
@@ -354,13 +359,7 @@ class FulcrumDrive:
         Raises:
             InputError: there is none of that name.
         """
-        names = []
-        for system in (self.actuator, self.controller, self.recorder, self.shank):
-            if system is not None:
-                if system.HasOutputPort(name):
-                    return system.GetOutputPort(name)
-                names += [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
-        raise InputError(f"there is no output {name!r}", where="fulcrum drive", right=f"There are {', '.join(names)}")
+        return _output((self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
 
     def SetPosition(self, root_context: Context, position: float) -> None:
         """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram.
@@ -376,16 +375,9 @@ class FulcrumDrive:
 
 
 def add_fulcrum_drive(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    wired: WiredFoot,
-    parameters: ActuatorParameters | None = None,
-    *,
-    signal: str = "contact",
-    shank: RigidBody | None = None,
-    grf: OutputPort | None = None,
-    initial_m: float | None = None,
-    period_s: float = PERIOD_S,
+    builder: DiagramBuilder, plant: MultibodyPlant, wired: WiredFoot, parameters: ActuatorParameters | None = None, *,
+    signal: str = "contact", shank: RigidBody | None = None, grf: OutputPort | None = None,
+    initial_m: float | None = None, period_s: float = PERIOD_S
 ) -> FulcrumDrive:
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
 
@@ -408,41 +400,39 @@ def add_fulcrum_drive(
     """
     check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
     check_port(builder, wired.GetOutputPort("support_force"))
-    check_type(shank or wired.foot.frame, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
+    foot, body = wired.foot, shank or wired.foot.frame
+    check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
     check_type(parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's")
     grf = grf or wired.GetOutputPort("grf")
     check_port(builder, grf)
     if grf.size() != 3:
         raise InputError(f"has {grf.size()} elements", where=f"port {grf.get_name()!r}",
                          right="The ground reaction force is one vector of 3, N, z_W up")
-    foot, name = wired.foot, wired.foot.name
     if builder.IsConnectedOrExported(wired.fulcrum_position):
-        raise InputError("is connected or exported already", where=f"{name}'s fulcrum_position",
+        raise InputError("is connected or exported already", where=f"{foot.name}'s fulcrum_position",
                          right="A fulcrum has one master: leave the port free, and give the drive a desired position")
     if initial_m is None:
         initial_m = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_default_translation()
+    fulcrum = foot.parameters.fulcrum
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
     actuator = FulcrumActuator(
-        parameters=parameters, carriage_mass=foot.parameters.fulcrum.carriage_mass_kg,
-        rearmost=foot.parameters.fulcrum.rearmost_m, foremost=foot.parameters.fulcrum.foremost_m,
-        initial_position=initial_m)
-    actuator = builder.AddNamedSystem(f"{name}_actuator", actuator)
-    controller = builder.AddNamedSystem(f"{name}_swing_controller", controller)
-    recorder = builder.AddNamedSystem(f"{name}_adjustments", AdjustmentRecorder(period=period_s))
+        parameters=parameters, carriage_mass=fulcrum.carriage_mass_kg, rearmost=fulcrum.rearmost_m,
+        foremost=fulcrum.foremost_m, initial_position=initial_m)
+    builder.AddNamedSystem(f"{foot.name}_actuator", actuator)
+    builder.AddNamedSystem(f"{foot.name}_swing_controller", controller)
+    recorder = builder.AddNamedSystem(f"{foot.name}_adjustments", AdjustmentRecorder(period=period_s))
     sensor = None
     if signal != "contact":
-        body = foot.frame if shank is None else shank
-        sensor = ShankAngle(body_index=body.index())
-        builder.AddNamedSystem(f"{name}_shank", sensor)
+        sensor = builder.AddNamedSystem(f"{foot.name}_shank", ShankAngle(body_index=body.index()))
         connect_kinematics(builder, plant, [sensor])
         builder.Connect(sensor.get_output_port(), controller.GetInputPort("shank_angle"))
     if signal != "shank":
         builder.Connect(grf, controller.GetInputPort("grf"))
-    builder.Connect(controller.GetOutputPort("commanded_position"), actuator.GetInputPort("desired_position"))
-    builder.Connect(controller.GetOutputPort("enabled"), actuator.GetInputPort("enabled"))
-    builder.Connect(wired.GetOutputPort("support_force"), actuator.GetInputPort("support_force"))
+    for source, name, receiver, port in (
+            (controller, "commanded_position", actuator, "desired_position"),
+            (controller, "enabled", actuator, "enabled"), (wired, "support_force", actuator, "support_force"),
+            (controller, "enabled", recorder, "enabled"), (actuator, "energy", recorder, "energy"),
+            (actuator, "position_error", recorder, "position_error")):
+        builder.Connect(source.GetOutputPort(name), receiver.GetInputPort(port))
     builder.Connect(actuator.GetOutputPort("fulcrum_position"), wired.fulcrum_position)
-    builder.Connect(controller.GetOutputPort("enabled"), recorder.GetInputPort("enabled"))
-    for port in ("energy", "position_error"):
-        builder.Connect(actuator.GetOutputPort(port), recorder.GetInputPort(port))
     return FulcrumDrive(actuator=actuator, controller=controller, recorder=recorder, shank=sensor)

@@ -13,15 +13,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    PortDataType,
-    System,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
@@ -77,7 +69,7 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
                          where=f"port {port.get_name()!r}",
                          right="Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to "
                                "share_generalized_forces")
-    _share(builder, plant, port, plant.get_applied_spatial_force_input_port(),
+    _share(builder, port, plant.get_applied_spatial_force_input_port(),
            lambda: ExternallyAppliedSpatialForceMultiplexer(2))
 
 
@@ -93,8 +85,7 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
     if port.get_data_type() != PortDataType.kVectorValued or port.size() != plant.num_velocities():
         raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
                          right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
-    _share(builder, plant, port, plant.get_applied_generalized_force_input_port(),
-           lambda: Adder(2, plant.num_velocities()))
+    _share(builder, port, plant.get_applied_generalized_force_input_port(), lambda: Adder(2, plant.num_velocities()))
 
 
 def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
@@ -130,45 +121,30 @@ def check_port(builder: DiagramBuilder, port: OutputPort) -> None:
                          where=f"port {port.get_name()!r}", right="Add its system to the builder of the plant")
 
 
-def _unused_name(builder: DiagramBuilder, stem: str) -> str:
-    """`stem` with the first number behind it that no system in `builder` has yet."""
-    return next(name for name in (f"{stem}_{i}" for i in count(1)) if not builder.HasSubsystemNamed(name))
-
-
 def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, int]]:
     """System and output port that feed a system and input port, for all that are connected."""
     return {(system, int(index)): source for (system, index), source in builder.connection_map().items()}
 
 
-def _acts(builder: DiagramBuilder, target: InputPort, port: OutputPort) -> bool:
-    """Whether `port` is one of the summands that come to `target`."""
-    sources = _sources(builder)
-    inputs: list[tuple[System, int]] = [(target.get_system(), int(target.get_index()))]
-    while inputs:
-        source = sources.get(inputs.pop())
-        if source is None:
-            continue
-        if source == (port.get_system(), int(port.get_index())):
-            return True
-        if isinstance(source[0], (Adder, ExternallyAppliedSpatialForceMultiplexer)):
-            inputs += [(source[0], i) for i in range(source[0].num_input_ports())]
-    return False
-
-
-def _share(
-    builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]
-) -> None:
-    check_shareable(builder, plant)
-    if _acts(builder, target, port):
-        raise InputError(f"acts on the plant already, by its {target.get_name()}", where=f"port {port.get_name()!r}",
-                         right="Share it once; the ports of a foot are shared by wire_foot")
-    source = _sources(builder).get((plant, int(target.get_index())))
-    if source is None:
+def _share(builder: DiagramBuilder, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]) -> None:
+    """Connects `port` to `target`, beside what is connected there by way of a union of two, which `both` makes."""
+    sources, where = _sources(builder), (target.get_system(), int(target.get_index()))
+    waiting = [where]
+    while waiting:  # through all unions, for the port may be one of the summands already
+        system, index = sources.get(waiting.pop(), (None, 0))
+        if (system, index) == (port.get_system(), int(port.get_index())):
+            raise InputError(f"acts on the plant already, by its {target.get_name()}",
+                             where=f"port {port.get_name()!r}",
+                             right="Share it once; the ports of a foot are shared by wire_foot")
+        if isinstance(system, (Adder, ExternallyAppliedSpatialForceMultiplexer)):
+            waiting += [(system, i) for i in range(system.num_input_ports())]
+    if where not in sources:
         builder.Connect(port, target)
         return
-    earlier = source[0].get_output_port(source[1])
+    earlier = sources[where][0].get_output_port(sources[where][1])
     builder.Disconnect(earlier, target)
-    union = builder.AddNamedSystem(_unused_name(builder, target.get_name()), both())
+    names = (f"{target.get_name()}_{i}" for i in count(1))
+    union = builder.AddNamedSystem(next(name for name in names if not builder.HasSubsystemNamed(name)), both())
     builder.Connect(earlier, union.get_input_port(0))
     builder.Connect(port, union.get_input_port(1))
     builder.Connect(union.get_output_port(), target)
@@ -186,13 +162,13 @@ def to_symbolic(diagram: Diagram) -> Diagram:
     converted = diagram.ToSymbolicMaybe()
     if converted is not None:
         return converted
-    reasons = [f"{system.GetSystemPathname()} ({type(system).__name__.split('_')[0]}): "
-               f"{getattr(system, 'why_not_symbolic', 'its type has no symbolic form')}"
-               for system in _leaves(diagram) if system.ToSymbolicMaybe() is None]
+    reasons, systems = [], list(diagram.GetSystems())
+    while systems:
+        system = systems.pop(0)
+        if isinstance(system, Diagram):
+            systems = [*system.GetSystems(), *systems]
+        elif system.ToSymbolicMaybe() is None:
+            reasons.append(f"{system.GetSystemPathname()} ({type(system).__name__.split('_')[0]}): "
+                           f"{getattr(system, 'why_not_symbolic', 'its type has no symbolic form')}")
     raise InputError("has no symbolic form, for " + "; ".join(reasons), where=diagram.get_name() or "diagram",
                      right="Take diagram.ToAutoDiffXd() for derivatives, or convert the part without these systems")
-
-
-def _leaves(system: System) -> list[System]:
-    """All systems in `system` that are no diagrams."""
-    return [leaf for part in system.GetSystems() for leaf in _leaves(part)] if isinstance(system, Diagram) else [system]
