@@ -13,8 +13,14 @@ from vsf_drake.analysis.recording.check import MARKS
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.report.import_figures import angle_figure, floor_figure, force_figure, height_figure, residual_figure
-from vsf_drake.report.import_outputs import import_page, write_import_page
+from vsf_drake.report.import_outputs import (
+    angle_figure,
+    floor_figure,
+    force_figure,
+    height_figure,
+    import_page,
+    residual_figure,
+)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +62,7 @@ def test_names_and_messages_are_only_text(page):
 
 
 def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
-    text = html.unescape(page)
+    text = html.unescape(str(page))
     for check in item.checks:
         assert check.sentence in text
         assert check.mark in MARKS
@@ -85,8 +91,5 @@ def test_axes_name_their_units(item):
             assert "(" in axes.get_ylabel()
 
 
-def test_same_trial_gives_the_same_page(item, tmp_path):
-    for name in ("a.html", "b.html"):
-        write_import_page(tmp_path / name, [item], title="again")
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.html", "b.html"]
+def test_same_trial_gives_the_same_page(item):
+    assert import_page([item], title="again") == import_page([item], title="again")

@@ -25,10 +25,10 @@ def check(
     from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.motion.manifest import load_manifest
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.import_outputs import CHECK, check_folder, write_check
+    from vsf_drake.report.import_outputs import CHECK, write_check
 
     out = user_path(out)
-    check_folder(out, CHECK)
+    CHECK.check(out)
     contact = file_of(contact)
     fitted = None if contact is None else load_contact(contact)
     items, failures = [], {}
@@ -49,5 +49,5 @@ def check(
             raise InputError("none of the trials can be read:\n" + "\n".join(f"- {why}" for why in failures.values()))
         table = write_check(items, failures, out)
     print_checks(table)
-    console.print(f"written to {out}; read {CHECK}.html first", highlight=False, markup=False)
+    console.print(f"written to {out}; read check.html first", highlight=False, markup=False)
     finish(table)

@@ -61,7 +61,7 @@ def import_trials(
         return
     from vsf_drake.analysis.intake import IntakeOptions, gather, take_in
     from vsf_drake.motion.manifest import Window
-    from vsf_drake.report.import_outputs import IMPORT, check_folder, write_import
+    from vsf_drake.report.import_outputs import IMPORT, write_import
 
     if not files or len(files) < 2:
         raise InputError("a standing trial and at least one walk are needed", where="STATIC WALK...",
@@ -71,7 +71,7 @@ def import_trials(
     out = user_path(out)
     person, stated = _person(subject, {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
                                        "stature_m": stature_m, "name": name})
-    check_folder(out, IMPORT)
+    IMPORT.check(out)
     options = IntakeOptions(
         person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()), up=up, forward=forward,
         length_unit=length_unit, hip=hip, cutoff_hz=None if already_filtered else cutoff_hz,
@@ -84,7 +84,7 @@ def import_trials(
         show("writing the report", 0.95)
         table = write_import(intake, out)
     print_checks(table)
-    console.print(f"written to {out}; read {IMPORT}.html first", highlight=False, markup=False)
+    console.print(f"written to {out}; read import.html first", highlight=False, markup=False)
     finish(table)
 
 

@@ -1,47 +1,39 @@
-"""Everything that an import or a check leaves on disk. All of it or nothing."""
+"""What an import or a check of recordings leaves on disk: trials, a table, and a page with figures."""
 
 from __future__ import annotations
 
-import html
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, Check, costs, expected_error
+from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, costs, expected_error
 from vsf_drake.analysis.recording.examine import mass_budget, overall_mark, person_table, trial_table
-from vsf_drake.analysis.recording.foot import Examined
-from vsf_drake.files import replaced
-from vsf_drake.json_file import write_json
+from vsf_drake.analysis.recording.foot import Examined, FootMotion, flat_phase
+from vsf_drake.analysis.recording.marker_checks import RESIDUAL_M
+from vsf_drake.files import write_text
+from vsf_drake.motion.events import Stance
 from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.plates import SIDES
-from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
-from vsf_drake.report.import_figures import (
-    MARK_COLOURS,
-    angle_figure,
-    floor_figure,
-    force_figure,
-    height_figure,
-    residual_figure,
-)
-from vsf_drake.report.page import bullets, document, picture
+from vsf_drake.motion.trial import load_trial, write_trial_files
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.report.page import render
+from vsf_drake.report.results_folder import ResultsFolder
+from vsf_drake.report.style import NEUTRAL, label, new_figure, style
 from vsf_drake.schema import dump_yaml, to_plain
-from vsf_drake.simulation.archive import check_target, provenance, result_folder
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.yaml_file import dump
 
-IMPORT, CHECK = "import", "check"
-SUBJECT_FILE, MODEL_FILE = "subject.yaml", "model.yaml"
-
-
-def check_folder(out: Path, kind: str) -> None:
-    """Whether an import or a check (`kind`) can go to `out`.
-
-    Raises:
-        InputError: `out` cannot be written, holds a result of another kind, or anything else but an earlier `kind`.
-    """
-    check_target(out, kind, lambda out: (out / f"{kind}.json").is_file())
+IMPORT = ResultsFolder(kind="import", command="import", table="import.json")
+CHECK = ResultsFolder(kind="check", command="check", table="check.json")
+_SUBJECT, _MODEL = "subject.yaml", "model.yaml"
 
 
 def write_import(intake: Intake, out: Path) -> dict[str, Any]:
@@ -56,208 +48,238 @@ def write_import(intake: Intake, out: Path) -> dict[str, Any]:
         InputError: `out` cannot be written, or a manifest cannot be read back.
     """
     first = intake.items[0]
-    files = [SUBJECT_FILE, f"{IMPORT}.json", f"{IMPORT}.html", *([MODEL_FILE] if intake.scaled else [])]
-    with result_folder(out, IMPORT) as folder:
-        _text(folder / SUBJECT_FILE, dump_yaml(first.trial.subject))
+    failures = {Path(path).name: why for path, why in intake.failures.items()}
+
+    def more(folder: Path, table: dict[str, Any]) -> None:
+        files = [_SUBJECT, "import.json", "import.html", *([_MODEL] if intake.scaled else [])]
+        write_text(folder / _SUBJECT, dump_yaml(first.trial.subject))
         if intake.scaled:
-            _text(folder / MODEL_FILE, dump_yaml(first.trial.model))
-        tables = []
-        for item, name in zip(intake.items, intake.names, strict=True):
-            written = _write_trial(item.trial, folder, name, scaled=intake.scaled)
-            files += written.values()
-            tables.append({**trial_table(item), **written})
-        table = {"kind": IMPORT, "mark": "unusable" if intake.failures else overall_mark(intake.items),
-                 "trials": tables, "failures": intake.failures, **person_table(first), "files": sorted(files),
-                 **provenance(intake.inputs)}
-        write_json(folder / f"{IMPORT}.json", table)
-        title = f"Import of {first.trial.subject.name}"
-        write_import_page(folder / f"{IMPORT}.html", intake.items, title=title, person=_person(first),
-                          failures={Path(path).name: why for path, why in intake.failures.items()})
-    return table
+            write_text(folder / _MODEL, dump_yaml(first.trial.model))
+        for item, name, row in zip(intake.items, intake.names, table["trials"], strict=True):
+            kinematics, forces = write_trial_files(item.trial, folder, name)
+            write_text(folder / f"{name}.yaml", _manifest(item, kinematics, forces, scaled=intake.scaled))
+            load_trial(folder / f"{name}.yaml")
+            row.update(manifest=f"{name}.yaml", kinematics=kinematics, forces=forces)
+            files += [f"{name}.yaml", kinematics, forces]
+        table["files"] = sorted(files)
+        write_text(folder / "import.html", import_page(
+            intake.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
+
+    return IMPORT.write(out, {
+        "kind": "import", "mark": "unusable" if intake.failures else overall_mark(intake.items),
+        "trials": [trial_table(item) for item in intake.items], "failures": intake.failures, **person_table(first),
+        **provenance(intake.inputs)}, more=more)
 
 
-def write_check(items: Sequence[Examined], failures: dict[str, str], out: Path) -> dict[str, Any]:
+def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> dict[str, Any]:
     """Writes check.json and check.html to `out`; returns what check.json holds.
 
     Raises:
         InputError: `out` cannot be written.
     """
-    table = {"kind": CHECK, "mark": "unusable" if failures else overall_mark(items),
-             "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)}
-                        for item in items],
-             "failures": failures, **provenance()}
-    with result_folder(out, CHECK) as folder:
-        write_json(folder / f"{CHECK}.json", table)
-        write_import_page(folder / f"{CHECK}.html", items, title="Check of recordings", failures=failures,
-                          person=_person(items[0]) if len({item.trial.subject for item in items}) == 1 else None)
-    return table
+    person = items[0] if len({item.trial.subject for item in items}) == 1 else None
+    page = import_page(items, title="Check of recordings", person=person, failures=failures)
+    return CHECK.write(out, {
+        "kind": "check", "mark": "unusable" if failures else overall_mark(items),
+        "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)} for item in items],
+        "failures": failures, **provenance()}, more=lambda folder, table: write_text(folder / "check.html", page))
 
 
-def _write_trial(trial: Trial, folder: Path, name: str, *, scaled: bool) -> dict[str, str]:
-    """Manifest, kinematics and forces of one trial, read back once; their names."""
-    kinematics, forces = write_trial_files(trial, folder, name)
-    manifest = f"{name}.yaml"
-    _text(folder / manifest, _manifest(trial, kinematics, forces, scaled=scaled))
-    load_trial(folder / manifest)
-    return {"manifest": manifest, "kinematics": kinematics, "forces": forces}
-
-
-def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> str:
+def _manifest(item: Examined, kinematics: str, forces: str, *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
+    trial = item.trial
     content: dict[str, Any] = {
-        "name": trial.name, "subject": SUBJECT_FILE, "kinematics": kinematics,
+        "name": trial.name, "subject": _SUBJECT, "kinematics": kinematics,
         "forces": {"file": forces, **{side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}},
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
-        "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)}}
-    if scaled:
-        content["model"] = MODEL_FILE
-    if trial.synthetic:
-        content["synthetic"] = True
-    origin = " ".join(str(trial.path.name).split())
-    return f"# Made by vsf-drake import from {origin}.\n" + dump(content)
+        "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
+        **({"model": _MODEL} if scaled else {}), **({"synthetic": True} if trial.synthetic else {})}
+    return f"# Made by vsf-drake import from {' '.join(trial.path.name.split())}.\n" + dump(content)
 
 
-def _text(path: Path, text: str) -> None:
-    with replaced(path) as stream:
-        stream.write(text)
+def import_page(items: Sequence[Examined], *, title: str, person: Examined | None = None,
+                failures: Mapping[str, str] | None = None) -> Markup:
+    """The page: trials with their checks and figures, the `person` of one of them, and by file what failed and why."""
+    synthetic = [item.trial.name for item in items if item.trial.synthetic]
+    bad = [dict.fromkeys([*(check.name for check in item.checks if check.mark == "unusable"),
+                          *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
+           for item in items]
+    about: dict[str, Any] = {"subject": None}
+    if person is not None:
+        about = {"subject": person.trial.subject, "subject_numbers": to_plain(person.trial.subject),
+                 "budget": mass_budget(person.trial), "translations": PELVIS_TRANSLATIONS,
+                 "calibration": None if person.markers is None else person.markers.calibration}
+    figures = [[figure for make in _FIGURES if (figure := make(item)) is not None] for item in items]
+    return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
+                  trials=items, bad=bad, errors=[expected_error(item.checks) for item in items], figures=figures,
+                  failures=failures or {}, marks=MARKS, colours=MARK_COLOURS, expected=EXPECTED,
+                  degrees=math.degrees(1.0), **about)
 
 
-def _person(item: Examined) -> dict[str, Any]:
-    """What the page says of the person."""
-    subject = item.trial.subject
-    shown = {"name": subject.name, "mass, prosthesis included": f"{subject.mass_kg:z.1f} kg",
-             "stature": f"{subject.stature_m:.3f} m", "sex": subject.sex, "prosthesis": subject.prosthetic_side}
-    budget = mass_budget(item.trial)
-    masses = ", ".join(f"{name} {mass:.2f}" for name, mass in budget.items())
-    rows = [*shown.items(), ("mass budget", f"{masses}: {sum(budget.values()):.2f} kg in all")]
-    for name, value in to_plain(subject).items():
-        if name.endswith("_rad"):
-            rows.append((name.removesuffix("_rad").replace("_", " "), f"{np.degrees(value):z.1f}°"))
-        elif name.endswith("_m") and name != "stature_m":
-            rows.append((name.removesuffix("_m").replace("_", " "), f"{1e3 * value:z.1f} mm"))
-    lists: list[tuple[str, Sequence[str]]] = []
+# Figures: angles, forces, floor, foot heights, marker residuals.
+
+
+COLOURS = {"right": "#31688e", "left": "#c8553d"}
+MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
+MOST_POINTS = 1500
+"""A force curve is thinned to about this many points; peaks of walking are far wider."""
+_ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic list"),
+           ("pelvis_rotation", "Pelvic rotation"), ("ankle_angle", "Ankle (dorsiflexion +)"),
+           ("hip_flexion", "Hip flexion"), ("hip_adduction", "Hip adduction"),
+           ("hip_rotation", "Hip internal rotation"), ("knee_angle", "Knee flexion"))
+_SWING_SHARE = 1.6
+_USUAL_STANCE_S = 0.7
+_TIME = "time (s)"
+
+
+def angle_figure(item: Examined) -> Figure:
+    """Joint angles of both sides over each stance and the swing after it; dotted: at standing.
+
+    A stance that the record cuts is laid out as if it lasted as long as the complete ones.
+    """
+    names, time, values = _coordinates(item)
+    standing = item.markers.calibration.angles_rad if item.markers else {}
+    with style():
+        figure = new_figure(11.0, 5.4)
+        for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
+            for side in SIDES:
+                name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
+                if name not in names:
+                    continue
+                series = np.degrees(values[:, names.index(name)])
+                for start, duration in _laid_out(item, side):
+                    share = (time - start) / duration
+                    rows = (share >= 0.0) & (share <= _SWING_SHARE)
+                    axes.plot(100 * share[rows], series[rows], color=COLOURS[side], linewidth=1.5)
+                if name in standing:
+                    axes.axhline(np.degrees(standing[name]), color=COLOURS[side], linewidth=1.0, linestyle=":")
+            axes.axvline(100.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
+            label(axes, x="share of stance (%)", y="angle (°)", title=title)
+        _legend(figure, item, "dotted: at standing" if standing else "")
+    return figure
+
+
+def force_figure(item: Examined) -> Figure:
+    """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
+    trial = item.trial
+    weight = trial.subject.mass_kg * GRAVITY
+    with style():
+        figure = new_figure(11.0, 3.2)
+        titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
+        for axes, column, title in zip(figure.subplots(1, 3), (2, 0, 1), titles, strict=True):
+            for side, plate in trial.plates.items():
+                step = max(1, len(plate.time_s) // MOST_POINTS)
+                axes.plot(plate.time_s[::step], plate.force_W[::step, column] / weight, color=COLOURS[side],
+                          linewidth=1.4)
+            axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
+            label(axes, x=_TIME, y="force (body weights)", title=title)
+        _legend(figure, item, "shaded: the part used")
+    return figure
+
+
+def floor_figure(item: Examined) -> Figure:
+    """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
+    with style():
+        figure = new_figure(11.0, 3.4)
+        axes = figure.subplots()
+        for plate in item.markers.recording.plates if item.markers else ():
+            if plate.corners_m is not None:
+                ring = np.vstack([plate.corners_m, plate.corners_m[:1]])
+                axes.plot(ring[:, 0], ring[:, 1], color="0.7", linewidth=1.0)
+        for side, foot in item.feet.items():
+            for point in (foot.heel_W, foot.toe_W):
+                axes.plot(point[:, 0], point[:, 1], color=COLOURS[side], linewidth=0.5, alpha=0.4)
+            for stance in item.stances[side]:
+                _outline(axes, foot, stance)
+            if side in item.trial.plates:
+                cop = item.trial.plates[side].cop_W[:: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)]
+                axes.plot(cop[:, 0], cop[:, 1], ".", color=COLOURS[side], markersize=2.5)
+        axes.set_aspect("equal", adjustable="datalim")
+        label(axes, x="forward (m)", y="left (m)",
+              title="Floor: centre of pressure (dots), feet (thick), plates (grey)")
+        _legend(figure, item, "")
+    return figure
+
+
+def height_figure(item: Examined) -> Figure:
+    """Heights of heel (solid) and toe (dashed) of both feet; shaded: stances."""
+    with style():
+        figure = new_figure(11.0, 3.6)
+        for axes, side in zip(figure.subplots(1, 2, sharey=True), SIDES, strict=True):
+            foot = item.feet[side]
+            axes.plot(foot.time_s, 1e3 * foot.heel_W[:, 2], color=COLOURS[side], linewidth=1.4)
+            axes.plot(foot.time_s, 1e3 * foot.toe_W[:, 2], color=COLOURS[side], linewidth=1.4, linestyle="--")
+            axes.axhline(0.0, color="0.4", linewidth=0.8)
+            for stance in item.stances[side]:
+                axes.axvspan(stance.start_s, stance.end_s, color="0.93", zorder=0, linewidth=0)
+            kind = "prosthetic" if foot.prosthetic else "intact"
+            how = ", rigid under its shank" if foot.undeformed else ""
+            label(axes, x=_TIME, y="height (mm)", title=f"{side.capitalize()} ({kind}) foot{how}: heel, toe (dashed)")
+        _legend(figure, item, "shaded: stance")
+    return figure
+
+
+def residual_figure(item: Examined) -> Figure | None:
+    """Distance of each marker from its segment; None without markers."""
+    if item.markers is None or not item.markers.tracked.residual_rms_m:
+        return None
+    residual = sorted(item.markers.tracked.residual_rms_m.items(), key=lambda pair: pair[1])
+    sizes = np.array([1e3 * value for _, value in residual])
+    with style():
+        figure = new_figure(11.0, 0.6 + 0.17 * len(residual))
+        axes = figure.subplots()
+        colours = [MARK_COLOURS["good" if s < 1e3 * RESIDUAL_M[0] else "doubtful" if s < 1e3 * RESIDUAL_M[1] else
+                                "unusable"] for s in sizes]
+        axes.barh(range(len(sizes)), sizes, color=colours, height=0.7)
+        axes.set_yticks(range(len(sizes)), [name for name, _ in residual], fontsize=7)
+        axes.set_ylim(-0.6, len(sizes) - 0.4)
+        label(axes, x="distance from its segment, root mean square (mm)", y="", title=_kind(item) + "Marker residuals")
+    return figure
+
+
+def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
+    """Start and duration (s) of every stance of which the record has an end."""
+    whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
+    usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
+    found = []
+    for s in item.stances[side]:
+        if s.complete:
+            found.append((s.start_s, s.duration_s))
+        elif s.start_seen or s.end_seen:
+            found.append((s.start_s if s.start_seen else s.end_s - usual, usual))
+    return found
+
+
+def _outline(axes: Axes, foot: FootMotion, stance: Stance) -> None:
+    rows = flat_phase(foot, stance)
+    if rows is not None:
+        heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
+        axes.plot([heel[0], toe[0]], [heel[1], toe[1]], color=COLOURS[foot.side], linewidth=7, alpha=0.25,
+                  solid_capstyle="round")
+
+
+def _coordinates(item: Examined) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, times and values; from the markers where there are any, since these know both ankles."""
     if item.markers is not None:
-        calibration = item.markers.calibration
-        lengths = calibration.lengths_m
-        for key in [name for name in lengths if name.endswith("_right")]:
-            left = lengths.get(f"{key.removesuffix('_right')}_left")
-            pair = f"{1e3 * lengths[key]:z.1f} mm" + (f" / {1e3 * left:z.1f} mm" if left is not None else "")
-            rows.append((f"{key.removesuffix('_right').replace('_', ' ')}, right / left (standing trial)", pair))
-        lists = [("How joint centres and axes were found", calibration.method),
-                 ("What was assumed or looks doubtful", calibration.notes),
-                 ("Angles at standing", _standing(calibration.angles_rad))]
-    return {"rows": rows, "lists": lists}
+        tracked = item.markers.tracked
+        return tuple(tracked.names), tracked.time_s, tracked.values
+    motion = item.trial.trajectory
+    return motion.names, motion.time_s, motion.values
 
 
-def _standing(angles_rad: Mapping[str, float]) -> list[str]:
-    """The angles at standing: a line for the pelvis and one for each leg."""
-    lines = []
-    for name in ("pelvis", "right", "left"):
-        own = {key: value for key, value in angles_rad.items() if key not in PELVIS_TRANSLATIONS
-               and (key.startswith("pelvis_") if name == "pelvis" else key.endswith(f"_{name[0]}"))}
-        words = (f"{key.removeprefix('pelvis_').removesuffix(f'_{name[0]}').replace('_', ' ')} "
-                 f"{np.degrees(value):z.1f}°" for key, value in own.items())
-        lines.append(f"{name}: {', '.join(words)}")
-    return lines
+def _kind(item: Examined) -> str:
+    return "SYNTHETIC, not recorded. " if item.trial.synthetic else ""
 
 
-# The page of an import or a check: how good each trial is, in words, numbers and figures. One file, no network.
+def _legend(figure: Figure, item: Examined, more: str) -> None:
+    prosthetic = item.trial.subject.prosthetic_side
+    handles = [Line2D([], [], color=COLOURS[side], label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})")
+               for side in SIDES]
+    if more:
+        handles.append(Line2D([], [], color="none", label=more))
+    if item.trial.synthetic:
+        handles.append(Line2D([], [], color="none", label="SYNTHETIC, not recorded"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 _FIGURES = (angle_figure, force_figure, floor_figure, height_figure, residual_figure)
-
-
-def import_page(items: Sequence[Examined], *, title: str, person: Mapping[str, Any] | None = None,
-                failures: Mapping[str, str] | None = None) -> str:
-    """The page as HTML.
-
-    Args:
-        items: the trials. title: of the page.
-        person: what to say of the person: `rows`, pairs of a name and a text; `lists`, names with sentences.
-        failures: by file, why it could not be imported.
-    """
-    synthetic = any(item.trial.synthetic for item in items)
-    full = f"{title} (SYNTHETIC)" if synthetic else title
-    parts = [f"<h1>{html.escape(full)}</h1>"]
-    if synthetic:
-        names = ", ".join(item.trial.name for item in items if item.trial.synthetic)
-        parts.append(f'<p class="synthetic">SYNTHETIC, not recorded: {html.escape(names)}.</p>')
-    parts.append(_summary(items, failures or {}))
-    parts.append(f'<p class="quiet">{html.escape(EXPECTED)} Independent errors add as squares; the model has an error '
-                 'of its own on top. Limits of single checks are choices where no cost is known, and their doubts '
-                 'remarks.</p>')
-    if person:
-        parts.append(_person_part(person))
-    parts += [_trial(item, number) for number, item in enumerate(items)]
-    return document(full, parts)
-
-
-def write_import_page(path: str | Path, items: Sequence[Examined], *, title: str,
-                      person: Mapping[str, Any] | None = None, failures: Mapping[str, str] | None = None) -> None:
-    """Writes `import_page` to `path`, all of it or nothing.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    page = import_page(items, title=title, person=person, failures=failures)
-    with replaced(path) as stream:
-        stream.write(page)
-
-
-def _summary(items: Sequence[Examined], failures: Mapping[str, str]) -> str:
-    heads = ("trial", "overall", "expected error", *MARKS, "")
-    rows = [f"<tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"]
-    for number, item in enumerate(items):
-        counts = [sum(check.mark == mark for check in item.checks) for mark in MARKS]
-        bad = dict.fromkeys([*(check.name for check in item.checks if check.mark == MARKS[2]),
-                             *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
-        rows.append(f'<tr><td><a href="#trial-{number}">{html.escape(item.trial.name)}</a></td><td>{_badge(item.mark)}'
-                    f'</td><td class="number">{_share(expected_error(item.checks))}</td>'
-                    + "".join(f'<td class="number">{count}</td>' for count in counts)
-                    + f"<td>{html.escape(', '.join(bad))}</td></tr>")
-    for file, why in failures.items():
-        rows.append(f'<tr><td>{html.escape(file)}</td><td>{_badge("unusable", "not imported")}</td>'
-                    f'<td colspan="5" class="error">{html.escape(why)}</td></tr>')
-    return f"<table>{''.join(rows)}</table>"
-
-
-def _person_part(person: Mapping[str, Any]) -> str:
-    rows = "".join(f"<tr><td>{html.escape(name)}</td><td>{html.escape(str(text))}</td></tr>"
-                   for name, text in person.get("rows", ()))
-    lists = "".join(f"<h3>{html.escape(name)}</h3>{bullets(lines)}" for name, lines in person.get("lists", ()) if lines)
-    return f"<h2>The person</h2><table>{rows}</table>{lists}"
-
-
-def _trial(item: Examined, number: int) -> str:
-    order = sorted(item.checks, key=lambda check: -MARKS.index(check.mark))
-    rows = "".join(f"<tr><td>{_badge(check.mark)}</td><td>{html.escape(_name(check))}</td>"
-                   f'<td class="number">{_value(check)}</td><td class="number">{_share(check.cost_bw)}</td>'
-                   f"<td>{html.escape(check.sentence)}</td></tr>"
-                   for check in order)
-    figures = "".join(picture(figure) for make in _FIGURES if (figure := make(item)) is not None)
-    notes = (f"<details><summary>Notes ({len(item.notes)})</summary>{bullets(item.notes)}</details>"
-             if item.notes else "")
-    head = f'<h2 id="trial-{number}">{html.escape(item.trial.name)} {_badge(item.mark)}</h2>'
-    return (f"{head}<table><tr><th>mark</th><th>check</th><th>value</th><th>cost</th><th>what it means</th></tr>"
-            f"{rows}</table>{notes}{figures}")
-
-
-def _name(check: Check) -> str:
-    parts = [check.name, *([check.side] if check.side else []), *([str(check.stance)] if check.stance else [])]
-    return ", ".join(parts)
-
-
-def _value(check: Check) -> str:
-    if check.value is None:
-        return ""
-    value, unit = (1e3 * check.value, "ms") if check.unit == "s" and abs(check.value) < 1 else (check.value, check.unit)
-    unit = {"1": "", "deg": "°"}.get(unit, unit)
-    return html.escape(f"{value:.3g} {unit}".strip())
-
-
-def _share(share_bw: float | None) -> str:
-    return "" if share_bw is None else f"{100 * share_bw:.1f} % BW"
-
-
-def _badge(mark: str, text: str | None = None) -> str:
-    return f'<span class="mark" style="background:{MARK_COLOURS[mark]}">{html.escape(text or mark)}</span>'
