@@ -28,15 +28,6 @@ Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of t
 Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
 
 
-def target(out: Path, kind: str, **options: Any) -> Path:
-    """`out` with ~ expanded, after making sure that results can go there; `options` of `check_target`."""
-    from vsf_drake.simulation.archive import check_target
-
-    out = user_path(out)
-    check_target(out, kind, **options)
-    return out
-
-
 def model_of(path: Path | None, contact: Path | None = None) -> Any:
     """The model of a file, or the nominal one, with the fitted contact of another."""
     from vsf_drake.contact_file import load_contact, model_with

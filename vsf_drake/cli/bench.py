@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of, progress, target
+from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, file_of, model_of, progress
+from vsf_drake.files import user_path
 
 
 @app.command()
@@ -23,10 +24,10 @@ def bench(
 ) -> None:
     """Presses the foot in the testing machine: stiffness at each fulcrum position and at the heel."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.report.outputs import write_bench
+    from vsf_drake.report.outputs import BENCH, write_bench
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
-    out, contact = target(out, "bench"), file_of(contact)
+    out, contact = BENCH.check(user_path(out)), file_of(contact)
     pressed = model_of(file_of(model), contact)
     positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with progress() as show:

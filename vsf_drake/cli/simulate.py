@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, file_of, progress, target
+from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, file_of, progress
 from vsf_drake.files import user_path
 
 
@@ -27,10 +27,10 @@ def simulate(
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.validation.study import validate_walk
-    from vsf_drake.report.outputs import write_walk
+    from vsf_drake.report.outputs import WALK, write_walk
 
     check_contact_use(contact, fit_offsets=fit_offsets)
-    out, contact = target(out, "walk"), file_of(contact)
+    out, contact = WALK.check(user_path(out)), file_of(contact)
     with progress() as show:
         walk = validate_walk(user_path(trial), with_fit=fit_offsets, contact=contact, step_s=1e-3 * step_ms,
                              progress=show)

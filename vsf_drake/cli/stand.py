@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Contact, Model, Out, app, console, file_of, model_of, progress, target
+from vsf_drake.cli.app import Contact, Model, Out, app, console, file_of, model_of, progress
 from vsf_drake.files import user_path
 
 
@@ -31,11 +31,11 @@ def stand(
     from vsf_drake.files import sha256
     from vsf_drake.motion.fitted_trial import check_person
     from vsf_drake.motion.trial_record import load_subject
-    from vsf_drake.report.standing_output import write_standing
+    from vsf_drake.report.outputs import STANDING, write_standing
     from vsf_drake.simulation.standing import simulate_standing
 
     contact = file_of(contact)
-    out = target(out, "standing", known=lambda out: (out / "standing.json").is_file())
+    out = STANDING.check(user_path(out))
     person = load_subject(user_path(subject))
     if contact:
         check_person(person, load_contact(contact), file=contact)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +12,20 @@ from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.sweep_table import SCORES, has_stance, measured_peak_bw, sweep_row
 from vsf_drake.errors import InputError
-from vsf_drake.files import csv_cells, replaced
-from vsf_drake.json_file import plain, read_json, write_json
+from vsf_drake.json_file import read_json
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.report.page import write_csv
+from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.archive import check_target
+from vsf_drake.simulation.archive import result_folder
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.many.cases import software
-from vsf_drake.simulation.results import result_folder
 from vsf_drake.simulation.variables import Variable
 
-SWEEP = "sweep"
-_FIGURES = (f"{SWEEP}.png", f"{SWEEP}.svg")
+_FIGURES = ("sweep.png", "sweep.svg")
+SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json", names=("sweep.csv", *_FIGURES), stale=_FIGURES,
+                      unfinished=lambda out: (out / "cache").is_dir())
 
 
 def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
@@ -34,16 +33,20 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
 
     Trials are the same if they come from the same files, wherever these are named from, or hold the same.
     """
-    check_target(out, SWEEP, lambda out: (out / f"{SWEEP}.json").exists() or (out / "cache").is_dir(),
-                 names=(f"{SWEEP}.csv", f"{SWEEP}.json", *_FIGURES))
-    path = out / f"{SWEEP}.json"
+    SWEEP.check(out)
+    path, given = out / SWEEP.table, list(trials)
+    if not path.exists():
+        return
     try:
-        found = read_json(path)["trials"] if path.exists() else None
-        other = found is not None and not _same(list(trials), found)
-        names = ", ".join(trial["name"] for trial in found or ())
+        found = read_json(path)["trials"]
+        files = [sorted(str(Path(each).resolve()) for each in paths)
+                 for paths in ([trial.path for trial in given], [trial["file"] for trial in found])]
+        hashes = [sorted(sorted(inputs.values()) for inputs in both)
+                  for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in found])]
+        names = ", ".join(trial["name"] for trial in found)
     except (InputError, OSError, TypeError, KeyError, AttributeError):
         raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
-    if other:
+    if files[0] != files[1] and hashes[0] != hashes[1]:
         raise InputError(f"holds a sweep of other trials ({names})", file=out,
                          right="Choose another folder for this sweep")
 
@@ -72,63 +75,23 @@ def write_sweep(
         show((i + 1) / len(outcomes))
     varied = [*(["fulcrum_mm"] if fulcrum else []), *variables]
     failures = [row["failure"] for row in rows if row["failure"]]
-    table: dict[str, Any] = plain({
-        "kind": SWEEP, "walks": len(rows), "failed": len(failures), "failures": failures,
+    table = SWEEP.write(out, {
+        "kind": "sweep", "walks": len(rows), "failed": len(failures), "failures": failures,
         "with_notes": sum(bool(outcome.notes) for outcome in outcomes),
         "notes": [{"row": i + 1, "notes": outcome.notes} for i, outcome in enumerate(outcomes) if outcome.notes],
         "unconverged_steps": sum(row["unconverged_steps"] or 0 for row in rows),
         "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
-        "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": _columns(variables),
-        "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]})
-    with _writing(out), result_folder(out, SWEEP, stale=_FIGURES) as folder:
-        _write_csv(folder / f"{SWEEP}.csv", rows)
-        write_json(folder / f"{SWEEP}.json", table)
+        "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": {
+            "trial": {"meaning": "name of the trial"},
+            "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum from the keel's posterior end"},
+            **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
+                      "in_the_model": v.default} for name, v in variables.items()},
+            **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
+            "failure": {"meaning": "why there are no scores; empty if there are"},
+            "notes": {"meaning": "doubts about the walk, with | between them"}},
+        "trials": [_trial(name, trial, rows, varied, outcomes) for name, trial in trials.items()]},
+        more=lambda folder, table: write_csv(folder / "sweep.csv", rows[0], (row.values() for row in rows)))
     return table, rows
-
-
-def write_sweep_figure(
-    rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], out: Path, variables: Mapping[str, Variable]
-) -> None:
-    """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores.
-
-    Args:
-        rows, table: as `write_sweep` returned them; out, variables: as it took them.
-
-    Raises:
-        InputError: they cannot be written.
-    """
-    if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
-        with _writing(out / f"{SWEEP}.png"), result_folder(out, SWEEP, add=True) as folder:
-            save_figure(sweep_figure(rows, table, variables), folder / SWEEP)
-
-
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Faults of the file system as InputError."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
-
-
-def _same(trials: Sequence[Trial], found: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether `trials` are those that a sweep.json has `found`."""
-    files = [sorted(str(Path(path).resolve()) for path in paths)
-             for paths in ([trial.path for trial in trials], [trial["file"] for trial in found])]
-    hashes = [sorted(sorted(inputs.values()) for inputs in both)
-              for both in ([trial.inputs for trial in trials], [trial["inputs"] for trial in found])]
-    return files[0] == files[1] or hashes[0] == hashes[1]
-
-
-def _columns(variables: Mapping[str, Variable]) -> dict[str, dict[str, Any]]:
-    return {
-        "trial": {"meaning": "name of the trial"},
-        "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum from the keel's posterior end"},
-        **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
-                  "in_the_model": v.default} for name, v in variables.items()},
-        **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
-        "failure": {"meaning": "why there are no scores; empty if there are"},
-        "notes": {"meaning": "doubts about the walk, with | between them"}}
 
 
 def _trial(name: str, trial: Trial, rows: Sequence[Mapping[str, Any]], varied: Sequence[str],
@@ -143,14 +106,23 @@ def _trial(name: str, trial: Trial, rows: Sequence[Mapping[str, Any]], varied: S
                 "grf_rmse_bw": best["grf_rmse_bw"], "at": {key: best[key] for key in varied}}}
 
 
-def _write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    with replaced(path) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(rows[0])
-        writer.writerows(csv_cells(row.values()) for row in rows)
+def write_sweep_figure(
+    rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], out: Path, variables: Mapping[str, Variable]
+) -> None:
+    """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores.
 
+    Args:
+        rows, table: as `write_sweep` returned them; out, variables: as it took them.
 
-# A sweep over one quantity in one figure: errors against the plate and the peak force, one line a trial.
+    Raises:
+        InputError: they cannot be written.
+    """
+    if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
+        with result_folder(out, SWEEP.kind, add=True) as folder:
+            try:
+                save_figure(_sweep_figure(rows, table, variables), folder / "sweep")
+            except OSError as error:
+                raise InputError(f"cannot be written ({error.strerror})", file=out / _FIGURES[0]) from None
 
 
 _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
@@ -160,8 +132,10 @@ _WIDE = 20.0
 """Ratio of largest to smallest value above which the axis is logarithmic."""
 
 
-def sweep_figure(rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], variables: Mapping[str, Any]) -> Figure:
-    """The figure of `rows` (of sweep.csv) and `table` (of sweep.json); just one quantity is varied in them."""
+def _sweep_figure(
+    rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any], variables: Mapping[str, Variable]
+) -> Figure:
+    """Errors against the plate and the peak force over the one quantity that is varied, one line a trial."""
     [name] = table["varied"]
     unit = table["columns"][name]["unit"]
     axis = "fulcrum from the keel's posterior end (mm)" if name == "fulcrum_mm" else f"{name} ({unit})"
