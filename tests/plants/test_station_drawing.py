@@ -15,7 +15,7 @@ from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.plants.station import make_station
 from vsf_drake.plants.visuals import draw_ground
-from vsf_drake.report.show.serve import open_meshcat
+from vsf_drake.report.show.drawing import open_meshcat
 from vsf_drake.scenario import load_scenario
 
 BENCH, PERSON = (load_scenario(resource(f"models/scenarios/{kind}.yaml")) for kind in ("bench", "person"))

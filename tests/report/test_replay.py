@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import html
 import logging
 import re
 import socket
@@ -11,6 +10,7 @@ import socket
 import numpy as np
 import pytest
 from made_results import MASS_KG, MadePlate, make_walk
+from markupsafe import escape
 from meshcat_page import commands, tracks
 from pydrake.multibody.tree import PrismaticJoint
 
@@ -22,7 +22,7 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.visuals import SPHERE
 from vsf_drake.report import replay
 from vsf_drake.report.replay import LOADED, make_frames, write_replay
-from vsf_drake.report.show.serve import open_meshcat
+from vsf_drake.report.show.drawing import open_meshcat
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import load_walk, save_walk
 
@@ -196,8 +196,8 @@ def test_trial_name_is_text_and_nothing_else(tmp_path):
     name = r'</title><script>alert("1")</script> & \g<0>'
     page = replay_page(tmp_path, short_walk(trial_name=name))
     assert name not in page and '<script>alert("1")' not in page
-    assert f"<title>{html.escape(name)}: recorded walk</title>" in page
-    assert page.count(html.escape(name)) == 2
+    assert f"<title>{escape(name)}: recorded walk</title>" in page
+    assert page.count(escape(name)) == 2
 
 
 def test_synthetic_walk_is_called_so(tmp_path):
@@ -234,7 +234,7 @@ def test_impossible_frame_rate_is_refused(tmp_path, rate):
 def test_failure_keeps_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "replay.html"
     path.write_text("older")
-    monkeypatch.setattr(replay, "finish_page", lambda *_: 1 / 0)
+    monkeypatch.setattr(replay, "finish_page", lambda *_, **__: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_replay(short_walk(), path)
     assert [p.read_text() for p in tmp_path.iterdir()] == ["older"]

@@ -10,10 +10,8 @@ from typing import TypeVar
 import numpy as np
 from pydrake.geometry import (
     Box,
-    Cylinder,
     Meshcat,
     MeshcatAnimation,
-    MeshcatCone,
     Rgba,
     Role,
     SceneGraph,
@@ -24,16 +22,16 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, uniform_grid, walking_direction
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.plants.person import PersonHandles, add_person
+from vsf_drake.plants.person import add_person
 from vsf_drake.plants.visuals import SITE_NAME, SPHERE, add_visuals
-from vsf_drake.report.replay_page import RGB, finish_page
-from vsf_drake.report.show.serve import open_meshcat
+from vsf_drake.report.show.drawing import ASPECT, ENDLESS, FIELD_OF_VIEW_DEG, RGB, add_arrow, finish_page, open_meshcat
+from vsf_drake.report.style import condition_label
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
 
@@ -47,8 +45,6 @@ WALK, FORCES, GROUND = "/walk", "/forces", "/ground"
 ARROW_M_PER_BW = 1.0
 """Length of a force arrow for one body weight (m)."""
 _SHAFT_RADIUS_M, _HEAD_LENGTH_M, _HEAD_RADIUS_M, _TRACE_RADIUS_M = 0.010, 0.07, 0.024, 0.004
-_FIELD_OF_VIEW_DEG = 35.0
-_ENDLESS = 100_000
 
 
 def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = None,
@@ -81,16 +77,24 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = 
     legend.append((LOADED, f"contact sphere, full colour from {100 * FULL_COLOUR_BW:g} % of body weight"))
     _set_scene(meshcat, result, frames)
     meshcat.SetAnimation(animation)
-    page = finish_page(meshcat.StaticHtml(), result, legend)
-    with replaced(path) as stream:
-        stream.write(page)
+    lowest, highest = float(result.fulcrum_m.min()), float(result.fulcrum_m.max())
+    kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
+    write_text(path, finish_page(
+        meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result,
+        fulcrum=condition_label(round(lowest, 6)), highest_mm=1e3 * highest if highest - lowest > 1e-6 else None,
+        legend=[("#" + "".join(f"{round(255 * c):02x}" for c in colour), name) for colour, name in legend]))
 
 
 def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> MeshcatAnimation:
     """Publishes the bodies and records their poses and the colours of the spheres."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    person, offsets = _add_person(plant, result)
+    person = add_person(plant, _part(result, "subject", Subject), check_model(_part(result, "model", ModelParameters)))
+    if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
+        raise InputError(f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
+                         f"{len(person.foot.sites.radius)}", where="sphere_normal_n")
+    add_visuals(plant, person)
+    offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
     order = _positions(plant, result)
     inspector = scene_graph.model_inspector()
@@ -115,18 +119,8 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> Meshca
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
         for i, load in enumerate(frames.sphere_load[:, j]):
             animation.SetProperty(i, path, "material.color", list(low + load * (high - low)))
-    animation.set_repetitions(_ENDLESS)
+    animation.set_repetitions(ENDLESS)
     return animation
-
-
-def _add_person(plant: MultibodyPlant, result: WalkResult) -> tuple[PersonHandles, GeometricOffsets]:
-    """The person of `result`, with visual shapes."""
-    person = add_person(plant, _part(result, "subject", Subject), check_model(_part(result, "model", ModelParameters)))
-    if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
-        raise InputError(f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
-                         f"{len(person.foot.sites.radius)}", where="sphere_normal_n")
-    add_visuals(plant, person)
-    return person, _part(result, "offsets", GeometricOffsets)
 
 
 def _part(result: WalkResult, name: str, schema: type[T]) -> T:
@@ -151,13 +145,8 @@ def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colo
                   weight: float) -> None:
     """An arrow from the centre of pressure along the force, and a dot left in each frame."""
     paint, path = Rgba(*colour, 0.95), f"{FORCES}/{name}"
-    meshcat.SetObject(f"{path}/arrow/shaft/rod", Cylinder(_SHAFT_RADIUS_M, 1.0), paint)
-    meshcat.SetTransform(f"{path}/arrow/shaft/rod", _upward(0.5))
-    meshcat.SetObject(f"{path}/arrow/head/cone", MeshcatCone(_HEAD_LENGTH_M, _HEAD_RADIUS_M, _HEAD_RADIUS_M), paint)
-    meshcat.SetTransform(f"{path}/arrow/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi)))
-    for part in ("shaft/rod", "head/cone"):  # painted last, over the leg that the arrow passes through
-        meshcat.SetProperty(f"{path}/arrow/{part}/<object>", "material.depthTest", False)
-        meshcat.SetProperty(f"{path}/arrow/{part}/<object>", "renderOrder", 1.0)
+    add_arrow(meshcat, f"{path}/arrow", paint, shaft_radius=_SHAFT_RADIUS_M, head=(_HEAD_LENGTH_M, _HEAD_RADIUS_M),
+              shaft_from=0.0)
     for i, shown in enumerate(force.shown):
         animation.SetProperty(i, f"{path}/arrow", "visible", bool(shown))
         if not shown:
@@ -166,16 +155,12 @@ def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colo
         along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
         animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
         animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - _HEAD_LENGTH_M, 0.01)])
-        animation.SetTransform(i, f"{path}/arrow/head", _upward(length))
+        animation.SetTransform(i, f"{path}/arrow/head", RigidTransform([0.0, 0.0, length]))
         dot = f"{path}/trace/{i}"
         meshcat.SetObject(dot, Sphere(_TRACE_RADIUS_M), paint)
         meshcat.SetTransform(dot, RigidTransform(force.cop_W[i]))
         for frame in dict.fromkeys((0, i)):
             animation.SetProperty(frame, dot, "visible", frame == i)
-
-
-def _upward(distance: float) -> RigidTransform:
-    return RigidTransform([0.0, 0.0, distance])
 
 
 def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
@@ -194,9 +179,9 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
     length = float(np.linalg.norm(np.ptp(path, axis=0)))
-    half = np.tan(np.radians(0.5 * _FIELD_OF_VIEW_DEG))
+    half = np.tan(np.radians(0.5 * FIELD_OF_VIEW_DEG))
     distance = max(1.05 / half, (0.5 * length + 0.6) / (1.4 * half))
-    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=_FIELD_OF_VIEW_DEG, aspect=1.6))
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
     centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
     eye = centre + distance * (0.96 * side + 0.28 * forward)
     meshcat.SetCameraPose(np.array([*eye, 1.3]), np.array([*centre, 0.70]))

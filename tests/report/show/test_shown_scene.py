@@ -15,19 +15,9 @@ from pydrake.geometry import Meshcat
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.report.show.scene import platen_travel
-from vsf_drake.report.show.serve import (
-    KINDS,
-    RESET,
-    RISE,
-    STOP,
-    SUPPORT,
-    Viewer,
-    frame_button,
-    gate,
-    make_scene,
-    open_meshcat,
-)
+from vsf_drake.report.show.drawing import open_meshcat
+from vsf_drake.report.show.scene import KINDS, Scene, platen_travel
+from vsf_drake.report.show.serve import RESET, RISE, STOP, SUPPORT, Viewer, frame_button, gate
 from vsf_drake.simulation.bench import keel_shape
 
 MODEL = ModelParameters()
@@ -51,7 +41,7 @@ def meshcat():
 def scene_of(meshcat, what, **options):
     meshcat.Delete()
     meshcat.DeleteAddedControls()
-    return make_scene(meshcat, what, MODEL, SUBJECT if what == "person" else None, **options)
+    return Scene(meshcat, what, MODEL, SUBJECT if what == "person" else None, **options)
 
 
 def position(scene, body):
@@ -98,7 +88,7 @@ def test_every_joint_of_the_model_has_a_control_or_is_bent_by_the_load(meshcat, 
 
 def test_sliders_lead_the_person_in_their_units(meshcat):
     scene = scene_of(meshcat, "person")
-    viewer = Viewer(meshcat, scene, pytest.fail)
+    viewer = Viewer(scene, pytest.fail)
     for label, value in (("knee_angle_l (°)", 60.0), ("socket_tz (mm)", -8.0), ("fulcrum (mm)", 140.0),
                          ("pelvis_tx (m)", 0.25), ("load at the toe (N)", 400.0)):
         meshcat.SetSliderValue(label, value)
@@ -115,7 +105,7 @@ def test_sliders_lead_the_person_in_their_units(meshcat):
 
 def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says_how_much(meshcat):
     scene = scene_of(meshcat, "foot", keel_joints=True)
-    viewer = Viewer(meshcat, scene, pytest.fail)
+    viewer = Viewer(scene, pytest.fail)
     meshcat.SetSliderValue("load at the toe (N)", 500.0)
     tips = {}
     for fulcrum_mm in (151.0, 66.0):
@@ -139,8 +129,8 @@ def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says
 def test_buttons_reset_hide_and_end():
     meshcat = Clicked()
     meshcat.clicks = {}
-    scene = make_scene(meshcat, "foot", MODEL)
-    viewer = Viewer(meshcat, scene, pytest.fail)
+    scene = Scene(meshcat, "foot", MODEL)
+    viewer = Viewer(scene, pytest.fail)
     meshcat.SetSliderValue("load at the toe (N)", 300.0)
     viewer.poll()
     assert viewer.values() != scene.rest
@@ -160,9 +150,9 @@ def test_buttons_reset_hide_and_end():
 
 
 def test_two_viewers_do_not_know_of_each_other(meshcat):
-    first = Viewer(meshcat, scene_of(meshcat, "foot"), pytest.fail)
+    first = Viewer(scene_of(meshcat, "foot"), pytest.fail)
     other = open_meshcat()
-    second = Viewer(other, make_scene(other, "foot", MODEL), pytest.fail)
+    second = Viewer(Scene(other, "foot", MODEL), pytest.fail)
     meshcat.SetSliderValue("fulcrum (mm)", 70.0)
     first.poll()
     second.poll()
@@ -175,7 +165,7 @@ def test_two_viewers_do_not_know_of_each_other(meshcat):
     ("leg", None, "foot, bench, person"), ("foot", SUBJECT, "--subject"), ("person", None, "--subject")])
 def test_what_cannot_be_shown_is_refused(meshcat, what, subject, said):
     with pytest.raises(InputError, match=said):
-        make_scene(meshcat, what, MODEL, subject)
+        Scene(meshcat, what, MODEL, subject)
 
 
 def test_a_port_that_cannot_be_had_is_refused(meshcat):
@@ -221,7 +211,7 @@ def test_another_origin_and_another_host_are_refused(meshcat, upgrade):
 
 def test_a_slider_moved_in_the_browser_arrives_through_the_gate(meshcat):
     """As Drake's page sends it: a masked frame of MessagePack."""
-    Viewer(meshcat, scene_of(meshcat, "foot"), pytest.fail)
+    Viewer(scene_of(meshcat, "foot"), pytest.fail)
     name = b"fulcrum (mm)"
     message = (b"\x83\xa4type\xa6slider\xa4name" + bytes([0xA0 + len(name)]) + name + b"\xa5value"
                + b"\xcb" + struct.pack(">d", 72.0))

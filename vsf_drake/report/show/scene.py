@@ -3,180 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role
+from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Rgba, Role
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, JointIndex, PrismaticJoint, SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.person import add_person
+from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.solids import UPWARD
 from vsf_drake.plants.visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
+from vsf_drake.report.show.drawing import ASPECT, FIELD_OF_VIEW_DEG, add_arrow, add_triad
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
-MODEL = "/model"
-"""Where the bodies stand in Meshcat's tree."""
-PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
-_PLATEN_THICKNESS_M = 0.010
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What is shown, with a context of its own that `place` changes.
-
-    Attributes:
-        what: "foot", "bench" or "person".
-        controls: everything that can be moved.
-        platen: of the bench; None elsewhere.
-        camera: where it stands and what it looks at in W (m).
-    """
-
-    what: str
-    diagram: Diagram
-    context: Context
-    plant: MultibodyPlant
-    foot: FootHandles
-    controls: tuple[Control, ...]
-    platen: PrismaticJoint | None
-    camera: tuple[np.ndarray, np.ndarray]
-
-    @property
-    def plant_context(self) -> Context:
-        """The plant's part of the context."""
-        return self.plant.GetMyMutableContextFromRoot(self.context)
-
-    @property
-    def rest(self) -> dict[str, float]:
-        """Values of all controls at rest, in their own units."""
-        return {control.name: control.rest for control in self.controls}
-
-    @property
-    def frames(self) -> dict[str, Frame]:
-        """The frames that are drawn, by letter."""
-        return {"W": self.plant.world_frame(), "K": self.foot.frame.body_frame(), "M": self.foot.mount}
-
-    def place(self, values: Mapping[str, float]) -> KeelShape:
-        """Moves every body to where `values` of all controls (in their own units) put it; returns the bent keel.
-
-        Joints of the keel that have a control are turned by it in addition to what the load does.
-
-        Raises:
-            SimulationError: the keel finds no rest under this load.
-        """
-        si = {control.name: control.scale * values[control.name] for control in self.controls}
-        load = si.pop(LOAD)
-        shape = keel_shape(self.foot.parameters, fulcrum_m=si[FULCRUM], load_n=load)
-        bent = dict(zip(self.foot.keel_joint_names, shape.angles, strict=True))
-        q = np.zeros(self.plant.num_positions())
-        for index in self.plant.GetJointIndices():
-            joint = self.plant.get_joint(JointIndex(index))
-            if joint.num_positions():
-                q[joint.position_start()] = si.get(joint.name(), 0.0) + bent.get(joint.name(), 0.0)
-        if self.platen is not None:
-            q[self.platen.position_start()] = platen_travel(self.foot.parameters, shape, load)
-        self.plant.SetPositions(self.plant_context, q)
-        return shape
-
-
-def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> float:
-    """How far (m) the bench's platen has risen: the load point's rise and what the foam under it gives way."""
-    foam = (max(load_n, 0.0) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
-    return float(shape.load_point_K[1]) + foam
-
-
-def foot_scene(meshcat: Meshcat, model: ModelParameters, *, keel_joints: bool = False) -> Scene:
-    """The foot alone, its unloaded sole on the plane z = 0."""
-    builder, plant = _start()
-    height = RigidTransform([0.0, 0.0, model.foot.build_height_m])
-    hung = plant.AddFrame(FixedOffsetFrame("mount_place", plant.world_frame(), height))
-    foot = add_foot(plant, hung, model.foot)
-    add_foot_visuals(plant, foot)
-    camera = np.array([0.45, -0.50, 0.30]), np.array([0.08, 0.0, 0.04])
-    return _finish(builder, plant, meshcat, "foot", foot, _bending(foot, keel_joints), camera)
-
-
-def bench_scene(meshcat: Meshcat, model: ModelParameters, *, keel_joints: bool = False) -> Scene:
-    """The foot in the testing machine, the mount held at the origin of W, a platen under the load point."""
-    builder, plant = _start()
-    foot = add_foot(plant, plant.world_frame(), model.foot)
-    add_foot_visuals(plant, foot)
-    draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
-    sole = model.foot.build_height_m
-    place = RigidTransform([model.foot.load_point_m - model.foot.pylon_x_m, 0.0, -sole])
-    instance = plant.AddModelInstance("machine")
-    body = plant.AddRigidBody("platen", instance, SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
-    frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
-    platen = plant.AddJoint(PrismaticJoint("platen", frame, body.body_frame(), UPWARD))
-    size = (model.foot.series_patch_m, 1.3 * model.foot.keel.width_m, _PLATEN_THICKNESS_M)
-    draw(plant, body, "platen", Box(*size), PLATEN, (0.0, 0.0, -0.5 * _PLATEN_THICKNESS_M))
-    draw(plant, body, "ram", Cylinder(0.01, 0.08), METAL, (0.0, 0.0, -0.04 - _PLATEN_THICKNESS_M))
-    camera = np.array([0.40, -0.55, 0.15]), np.array([0.05, 0.0, -0.05])
-    return _finish(builder, plant, meshcat, "bench", foot, _bending(foot, keel_joints), camera, platen)
-
-
-def person_scene(meshcat: Meshcat, model: ModelParameters, subject: Subject, *, keel_joints: bool = False) -> Scene:
-    """The person, standing with the lower of the two unloaded soles on the plane z = 0 while all angles are zero."""
-    builder, plant = _start()
-    person = add_person(plant, subject, model)
-    add_visuals(plant, person)
-    names = (*person.coordinate_names, *person.socket.coordinate_names)
-    bending = _bending(person.foot, keel_joints)
-    controls = (*bending, *joint_controls(names, pelvis_height_m=0.0))
-    camera = np.array([2.3, -2.8, 1.3]), np.array([0.0, 0.0, 0.68])
-    scene = _finish(builder, plant, meshcat, "person", person.foot, controls, camera)
-    standing = _standing_height(scene, (person.foot.sites, person.intact_sites))
-    return replace(scene, controls=(*bending, *joint_controls(names, pelvis_height_m=standing)))
-
-
-def _standing_height(scene: Scene, feet: tuple) -> float:
-    """How far (m) the lowest contact sphere of `feet` is below z = 0 at rest."""
-    scene.place(scene.rest)
-    bottoms = [
-        (scene.plant.get_body(body).EvalPoseInWorld(scene.plant_context) @ centre)[2] - radius
-        for sites in feet for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
-    return -min(bottoms)
-
-
-def _bending(foot: FootHandles, keel_joints: bool) -> tuple[Control, ...]:
-    single = keel_controls(foot.keel_joint_names) if keel_joints else ()
-    return (*foot_controls(foot.parameters), *single)
-
-
-def _start() -> tuple[DiagramBuilder, MultibodyPlant]:
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
-    return builder, plant
-
-
-def _finish(builder: DiagramBuilder, plant: MultibodyPlant, meshcat: Meshcat, what: str, foot: FootHandles,
-            controls: tuple[Control, ...], camera: tuple[np.ndarray, np.ndarray],
-            platen: PrismaticJoint | None = None) -> Scene:
-    plant.Finalize()
-    scene_graph = builder.GetMutableSubsystemByName("scene_graph")
-    parameters = MeshcatVisualizerParams()
-    parameters.role, parameters.prefix = Role.kIllustration, MODEL
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-    diagram = builder.Build()
-    return Scene(what=what, diagram=diagram, context=diagram.CreateDefaultContext(), plant=plant, foot=foot,
-                 controls=controls, platen=platen, camera=camera)
-
-
-# What can be moved by hand: the sliders of a shown model, with names, units and reach.
-#
-# Anatomical coordinates have their OpenSim names. The reach of a slider is a choice: enough to see what a coordinate
-# does, and no limit of the model.
-
-
+KINDS = ("foot", "bench", "person")
+MODEL, FRAMES, ARROW = "/model", "/frames", "/load"
+"""Where bodies, triads and the load's arrow stand in Meshcat's tree."""
 LOAD, FULCRUM = "load at the toe", "fulcrum"
 """Names of the two controls that bend the keel."""
-LARGEST_LOAD_N = 800.0
+LARGEST_LOAD_N, ARROW_M_PER_N, _HEAD_M = 800.0, 2.5e-4, (0.018, 0.008)
+PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
+_PLATEN_THICKNESS_M = 0.010
+_CAMERAS = {"foot": ((0.45, -0.50, 0.30), (0.08, 0.0, 0.04)), "bench": ((0.40, -0.55, 0.15), (0.05, 0.0, -0.05)),
+            "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.68))}
+"""Where the camera stands and what it looks at in W (m)."""
 _DEGREE, _MILLIMETRE = math.pi / 180.0, 1e-3
 _REACH_DEG = {
     "pelvis_tilt": (-45, 45), "pelvis_list": (-30, 30), "pelvis_rotation": (-90, 90), "hip_flexion": (-30, 120),
@@ -184,20 +41,14 @@ _REACH_DEG = {
     "knee_rotation": (-30, 30), "ankle_angle": (-50, 30), "ankle_adduction": (-30, 30), "ankle_rotation": (-30, 30),
     "socket_flexion": (-15, 15), "socket_adduction": (-15, 15), "socket_rotation": (-15, 15),
 }
+"""The reach of a slider is a choice: enough to see what a coordinate does, and no limit of the model."""
 _REACH_M = {"pelvis_tx": (-1.0, 1.0), "pelvis_ty": (0.0, 1.5), "pelvis_tz": (-0.5, 0.5)}
-_SOCKET_REACH_MM = 30.0
-_KEEL_REACH_DEG = 20.0
+_SOCKET_REACH_MM, _KEEL_REACH_DEG = 30.0, 20.0
 
 
 @dataclass(frozen=True)
 class Control:
-    """A slider.
-
-    Attributes:
-        name: a joint's, or LOAD.
-        unit: of the slider; `scale` times its value is SI.
-        low, high, rest, step: in that unit.
-    """
+    """A slider: its name (a joint's, or LOAD) and unit; low, high, rest and step in it; times `scale` they are SI."""
 
     name: str
     unit: str
@@ -213,37 +64,172 @@ class Control:
         return f"{self.name} ({self.unit})"
 
 
-def foot_controls(foot: FootParameters) -> tuple[Control, ...]:
-    """The fulcrum's position, at rest in the middle of its range, and the load on the load point."""
-    low, high = (1e3 * x for x in (foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m))
-    return (Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5, _MILLIMETRE),
-            Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0, 1.0))
-
-
-def keel_controls(joint_names: Sequence[str]) -> tuple[Control, ...]:
-    """One slider a joint of the keel, whose angle is added to that of the loaded keel."""
-    return tuple(Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1, _DEGREE)
-                 for name in joint_names)
-
-
-def joint_controls(names: Sequence[str], *, pelvis_height_m: float) -> tuple[Control, ...]:
-    """One slider a coordinate of the person, anatomical or of the socket.
+class Scene:
+    """A model on `meshcat`, with a context of its own that `place` and `draw` change.
 
     Args:
-        pelvis_height_m: `pelvis_ty` at rest.
+        what: one of KINDS.
+        subject: the person's; of no use, and refused, elsewhere.
+        keel_joints: whether every joint of the keel gets a control of its own, added to what the load does.
+
+    Attributes:
+        controls: everything that can be moved. platen: of the bench; None elsewhere.
+        frames: the frames that are drawn, by letter.
 
     Raises:
-        ValueError: a coordinate has no reach here.
+        InputError: `what` is none of KINDS, or `subject` is missing or too much.
     """
-    return tuple(_joint_control(name, pelvis_height_m if name == "pelvis_ty" else 0.0) for name in names)
+
+    def __init__(self, meshcat: Meshcat, what: str, model: ModelParameters, subject: Subject | None = None, *,
+                 keel_joints: bool = False) -> None:
+        if what not in KINDS:
+            raise InputError(f"{what!r} is nothing that can be shown", where="--what",
+                             right=f"Say one of {', '.join(KINDS)}")
+        if what != "person" and subject is not None:
+            raise InputError(f"has no part in a {what} alone", where="--subject",
+                             right="Leave it out, or say --what person")
+        self.meshcat, self.what = meshcat, what
+        builder = DiagramBuilder()
+        self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+        self.platen: PrismaticJoint | None = None
+        person = None
+        if what == "person":
+            if subject is None:
+                raise InputError("a person needs a subject", where="--subject")
+            person = add_person(self.plant, subject, model)
+            add_visuals(self.plant, person)
+            self.foot: FootHandles = person.foot
+        else:
+            mount = self.plant.world_frame()
+            if what == "foot":  # its unloaded sole on the plane z = 0
+                height = RigidTransform([0.0, 0.0, model.foot.build_height_m])
+                mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, height))
+            self.foot = add_foot(self.plant, mount, model.foot)
+            add_foot_visuals(self.plant, self.foot)
+            if what == "bench":
+                self.platen = _add_machine(self.plant, model.foot)
+        self.plant.Finalize()
+        parameters = MeshcatVisualizerParams()
+        parameters.role, parameters.prefix = Role.kIllustration, MODEL
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
+        self.diagram: Diagram = builder.Build()
+        self.context: Context = self.diagram.CreateDefaultContext()
+        self.frames: dict[str, Frame] = {
+            "W": self.plant.world_frame(), "K": self.foot.frame.body_frame(), "M": self.foot.mount}
+        self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=0.0)
+        if person is not None:
+            self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=self._standing_height(person))
+        self._furnish()
+
+    @property
+    def plant_context(self) -> Context:
+        """The plant's part of the context."""
+        return self.plant.GetMyMutableContextFromRoot(self.context)
+
+    @property
+    def rest(self) -> dict[str, float]:
+        """Values of all controls at rest, in their own units."""
+        return {control.name: control.rest for control in self.controls}
+
+    def place(self, values: Mapping[str, float]) -> KeelShape:
+        """Moves every body to where `values` of all controls (in their own units) put it; returns the bent keel.
+
+        Raises:
+            SimulationError: the keel finds no rest under this load; everything stays where it was.
+        """
+        si = {control.name: control.scale * values[control.name] for control in self.controls}
+        load = si.pop(LOAD)
+        shape = keel_shape(self.foot.parameters, fulcrum_m=si[FULCRUM], load_n=load)
+        bent = dict(zip(self.foot.keel_joint_names, shape.angles, strict=True))
+        q = np.zeros(self.plant.num_positions())
+        for index in self.plant.GetJointIndices():
+            joint = self.plant.get_joint(JointIndex(index))
+            if joint.num_positions():
+                q[joint.position_start()] = si.get(joint.name(), 0.0) + bent.get(joint.name(), 0.0)
+        if self.platen is not None:
+            q[self.platen.position_start()] = platen_travel(self.foot.parameters, shape, load)
+        self.plant.SetPositions(self.plant_context, q)
+        return shape
+
+    def draw(self, values: Mapping[str, float], time_s: float | None = None) -> KeelShape:
+        """As `place`, on Meshcat; at `time_s` of the recording, if one is being made."""
+        shape = self.place(values)
+        self.context.SetTime(time_s or 0.0)
+        self.diagram.ForcedPublish(self.context)
+        poses = {letter: frame.CalcPoseInWorld(self.plant_context) for letter, frame in self.frames.items()}
+        for letter, pose in poses.items():
+            self.meshcat.SetTransform(f"{FRAMES}/{letter}", pose, time_in_recording=time_s)
+        # the arrow ends at the load point as it is drawn, with what single joints add
+        foot, context = self.foot, self.plant_context
+        piece = foot.keel_body_at(foot.parameters.load_point_m)
+        X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(context)
+        x, _, z = X_KB @ np.array([foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0])
+        length = ARROW_M_PER_N * values[LOAD]
+        self.meshcat.SetTransform(ARROW, poses["K"] @ RigidTransform([x, 0.0, z]), time_in_recording=time_s)
+        self.meshcat.SetProperty(ARROW, "visible", length > _HEAD_M[0], time_in_recording=time_s)
+        shaft = RigidTransform([0.0, 0.0, -_HEAD_M[0]])
+        self.meshcat.SetTransform(f"{ARROW}/shaft", shaft, time_in_recording=time_s)
+        scale = [1.0, 1.0, max(length - _HEAD_M[0], 1e-3)]
+        self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", scale, time_in_recording=time_s)
+        return shape
+
+    def _furnish(self) -> None:
+        """Triads, arrow and camera, everything at rest."""
+        self.meshcat.SetProperty("/Axes", "visible", False)
+        self.meshcat.SetProperty("/Grid", "visible", self.what == "person")
+        for letter in self.frames:
+            add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
+        add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M, shaft_from=-1.0)
+        self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
+        self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
+        self.draw(self.rest)
+
+    def _standing_height(self, person: PersonHandles) -> float:
+        """How far (m) the lowest contact sphere of both feet is below z = 0 at rest."""
+        self.place(self.rest)
+        return -min(
+            float((self.plant.get_body(body).EvalPoseInWorld(self.plant_context) @ centre)[2] - radius)
+            for sites in (person.foot.sites, person.intact_sites)
+            for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True))
 
 
-def _joint_control(name: str, rest: float) -> Control:
-    if name in _REACH_M:
-        return Control(name, "m", *_REACH_M[name], round(rest, 4), 0.0001, 1.0)
-    if name.startswith("socket_t"):
-        return Control(name, "mm", -_SOCKET_REACH_MM, _SOCKET_REACH_MM, rest, 0.1, _MILLIMETRE)
-    kind = name[:-2] if name.endswith(("_r", "_l")) else name
-    if kind not in _REACH_DEG:
-        raise ValueError(f"no reach is given for the coordinate {name}")
-    return Control(name, "°", *_REACH_DEG[kind], rest, 0.5, _DEGREE)
+def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> float:
+    """How far (m) the bench's platen has risen: the load point's rise and what the foam under it gives way."""
+    foam = (max(load_n, 0.0) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
+    return float(shape.load_point_K[1]) + foam
+
+
+def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
+    """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the load point."""
+    draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
+    place = RigidTransform([foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m])
+    body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
+                              SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
+    frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
+    platen = plant.AddJoint(PrismaticJoint("platen", frame, body.body_frame(), UPWARD))
+    size = (foot.series_patch_m, 1.3 * foot.keel.width_m, _PLATEN_THICKNESS_M)
+    draw(plant, body, "platen", Box(*size), PLATEN, (0.0, 0.0, -0.5 * _PLATEN_THICKNESS_M))
+    draw(plant, body, "ram", Cylinder(0.01, 0.08), METAL, (0.0, 0.0, -0.04 - _PLATEN_THICKNESS_M))
+    return platen
+
+
+def _controls(foot: FootHandles, person: PersonHandles | None, keel_joints: bool, *, pelvis_height_m: float
+              ) -> tuple[Control, ...]:
+    """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint that moves freely."""
+    fulcrum = foot.parameters.fulcrum
+    low, high = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
+    found = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5, _MILLIMETRE),
+             Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0, 1.0)]
+    if keel_joints:
+        found += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1, _DEGREE)
+                  for name in foot.keel_joint_names]
+    for name in () if person is None else (*person.coordinate_names, *person.socket.coordinate_names):
+        if name in _REACH_M:
+            rest = round(pelvis_height_m, 4) if name == "pelvis_ty" else 0.0
+            found.append(Control(name, "m", *_REACH_M[name], rest, 0.0001, 1.0))
+        elif name.startswith("socket_t"):
+            found.append(Control(name, "mm", -_SOCKET_REACH_MM, _SOCKET_REACH_MM, 0.0, 0.1, _MILLIMETRE))
+        else:
+            kind = name[:-2] if name.endswith(("_r", "_l")) else name
+            found.append(Control(name, "°", *_REACH_DEG[kind], 0.0, 0.5, _DEGREE))
+    return tuple(found)

@@ -1,0 +1,84 @@
+"""What shown models and replays share: Meshcat itself, arrows and triads drawn in it, and its page with a caption."""
+
+from __future__ import annotations
+
+import logging
+import re
+import secrets
+import sys
+
+import numpy as np
+from markupsafe import escape
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+
+from vsf_drake.report.page import render
+
+RGB = tuple[float, float, float]
+FIELD_OF_VIEW_DEG, ASPECT, ENDLESS = 35.0, 1.6, 100_000
+_AXES = (Rgba(0.85, 0.10, 0.10), Rgba(0.10, 0.60, 0.15), Rgba(0.15, 0.25, 0.85))
+"""Colours of x, y, z."""
+_STROKES = {
+    "W": [(0.0, 1.0), (0.25, 0.0), (0.5, 0.8), (0.75, 0.0), (1.0, 1.0)],
+    "K": [(0.0, 0.0), (0.0, 1.0), (0.0, 0.45), (0.9, 1.0), (0.0, 0.45), (0.9, 0.0)],
+    "M": [(0.0, 0.0), (0.0, 1.0), (0.5, 0.3), (1.0, 1.0), (1.0, 0.0)],
+}
+
+
+def open_meshcat() -> Meshcat:
+    """A Meshcat for this program only, without Drake's message about it.
+
+    Drake's server answers whoever finds it, web pages included. On Linux, where 127.0.0.0/8 is this machine, it gets
+    one of 16 million addresses by chance, which no page can guess; `serve.gate` is where visitors come in.
+    """
+    host = f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}"
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        return Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
+    finally:
+        log.setLevel(level)
+
+
+def finish_page(meshcat: Meshcat, title: str, template: str, /, **facts: object) -> str:
+    """Meshcat as one HTML file with `title`, and a caption along its lower edge, from a template of captions.
+
+    Raises:
+        ValueError: Meshcat's page has no title or no body.
+    """
+    page, titles = re.subn(r"<title>.*?</title>", lambda _: f"<title>{escape(title)}</title>",
+                           meshcat.StaticHtml(), count=1, flags=re.DOTALL)
+    head, tag, tail = page.rpartition("</body>")
+    if not titles or not tag:
+        raise ValueError("Meshcat's page has no title or no body to write into")
+    return f"{head}{render(template, title=title, **facts)}{tag}{tail}"
+
+
+def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float, head: tuple[float, float],
+              shaft_from: float) -> None:
+    """An arrow along z, of a shaft of length 1 m that begins at `shaft_from` and a `head` (length, radius in m).
+
+    It is painted last, over what it passes through.
+    """
+    length, radius = head
+    meshcat.SetObject(f"{path}/shaft/rod", Cylinder(shaft_radius, 1.0), colour)
+    meshcat.SetTransform(f"{path}/shaft/rod", RigidTransform([0.0, 0.0, shaft_from + 0.5]))
+    meshcat.SetObject(f"{path}/head/cone", MeshcatCone(length, radius, radius), colour)
+    turned = RotationMatrix.MakeXRotation(np.pi)  # Drake's cone has its tip at the origin and opens along +z
+    meshcat.SetTransform(f"{path}/head/cone", RigidTransform(turned))
+    for part in ("shaft/rod", "head/cone"):
+        meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)
+        meshcat.SetProperty(f"{path}/{part}/<object>", "renderOrder", 1.0)
+
+
+def add_triad(meshcat: Meshcat, path: str, length: float) -> None:
+    """Axes of `length` (m), x red, y green, z blue, with the frame's letter, which ends `path`, behind its origin."""
+    radius = 0.02 * length
+    turns = (RotationMatrix.MakeYRotation(0.5 * np.pi), RotationMatrix.MakeXRotation(-0.5 * np.pi), RotationMatrix())
+    for axis, turn, colour in zip("xyz", turns, _AXES, strict=True):
+        meshcat.SetObject(f"{path}/{axis}", Cylinder(radius, length), colour)
+        meshcat.SetTransform(f"{path}/{axis}", RigidTransform(turn, turn @ np.array([0.0, 0.0, 0.5 * length])))
+    strokes = np.array(_STROKES[path[-1]]) * 0.3 * length
+    points = np.array([strokes[:, 0] - 0.45 * length, np.zeros(len(strokes)), strokes[:, 1] + 0.1 * length])
+    meshcat.SetLine(f"{path}/letter", np.asfortranarray(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))
