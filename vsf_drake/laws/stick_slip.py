@@ -31,11 +31,10 @@ def smooth_friction_coefficient(
 ) -> Array:
     """A coefficient with a continuous derivative, for gradients; same values at u = 0, 1 and from 1.5 on.
 
-    With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic
-    step down to mu_kinetic at u = 1.5. Odd in u, so the force is smooth through zero slip too.
-    It differs from `friction_coefficient` by at most mu_static / (3 √3) = 0.19 mu_static, at
-    u = 1/√3 (the slope at zero slip is 1.5 times as steep), and beyond u = 1 by at most
-    (mu_static - mu_kinetic) / (6 √3) = 0.10 (mu_static - mu_kinetic).
+    With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic step down to
+    mu_kinetic at u = 1.5. Odd in u, so the force is smooth through zero slip too. It differs from
+    `friction_coefficient` by at most mu_static / (3 √3) = 0.19 mu_static, at u = 1/√3 (the slope at zero slip is 1.5
+    times as steep), and beyond u = 1 by at most (mu_static - mu_kinetic) / (6 √3) = 0.10 (mu_static - mu_kinetic).
     """
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
@@ -45,13 +44,8 @@ def smooth_friction_coefficient(
 
 
 def friction_force(
-    slip: Values,
-    normal_force: Values,
-    *,
-    mu_static: Values,
-    mu_kinetic: Values,
-    threshold_velocity: Values,
-    smooth: bool = False,
+    slip: Values, normal_force: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values,
+    smooth: bool = False
 ) -> Array:
     """Friction -mu(V) · normal_force · slip / V on the sphere, V = |slip|.
 

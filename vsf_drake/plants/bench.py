@@ -64,16 +64,15 @@ def make_bench(
 ) -> BenchDiagram:
     """The foot on the bench, loaded at the forefoot, 30 mm behind the keel's tip, or at the heel.
 
-    Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
-    series with the keel (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to its
-    slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law. The platen
-    stays under its site, so the load stays vertical, on the same point of the foot. Weight is left
-    out: a load cell is tared.
+    Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in series with the keel
+    (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to its slope at 200 N. Heel: the spheres of
+    the rigid heel block with their own contact law. The platen stays under its site, so the load stays vertical, on the
+    same point of the foot. Weight is left out: a load cell is tared.
 
     Args:
         heel: press the heel instead of the forefoot.
-        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets the shapes of the foot, to be
-            seen only, and the diagram the output `query`. None: no shapes.
+        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets the shapes of the foot, to be seen
+            only, and the diagram the output `query`. None: no shapes.
     """
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)

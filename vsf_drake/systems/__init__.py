@@ -1,8 +1,7 @@
 """Forces, sensors and controllers that Drake does not have, as LeafSystems for float and AutoDiffXd.
 
-Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by
-name; physical constants are numeric parameters in the Context, read and set by name with
-`GetParameter` and `SetParameters`.
+Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by name; physical constants
+are numeric parameters in the Context, read and set by name with `GetParameter` and `SetParameters`.
 """
 
 from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_, StickSlipFriction, StickSlipFriction_

@@ -99,8 +99,7 @@ class NamedParameters(Collectable):
 
         Raises:
             ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
-            InputError: the Context is another system's, such as the whole diagram's.
-                Nothing has been set then.
+            InputError: the Context is another system's, such as the whole diagram's. Nothing has been set then.
         """
         self._check_own(context)
         checked = {}

@@ -22,10 +22,9 @@ def KelvinVoigtContact_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Modified Kelvin-Voigt contact of N spheres with the ground plane.
 
-        The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456,
-        eq. 1) with depth = ground height + radius - z_S and depth rate = -v_Sz of the sphere centre
-        S. The force acts along +z_W at the contact point C, a radius below S. There is no friction
-        here: see `StickSlipFriction`.
+        The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 1) with depth =
+        ground height + radius - z_S and depth rate = -v_Sz of the sphere centre S. The force acts along +z_W at the
+        contact point C, a radius below S. There is no friction here: see `StickSlipFriction`.
 
         .. pydrake_system::
 
@@ -39,12 +38,11 @@ def KelvinVoigtContact_(T):
             - depth_rate
             - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs:
-        normal_force (N,) N, >= 0; depth (N,) m; depth_rate (N,) m/s, also without contact;
-        spatial_forces, one per body.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
+        depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
 
-        Wiring: both inputs from MultibodyPlant's ports of those names; spatial_forces to its
-        applied_spatial_force, by way of an ExternallyAppliedSpatialForceMultiplexer.
+        Wiring: both inputs from MultibodyPlant's ports of those names; spatial_forces to its applied_spatial_force, by
+        way of an ExternallyAppliedSpatialForceMultiplexer.
 
         Args:
             body_indices: N body indices, one per sphere.
@@ -54,8 +52,8 @@ def KelvinVoigtContact_(T):
             ground_height: z of the ground in W (m).
             unloading: branch of the law while the depth falls, "continuous" or "printed".
 
-        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth,
-        ground_height. A scalar stands for N equal values.
+        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height. A
+        scalar stands for N equal values.
 
         Raises:
             ValueError: an array has the wrong shape, or `unloading` is unknown.
@@ -65,17 +63,9 @@ def KelvinVoigtContact_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            body_indices: Sequence[int],
-            p_BS: np.ndarray,
-            radius: np.ndarray,
-            stiffness: np.ndarray,
-            exponent: np.ndarray,
-            damping: np.ndarray,
-            full_damping_depth: np.ndarray,
-            ground_height: float = 0.0,
-            unloading: str = "continuous",
+            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
+            exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
+            unloading: str = "continuous"
         ) -> None:
             if unloading not in UNLOADING_BRANCHES:
                 raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
@@ -117,10 +107,9 @@ def StickSlipFriction_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Stick-slip friction of N spheres on the ground plane.
 
-        The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi
-        10.1115/1.4050456, eq. 2). The slip is the horizontal velocity of the point C that is fixed
-        to the body, one full radius (not radius less depth) below the sphere centre S:
-        (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
+        The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 2). The slip is
+        the horizontal velocity of the point C that is fixed to the body, one full radius (not radius less depth) below
+        the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
 
         .. pydrake_system::
 
@@ -133,12 +122,11 @@ def StickSlipFriction_(T):
             - friction_force
             - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force
-        (N,) N. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the spheres;
-        spatial_forces, one per body.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N. Outputs:
+        friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the spheres; spatial_forces, one per body.
 
-        Wiring: poses and velocities from MultibodyPlant, normal_force from `KelvinVoigtContact`
-        with the same sites; spatial_forces to MultibodyPlant's applied_spatial_force.
+        Wiring: poses and velocities from MultibodyPlant, normal_force from `KelvinVoigtContact` with the same sites;
+        spatial_forces to MultibodyPlant's applied_spatial_force.
 
         Args:
             body_indices: N body indices, one per sphere.
@@ -157,15 +145,8 @@ def StickSlipFriction_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            body_indices: Sequence[int],
-            p_BS: np.ndarray,
-            radius: np.ndarray,
-            mu_static: float,
-            mu_kinetic: float,
-            threshold_velocity: float,
-            smooth: bool = False,
+            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
+            mu_kinetic: float, threshold_velocity: float, smooth: bool = False
         ) -> None:
             self._sites, self._smooth = Sites(body_indices, T), smooth
             count = len(self._sites)

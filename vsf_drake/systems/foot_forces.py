@@ -108,18 +108,9 @@ def FootForces_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            num_positions: int,
-            num_velocities: int,
-            position_indices: Sequence[int],
-            velocity_indices: Sequence[int],
-            frame_body_index: int,
-            keel_starts: np.ndarray,
-            site_keel: Sequence[int],
-            law: str | None,
-            constants: dict[str, Any],
-            grip_limit: np.ndarray | None = None,
+            self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
+            velocity_indices: Sequence[int], frame_body_index: int, keel_starts: np.ndarray, site_keel: Sequence[int],
+            law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
         ) -> None:
             if law is not None and law not in CONTACT_LAWS:
                 raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")

@@ -29,15 +29,14 @@ def FulcrumSupport_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Two-sided stiff support of the keel at a continuous position along it.
 
-        The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end
-        A). With w the height of P in the keel frame K, fixed in the foot's frame body F, and w' its
-        rate for fixed l, the keel feels -(stiffness w + damping w') along z_K at P and the frame
-        body the opposite at the same point, so force and moment on the two together are zero. P
-        slides onto the next keel body where that body's frame begins, its joint, about which the
-        force then has no moment: everything is continuous as the fulcrum passes a joint.
+        The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the
+        height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels
+        -(stiffness w + damping w') along z_K at P and the frame body the opposite at the same point, so force and
+        moment on the two together are zero. P slides onto the next keel body where that body's frame begins, its joint,
+        about which the force then has no moment: everything is continuous as the fulcrum passes a joint.
 
-        It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite
-        stiffness. Sliding it under load takes work, which is the carriage's: no force for it acts here.
+        It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite stiffness. Sliding
+        it under load takes work, which is the carriage's: no force for it acts here.
 
         .. pydrake_system::
 
@@ -50,12 +49,12 @@ def FulcrumSupport_(T):
             - spatial_forces
             - support_force
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position
-        (1,) m from A. Outputs: spatial_forces on the keel body that holds P and on F; support_force
-        (1,) N on the keel along z_K, negative while the ground bends the toe up.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A.
+        Outputs: spatial_forces on the keel body that holds P and on F; support_force (1,) N on the keel along z_K,
+        negative while the ground bends the toe up.
 
-        Wiring: poses and velocities from MultibodyPlant, fulcrum_position from a source or from the
-        carriage's coordinate; spatial_forces to MultibodyPlant's applied_spatial_force.
+        Wiring: poses and velocities from MultibodyPlant, fulcrum_position from a source or from the carriage's
+        coordinate; spatial_forces to MultibodyPlant's applied_spatial_force.
 
         Args:
             frame_body_index: body F.
@@ -220,17 +219,17 @@ def FulcrumActuator_(T):
         takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over
         the creep speed. Ends of travel: the desired position is cut to them, and stops push the carriage back.
 
-        The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail
-        friction, and the position follows from this system's own state. In a plant with a foot the carriage's body
-        follows `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia.
-        What a loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero
-        unless it comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with
-        the fulcrum at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
+        The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail friction,
+        and the position follows from this system's own state. In a plant with a foot the carriage's body follows
+        `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia. What a
+        loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it
+        comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with the fulcrum
+        at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
 
-        Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of
-        max(V i, 0), as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding,
-        motor, gear and thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and
-        screw + work + losses.
+        Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0),
+        as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and
+        thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work +
+        losses.
 
         .. pydrake_system::
 
@@ -249,14 +248,14 @@ def FulcrumActuator_(T):
             - losses
             - position_error
 
-        Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum,
-        of either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
+        Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
+        either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
         Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
         (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
         energies are states, without feedthrough. Continuous state: position; velocity; energy, work, losses.
 
-        Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose
-        support_force comes back. `vsf_drake.plants.foot_wiring.add_fulcrum_drive` does it.
+        Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose support_force
+        comes back. `vsf_drake.plants.foot_wiring.add_fulcrum_drive` does it.
 
         Args:
             parameters: motor, gear, screw and rail.
@@ -265,27 +264,21 @@ def FulcrumActuator_(T):
             initial_position: where a new Context has the carriage (m from A).
 
         Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,
-        screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a,
-        winding_resistance_ohm, rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s,
-        servo_band_m, tolerance_m, creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m,
-        carriage_mass, rearmost, foremost.
+        screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a, winding_resistance_ohm,
+        rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s, servo_band_m, tolerance_m,
+        creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
 
         Raises:
-            InputError: a number is out of range, the screw gives way under load or cannot be turned at all, its
-                inertia is too small for its friction, or the carriage would start outside its travel.
+            InputError: a number is out of range, the screw gives way under load or cannot be turned at all, its inertia
+                is too small for its friction, or the carriage would start outside its travel.
         """
 
         __slots__ = (PEERS, "_desired_port", "_enabled_port", "_support_port", "_axial_port")
 
         @constructor
         def _construct(
-            self,
-            *,
-            parameters: ActuatorParameters | None = None,
-            carriage_mass: float = 0.1,
-            rearmost: float = 0.066,
-            foremost: float = 0.151,
-            initial_position: float = 0.108,
+            self, *, parameters: ActuatorParameters | None = None, carriage_mass: float = 0.1, rearmost: float = 0.066,
+            foremost: float = 0.151, initial_position: float = 0.108
         ) -> None:
             parameters = check(ActuatorParameters() if parameters is None else parameters)
             travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}

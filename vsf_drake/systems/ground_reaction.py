@@ -23,19 +23,18 @@ def GroundReaction_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Ground reaction force on N spheres, its centre of pressure and free moment.
 
-        The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their
-        moment M about the origin of W, the centre of pressure is the point of the ground plane
-        (height h) about which the moment has no horizontal component,
+        The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their moment M about the
+        origin of W, the centre of pressure is the point of the ground plane (height h) about which the moment has no
+        horizontal component,
 
             cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
-        and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is
-        how a force plate makes them of force and moment. A real plate is touched at its surface;
-        here, as in the library that the paper used, friction acts at the contact points, which lie
-        below h by their depths, so that the horizontal forces have a small moment about the plane.
-        For contact points in the plane the centre of pressure equals the force-weighted mean
-        Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ
-        by at most the friction coefficient times the largest depth.
+        and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is how a force plate makes
+        them of force and moment. A real plate is touched at its surface; here, as in the library that the paper used,
+        friction acts at the contact points, which lie below h by their depths, so that the horizontal forces have a
+        small moment about the plane. For contact points in the plane the centre of pressure equals the force-weighted
+        mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ by at most the
+        friction coefficient times the largest depth.
 
         .. pydrake_system::
 
@@ -49,13 +48,12 @@ def GroundReaction_(T):
             - cop
             - free_moment
 
-        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N; friction_force (3 N,),
-        N rows (fx, fy, 0) in W. Outputs: grf (3,) N in W, on the model; cop (3,) m in W;
-        free_moment (1,) N m about +z_W, on the model. Without load all three are zero (so cop is
-        the origin of W: check grf first).
+        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N; friction_force (3 N,), N rows (fx, fy, 0)
+        in W. Outputs: grf (3,) N in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model.
+        Without load all three are zero (so cop is the origin of W: check grf first).
 
-        Wiring: body_poses from MultibodyPlant, normal_force from `KelvinVoigtContact`,
-        friction_force from `StickSlipFriction`. For one foot of two, give it that foot's sites.
+        Wiring: body_poses from MultibodyPlant, normal_force from `KelvinVoigtContact`, friction_force from
+        `StickSlipFriction`. For one foot of two, give it that foot's sites.
 
         Args:
             body_indices: N body indices, one per sphere.
@@ -73,12 +71,7 @@ def GroundReaction_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            body_indices: Sequence[int],
-            p_BS: np.ndarray,
-            radius: np.ndarray,
-            ground_height: float = 0.0,
+            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
         ) -> None:
             self._sites = Sites(body_indices, T)
             count = len(self._sites)

@@ -87,9 +87,9 @@ def SocketBushing_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """Six springs and dampers with limits on the six coordinates between residual limb and socket.
 
-        The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by
-        six joints of one degree of freedom, so that the law's force on a coordinate is that
-        coordinate's generalized force, and limb and socket feel equal and opposite actions.
+        The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
+        degree of freedom, so that the law's force on a coordinate is that coordinate's generalized force, and limb and
+        socket feel equal and opposite actions.
 
         .. pydrake_system::
 
@@ -101,11 +101,11 @@ def SocketBushing_(T):
             - wrench
 
         Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-        Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the
-        socket along tx, ty, tz (N) and about flexion, adduction, rotation (N m).
+        Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz
+        (N) and about flexion, adduction, rotation (N m).
 
-        Wiring: state from MultibodyPlant; generalized_force, added to those of the other systems,
-        to its applied_generalized_force.
+        Wiring: state from MultibodyPlant; generalized_force, added to those of the other systems, to its
+        applied_generalized_force.
 
         Args:
             num_velocities: of the plant.
@@ -113,8 +113,7 @@ def SocketBushing_(T):
             stiffness, stiffness_negative, damping, limit, rate_limit: (6,) constants of the law, SI.
             stop_ratio: scalar, constant of the law.
 
-        Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit,
-        stop_ratio.
+        Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
 
         Raises:
             ValueError: there are not six indices, or an array has the wrong shape.
@@ -124,16 +123,9 @@ def SocketBushing_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            num_velocities: int,
-            velocity_indices: Sequence[int],
-            stiffness: np.ndarray,
-            stiffness_negative: np.ndarray,
-            damping: np.ndarray,
-            limit: np.ndarray,
-            rate_limit: np.ndarray,
-            stop_ratio: float,
+            self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray,
+            stiffness_negative: np.ndarray, damping: np.ndarray, limit: np.ndarray, rate_limit: np.ndarray,
+            stop_ratio: float
         ) -> None:
             if len(velocity_indices) != 6:
                 raise ValueError(f"velocity_indices must be 6, but are {len(velocity_indices)}")
@@ -178,13 +170,12 @@ def GaitDriver_(T):
             - generalized_force
             - tracking_error
 
-        Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom;
-        desired_state (2 p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside
-        the p; tracking_error (p,), q_d - q, rad or m.
+        Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2
+        p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q,
+        rad or m.
 
-        Wiring: state from MultibodyPlant, desired_state from a trajectory source;
-        generalized_force, added to those of the other systems, to the plant's
-        applied_generalized_force.
+        Wiring: state from MultibodyPlant, desired_state from a trajectory source; generalized_force, added to those of
+        the other systems, to the plant's applied_generalized_force.
 
         Args:
             num_velocities: of the plant.

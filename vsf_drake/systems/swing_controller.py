@@ -31,17 +31,17 @@ def SwingController_(T):
         Sampled at a fixed period, as a microcontroller. What says that the foot is in the air:
 
         - contact: the vertical force on the foot falls below unload_force; stance again above load_force.
-        - shank: the shank swings forward, its angle falling faster than swing_rate from a lean of at least
-          least_lean; stance again once it falls slower than stop_rate. So it is in walking: the shank's rate changes
-          sign after toe-off and again at or just before initial contact (gait phases by shank gyroscopes,
-          PMC6545278, Figure 3; Catalfamo 2010, doi 10.3390/s100605683), and in stance it only leans further forward.
-          The first sixth or so of swing, in which the shank still leans further, is not used. The lean keeps a
-          person who rocks back from the motor.
+        - shank: the shank swings forward, its angle falling faster than swing_rate from a lean of at least least_lean;
+          stance again once it falls slower than stop_rate. So it is in walking: the shank's rate changes sign after
+          toe-off and again at or just before initial contact (gait phases by shank gyroscopes, PMC6545278, Figure 3;
+          Catalfamo 2010, doi 10.3390/s100605683), and in stance it only leans further forward. The first sixth or so of
+          swing, in which the shank still leans further, is not used. The lean keeps a person who rocks back from the
+          motor.
         - both: swing needs both; either ends it.
 
-        The sign must last for the debounce time before the phase is swing; stance follows at once, at the next
-        sample, and lasts for least_stance, for a heel may bounce. So a period after touch-down at the latest the
-        motor is off; a signal that is not a number counts as stance. All thresholds are choices.
+        The sign must last for the debounce time before the phase is swing; stance follows at once, at the next sample,
+        and lasts for least_stance, for a heel may bounce. So a period after touch-down at the latest the motor is off;
+        a signal that is not a number counts as stance. All thresholds are choices.
 
         .. pydrake_system::
 
@@ -55,15 +55,14 @@ def SwingController_(T):
             - phase
             - commanded_position
 
-        Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up;
-        shank_angle (2,) rad and rad/s, leaning forward positive. Of grf and shank_angle only those that the signal
-        needs are read, the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0
-        stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states,
-        without feedthrough: phase; time (s) for which stance or the sign of swing has lasted; commanded position.
-        AutoDiffXd works; the thresholds' derivatives are zero, as the phase is.
+        Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle
+        (2,) rad and rad/s, leaning forward positive. Of grf and shank_angle only those that the signal needs are read,
+        the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0 stance, 1 unloaded but
+        not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states, without feedthrough: phase;
+        time (s) for which stance or the sign of swing has lasted; commanded position. AutoDiffXd works; the thresholds'
+        derivatives are zero, as the phase is.
 
-        Wiring: grf from the foot or shank_angle from `ShankAngle`; enabled and commanded_position to
-        `FulcrumActuator`.
+        Wiring: grf from the foot or shank_angle from `ShankAngle`; enabled and commanded_position to `FulcrumActuator`.
 
         Args:
             signal: one of SIGNALS.
@@ -78,26 +77,17 @@ def SwingController_(T):
 
         Raises:
             InputError: the signal is unknown, the period is not above 0, load_force is not above unload_force or
-                swing_rate not above stop_rate, so that there is no hysteresis; or, while it runs, the desired
-                position is not a number at the onset of a swing, or in mm.
+                swing_rate not above stop_rate, so that there is no hysteresis; or, while it runs, the desired position
+                is not a number at the onset of a swing, or in mm.
         """
 
         __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
 
         @constructor
         def _construct(
-            self,
-            *,
-            signal: str = "contact",
-            initial_position: float = 0.108,
-            period: float = 5e-3,
-            unload_force: float = 20.0,
-            load_force: float = 30.0,
-            swing_rate: float = 1.0,
-            stop_rate: float = 0.3,
-            least_lean: float = math.radians(20.0),
-            debounce: float = 0.02,
-            least_stance: float = 0.2,
+            self, *, signal: str = "contact", initial_position: float = 0.108, period: float = 5e-3,
+            unload_force: float = 20.0, load_force: float = 30.0, swing_rate: float = 1.0, stop_rate: float = 0.3,
+            least_lean: float = math.radians(20.0), debounce: float = 0.02, least_stance: float = 0.2
         ) -> None:
             constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
                          "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,

@@ -21,12 +21,11 @@ def TestingMachine_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
         """A massless platen that presses N sites of the foot from below, in displacement control.
 
-        The platen carries one ball under each site and keeps it there horizontally, so that the
-        load stays vertical and at the same material point however far the foot bends, as the
-        sphere-to-sphere contact of McGeehan 2021 (doi 10.1115/1.4050456). Ball and site touch when
-        the platen's height z_p equals the site's, so radii are part of z_p; then depth = z_p - z_S,
-        depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`. The
-        force acts along +z_W at S. No friction.
+        The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and
+        at the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
+        10.1115/1.4050456). Ball and site touch when the platen's height z_p equals the site's, so radii are part of
+        z_p; then depth = z_p - z_S, depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`.
+        The force acts along +z_W at S. No friction.
 
         .. pydrake_system::
 
@@ -40,12 +39,11 @@ def TestingMachine_(T):
             - depth
             - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,),
-        height (m in W) and velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,)
-        m; spatial_forces, one per body.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
+        velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
 
-        Wiring: poses and velocities from MultibodyPlant, platen from a trajectory source;
-        spatial_forces to MultibodyPlant's applied_spatial_force.
+        Wiring: poses and velocities from MultibodyPlant, platen from a trajectory source; spatial_forces to
+        MultibodyPlant's applied_spatial_force.
 
         Args:
             body_indices: N body indices, one per site.
@@ -64,14 +62,8 @@ def TestingMachine_(T):
 
         @constructor
         def _construct(
-            self,
-            *,
-            body_indices: Sequence[int],
-            p_BS: np.ndarray,
-            stiffness: np.ndarray,
-            exponent: np.ndarray,
-            damping: np.ndarray,
-            full_damping_depth: np.ndarray,
+            self, *, body_indices: Sequence[int], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
+            damping: np.ndarray, full_damping_depth: np.ndarray
         ) -> None:
             self._sites = Sites(body_indices, T)
             count = len(self._sites)
