@@ -21,11 +21,9 @@ from vsf_drake.laws.stick_slip import friction_force
 from vsf_drake.systems._foot_compiled import PATCH_COLUMNS, SCALARS, SITE_COLUMNS, foot_vector, slices
 from vsf_drake.systems._lifetime import PEERS, constructor, copied
 from vsf_drake.systems._parameters import NamedParameters, fulcrum_place
-from vsf_drake.systems._sites import ForcePacker, cross, declare_kinematics
+from vsf_drake.systems._sites import ForcePacker, cross, declare_kinematics, scattered
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
-FULCRUM = -1
-"""Where the fulcrum position is in what the compiled function takes."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -143,7 +141,7 @@ def FootForces_(T):
                        for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT)]
             return (CONTACT_LAWS.index(self._layout.law), self._layout.starts, self._layout.site_keel, c["p_BS"],
                     columns[0], columns[1], c["ground_bounds"], columns[2], np.array([c[name] for name in SCALARS]),
-                    self._at, self._count, float(c["fulcrum_m"]))
+                    self._at, self._count)
 
         def _full_constants(self, context) -> dict[str, Any]:
             constants = self._constants(context)
@@ -154,19 +152,16 @@ def FootForces_(T):
             V_WF = self._velocities_port.Eval(context)[self._frame].get_coeffs()
             state = self._state_port.Eval(context)
             given = self._fulcrum_port.HasValue(context)
+            position = self._fulcrum_port.Eval(context)[0] if given else self._constants(context)["fulcrum_m"]
+            position = fulcrum_place(position, self)
             if T is float:
-                packed = self._packed.Eval(context)
-                position = self._fulcrum_port.Eval(context)[0] if given else packed[FULCRUM]
-                values = foot_vector(*packed[:FULCRUM], X_WF, V_WF, state, fulcrum_place(position, self))
+                values = foot_vector(*self._packed.Eval(context), X_WF, V_WF, state, position)
                 if self._grip_limit is not None:
                     self._check_grip(context, values[self._slices["normal_force"]])
                 return values
-            constants = self._full_constants(context)
-            position = self._fulcrum_port.Eval(context)[0] if given else constants["fulcrum_m"]
-            position = fulcrum_place(position, self)
-            values = foot_values(self._layout, constants, X_WF, V_WF, state[self._at[0]], state[self._at[1]], position)
-            force = np.zeros(len(state), dtype=object)
-            force[self._at[1]] = np.append(values["moment"], values["carriage"])
+            values = foot_values(self._layout, self._full_constants(context), X_WF, V_WF, state[self._at[0]],
+                                 state[self._at[1]], position)
+            force = scattered(np.append(values["moment"], values["carriage"]), self._at[1], len(state))
             return {**values, "generalized_force": force[len(state) - self._count:]}
 
         def _check_grip(self, context, normal_force: np.ndarray) -> None:
