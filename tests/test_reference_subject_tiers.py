@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.motion.formats.read import read_trial
-from vsf_drake.motion.storage import read_storage
+from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.trial import load_trial
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -31,10 +31,9 @@ import yaml
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.model_file import check_model, foam_under_load
-from vsf_drake.motion.kinematics import person_coordinates
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
-from vsf_drake.subject import SIDES
+from vsf_drake.subject import SIDES, person_coordinates
 from vsf_drake.yaml_file import Dumper
 
 T = TypeVar("T")
@@ -84,7 +83,7 @@ class FittedTrial:
 
 @dataclass(frozen=True, kw_only=True)
 class JointCurve:
-    """A periodic curve over the gait cycle, added to one coordinate: see `motion.gait_cycle.periodic_bsplines`."""
+    """A periodic curve over the gait cycle, added to one coordinate: see `motion.trajectory.periodic_bsplines`."""
 
     coordinate: str
     coefficients: tuple[float, ...] = quantity(

@@ -54,15 +54,15 @@ def choice(default: Any = dataclasses.MISSING, *, options: tuple[str, ...], sour
     return dataclasses.field(default=default, metadata={"options": options, "source": source})
 
 
-def load_yaml(path: str | Path, schema: type[T]) -> T:
-    """Reads `path` into `schema`.
+def load_yaml(path: str | Path, schema: type[T], *, right: str | None = None) -> T:
+    """Reads `path` into `schema`; `right` is what to do if there is no such file.
 
     Raises:
         InputError: see `vsf_drake.yaml_file.read_yaml`; a key is unknown, doubled or missing; a value has the wrong
             type, is not finite or is out of range.
     """
     path = Path(path)
-    node = read_yaml(path)
+    node = read_yaml(path, right=right)
     if node is None:
         raise InputError("is empty", file=path, right=f"Its keys are: {_names(schema)}")
     return _Reader(path).dataclass(node, schema, "")
@@ -256,9 +256,11 @@ class _Reader:
         if dataclasses.is_dataclass(hint):
             return self.dataclass(node, hint, f"{key}.")  # type: ignore[arg-type]
         if origin is tuple:
-            if not isinstance(node, yaml.SequenceNode):
+            alone = isinstance(node, yaml.ScalarNode) and args[0] is str  # a list of one text
+            if not alone and not isinstance(node, yaml.SequenceNode):
                 raise self.fail(node, key, "must be a list")
-            return tuple(self.value(item, args[0], f"{key}[{i}]") for i, item in enumerate(node.value))
+            return tuple(self.value(item, args[0], key if alone else f"{key}[{i}]")
+                         for i, item in enumerate([node] if alone else node.value))
         if origin is dict:
             if not isinstance(node, yaml.MappingNode):
                 raise self.fail(node, key, "must be a mapping of names to values")

@@ -1,4 +1,4 @@
-"""The person as measured: what is known of body and prosthesis; what is not is scaled from the stature.
+"""The person as measured, what is not known being scaled from the stature; and the names of a person's coordinates.
 
 Schema only, as in `parameters`, which re-exports it. Lengths in metres, angles in radians. Whatever has a
 direction is signed by anatomy, not by the world, so that one set of numbers means the same on either side.
@@ -11,6 +11,22 @@ from dataclasses import dataclass
 from vsf_drake.schema import choice, quantity
 
 SIDES = ("left", "right")
+PELVIS_TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+PELVIS_ROTATIONS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
+PELVIS_COORDINATES = PELVIS_TRANSLATIONS + PELVIS_ROTATIONS
+
+
+def leg_coordinates(side: str, intact: bool) -> tuple[str, ...]:
+    """Names of the joint coordinates of the leg on `side` ("right" or "left"), hip to ankle; as in OpenSim."""
+    joints = (("hip", "flexion"), ("knee", "angle"), ("ankle", "angle"))[:3 if intact else 2]
+    return tuple(f"{joint}_{motion}_{side[0]}" for joint, bending in joints
+                 for motion in (bending, "adduction", "rotation"))
+
+
+def person_coordinates(prosthetic_side: str) -> tuple[str, ...]:
+    """The 21 recorded coordinates of a person who has no ankle on `prosthetic_side` ("left" or "right")."""
+    return PELVIS_COORDINATES + tuple(
+        name for side in ("right", "left") for name in leg_coordinates(side, side != prosthetic_side))
 
 
 @dataclass(frozen=True, kw_only=True)

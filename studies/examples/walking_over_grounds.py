@@ -32,7 +32,8 @@ from vsf_drake.json_file import write_json
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.walk_over_ground import ReferenceWalk, walk_over

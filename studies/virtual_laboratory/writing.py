@@ -12,8 +12,8 @@ from virtual_laboratory.recording import Foot, Recorded
 from virtual_laboratory.targets import Draw, describe
 from virtual_laboratory.tiers import Tier
 from vsf_drake.files import replaced
-from vsf_drake.motion.plates import world_to_os
-from vsf_drake.motion.storage import write_storage
+from vsf_drake.motion.formats.recording import world_to_os
+from vsf_drake.motion.formats.tables import write_storage
 
 TEMPLATE = Path(__file__).with_name("readme_template.md")
 NAME = "SYNTHETIC reference subject"

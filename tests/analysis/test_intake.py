@@ -15,10 +15,9 @@ from vsf_drake.analysis.recording.examine import examine, weighed
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.from_markers import model_ankle
+from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.plates import os_to_world
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import load_trial, model_ankle
 from vsf_drake.plants.gait import make_gait
 
 PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")

@@ -40,8 +40,9 @@ def calibration(side="right", label_set=LABEL_SET):
     return dataclasses.replace(made_one, subject=dataclasses.replace(made_one.subject, prosthetic_side=side))
 
 
-def solve(recording, side="right", label_set=LABEL_SET, **options):
-    return ik.solve_inverse_kinematics(recording, calibration(side, label_set), cutoff_hz=None, **options)
+def solve(recording, side="right", label_set=LABEL_SET):
+    return ik.solve_inverse_kinematics(recording, calibration(side, label_set), ModelParameters(), cutoff_hz=None,
+                                       longest_gap_s=0.1)
 
 
 def marker_model(side="right"):
@@ -52,12 +53,11 @@ def marker_model(side="right"):
 @pytest.mark.parametrize("label_set", ["plug_in_gait", "rajagopal", "ior"])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_angles_that_the_markers_were_made_from_come_back(label_set, side):
-    solution = solve(made(label_set=label_set), side, label_set)
-    np.testing.assert_allclose(solution.motion.values, truth(), atol=1e-9)
-    assert solution.success.all() and solution.cost_m2.max() < 1e-18
-    assert max(solution.motion.residual_rms_m.values()) < 1e-9 and max(solution.motion.joint_gap_m.values()) < 1e-9
+    motion, at_limit = solve(made(label_set=label_set), side, label_set)
+    np.testing.assert_allclose(motion.values, truth(), atol=1e-9)
+    assert max(motion.residual_rms_m.values()) < 1e-9 and max(motion.joint_gap_m.values()) < 1e-9 and not at_limit
     R, p = poses(ANGLES)["foot_left"]
-    np.testing.assert_allclose(solution.motion.feet["left"].heel_W, R @ Person().sole("left")[0] + p, atol=1e-9)
+    np.testing.assert_allclose(motion.feet["left"].heel_W, R @ Person().sole("left")[0] + p, atol=1e-9)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -93,15 +93,15 @@ def test_markers_move_with_the_coordinates_as_the_jacobian_says():
 
 def test_noisy_markers_get_the_optimum_that_a_general_minimiser_finds():
     recording = made(noise=0.01)
-    solution, body = solve(recording), marker_model()
-    weights = ik.marker_weights(calibration().segments, "right")
-    root = np.sqrt([weights[label] for label in body.labels])[:, None]
+    motion, body = solve(recording)[0], marker_model()
+    root = np.sqrt(body.weights)[:, None]
     for n in (0, 17, 39):
         seen = np.stack([recording.markers[label][n] for label in body.labels])
         best = least_squares(lambda q, seen=seen: (root * (body.markers(q)[0] - seen)).ravel(), truth()[n],
                              xtol=1e-14, ftol=1e-14, gtol=1e-14)
-        np.testing.assert_allclose(solution.motion.values[n], best.x, atol=2e-6)
-        assert solution.cost_m2[n] == pytest.approx(2 * best.cost, rel=1e-9)
+        np.testing.assert_allclose(motion.values[n], best.x, atol=2e-6)
+        residual = root * (body.markers(motion.values[n])[0] - seen)
+        assert np.sum(residual**2) == pytest.approx(2 * best.cost, rel=1e-9)
 
 
 def test_joints_that_hold_make_random_errors_smaller():
@@ -109,7 +109,7 @@ def test_joints_that_hold_make_random_errors_smaller():
     for seed in range(3):
         recording = made(noise=0.005, seed=seed)
         errors["apart"].append(track(recording, calibration(), cutoff_hz=None).values - truth())
-        errors["held"].append(solve(recording).motion.values - truth())
+        errors["held"].append(solve(recording)[0].values - truth())
     rms = {how: np.sqrt(np.mean(np.square(error), axis=(0, 1))) for how, error in errors.items()}
     # The pelvis, the hips and the knees: what has joints on both sides gains most.
     assert rms["held"][3:12].mean() < 0.8 * rms["apart"][3:12].mean()
@@ -121,36 +121,20 @@ def test_a_prosthetic_foot_that_bends_hardly_turns_its_shank():
     recording = made()
     for label in [label_of(role, "right", LABEL_SET) for role in ("heel", "toe", "met5")]:
         recording.markers[label][:] += [0.0, 0.0, 0.02]
-    knee = {side: np.abs(solve(recording, side).motion.values[:, KNEE] - truth()[:, KNEE]).max()
+    knee = {side: np.abs(solve(recording, side)[0].values[:, KNEE] - truth()[:, KNEE]).max()
             for side in ("right", "left")}
     assert knee["right"] < 0.2 * knee["left"]
 
 
-def test_heavier_markers_are_met_more_closely():
-    recording = made(noise=0.01)
-    even, heavy = solve(recording), solve(recording, weights={"RTB2": 100.0})
-    assert heavy.motion.residual_rms_m["RTB2"] < 0.2 * even.motion.residual_rms_m["RTB2"]
-
-
 def test_joints_stop_at_their_limits_and_the_notes_say_so():
     beyond = ANGLES | {"knee_angle_r": np.full_like(TIME, np.radians(-48.0))}
-    solution = solve(made(beyond))
-    assert solution.at_limit == ("knee_angle_r",)
-    np.testing.assert_allclose(solution.motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
-    assert any("knee_angle_r lies at the limit" in note for note in solution.motion.notes)
+    motion, at_limit = solve(made(beyond))
+    assert at_limit == ("knee_angle_r",)
+    np.testing.assert_allclose(motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
+    assert any("knee_angle_r lies at the limit" in note for note in motion.notes)
 
 
-def test_a_failed_frame_raises_when_read_as_success(monkeypatch):
+def test_a_failed_frame_is_refused(monkeypatch):
     monkeypatch.setattr(ik, "MOST_ITERATIONS", 1)
-    solution = solve(made(noise=0.01))
-    assert not solution.success.any() and np.isfinite(solution.attempted.values).all()
     with pytest.raises(InputError, match=r"failed in 40 of 40 frames, first at 0\.000, 0\.020"):
-        _ = solution.motion
-
-
-def test_weights_of_unknown_markers_and_impossible_ones_are_refused():
-    with pytest.raises(InputError, match="no segment has a marker NOSE"):
-        solve(made(), weights={"NOSE": 1.0})
-    for bad in (0.0, -1.0, np.nan):
-        with pytest.raises(InputError, match=r"weights\.RTB2"):
-            solve(made(), weights={"RTB2": bad})
+        solve(made(noise=0.01))

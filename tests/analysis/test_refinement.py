@@ -9,10 +9,9 @@ from made_trial import TrialFiles
 from vsf_drake.analysis.inverse_kinematics import refined
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.from_markers import model_ankle, trial_from_recordings
+from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.plates import os_to_world
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import load_trial, model_ankle, trial_from_recordings
 
 PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 

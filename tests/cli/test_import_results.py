@@ -12,7 +12,7 @@ from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
-from vsf_drake.motion.markers.maps import parse_marker_map
+from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters
 
@@ -144,11 +144,12 @@ def test_walks_of_one_name_from_two_folders_do_not_overwrite_each_other(run, lab
     assert (tmp_path / "out" / "walk_2.yaml").is_file()
 
 
-def test_labels_are_listed_with_a_map_that_loads(run, laboratory):
+def test_labels_are_listed_with_a_map_that_loads(run, laboratory, tmp_path):
     code, shown, _ = run("import", "--list-markers", laboratory.walk())
     assert code == 0
     assert "#   RLFC" in shown
-    marker_map = parse_marker_map(shown, "started.yaml")
+    (tmp_path / "started.yaml").write_text(shown, encoding="utf-8")
+    marker_map = load_marker_map(tmp_path / "started.yaml")
     assert marker_map.roles["knee_lateral_right"] == ("RLFC",)
 
 

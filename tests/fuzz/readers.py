@@ -49,10 +49,10 @@ from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.formats.tables import read_storage, write_forces_mot, write_trc
 from vsf_drake.motion.manifest import load_manifest, load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.storage import read_storage
-from vsf_drake.motion.trial import load_trial, write_forces_mot, write_trc
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.sweep_output import check_sweep_folder

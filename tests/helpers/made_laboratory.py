@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from made_person import Person, markers, poses, walking_angles
 
-from vsf_drake.motion.contacts import kinematic_stances
+from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
 from vsf_drake.motion.markers.schema import FootTrack
-from vsf_drake.motion.trial import write_forces_mot, write_trc
 
 MASS = 78.0
 RATE_HZ, FORCE_HZ = 100.0, 1000.0

@@ -8,9 +8,9 @@ import made_person
 import pytest
 from made_person import Person
 
-from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.maps import SIDES, load_marker_map
+from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.schema import Calibration
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from made_person import Person, markers, poses, recording_of, walking_angles
 
-from vsf_drake.motion.contacts import kinematic_stances
+from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.markers.schema import FootTrack
 from vsf_drake.parameters import GRAVITY

@@ -5,8 +5,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.clock import check_clock, even_clock, even_rate
-from vsf_drake.motion.storage import Storage
+from vsf_drake.motion.formats.clock import check_clock, even_clock, even_rate
 
 
 def written(style, times):
@@ -15,7 +14,7 @@ def written(style, times):
 
 
 def checked(path, times):
-    return check_clock(Storage(path / "walk.mot", (), times, np.zeros((len(times), 0)), None, np.arange(len(times))))
+    return check_clock(times, np.arange(len(times)), path / "walk.mot")
 
 
 @pytest.mark.parametrize("style", ["%.5g", "%.6g", "%.3f", "%.4f"])

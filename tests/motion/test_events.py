@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.motion.events import find_scuffs, find_stances
-from vsf_drake.motion.storage import read_storage
+from vsf_drake.motion.formats.tables import read_storage
 
 TIME = np.arange(0.0, 2.0, 0.001)
 

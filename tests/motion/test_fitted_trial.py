@@ -14,9 +14,9 @@ from vsf_drake.contact_file import FittedSubject, load_contact, model_with, save
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
-from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
+from vsf_drake.motion.gait_cycle import gait_phase
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trajectory import window_bsplines
+from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial
 
 SUBJECT = FittedSubject(mass_kg=80.0, stature_m=1.8, prosthetic_side="right")

@@ -11,10 +11,10 @@ from made_person import Person
 from made_walk import ANGLES, FORCE_TIME, MASS, feet, plates, standing, walk
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.from_markers import PLACEHOLDER_KG, model_ankle, trial_from_recordings
+from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.trial import load_trial, write_forces_mot, write_trc, write_trial_files
+from vsf_drake.motion.trial import PLACEHOLDER_KG, load_trial, model_ankle, trial_from_recordings, write_trial_files
 from vsf_drake.schema import dump_yaml
 
 PERSON = PersonFacts(mass_kg=MASS, stature_m=1.8, sex="male", prosthetic_side="right")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_steps import STANCE_S, TIME, feet, steps
 
-from vsf_drake.motion.contacts import kinematic_stances, walking_direction
+from vsf_drake.motion.events import kinematic_stances, walking_direction
 
 
 def wanted(side):

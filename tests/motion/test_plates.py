@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.plates import assign_prefixes, find_prefixes, os_to_world, read_plate, world_to_os
-from vsf_drake.motion.storage import read_storage, write_storage
+from vsf_drake.motion.formats.recording import os_to_world, world_to_os
+from vsf_drake.motion.formats.tables import read_storage, write_storage
+from vsf_drake.motion.plates import assign_prefixes, find_prefixes, read_plate
 
 MASS = 80.0
 TIME = np.arange(0.0, 0.1, 0.01)

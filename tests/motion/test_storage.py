@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.storage import read_storage, write_storage
+from vsf_drake.motion.formats.tables import read_storage, write_storage
 
 TABLE = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n0\t1\t2\n0.1\t3\t4\n"
 SIMM = """first trial\t\t

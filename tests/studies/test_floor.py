@@ -15,10 +15,10 @@ from virtual_laboratory import floor as floors
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
-from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.subject import PELVIS_TRANSLATIONS
 
 STUDIES = Path(floors.__file__).resolve().parents[1]
 STORED = STUDIES / "results" / "floor.json"

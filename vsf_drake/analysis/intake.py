@@ -18,14 +18,13 @@ from vsf_drake.files import sha256, user_path
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.from_markers import PLACEHOLDER_KG, trial_from_recordings
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration
-from vsf_drake.motion.trial import Trial
-from vsf_drake.motion.trial_record import check_mass, default_model
+from vsf_drake.motion.trial import PLACEHOLDER_KG, trial_from_recordings
+from vsf_drake.motion.trial_record import Trial, check_mass, default_model
 from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
 
 MID_FULCRUM_MM = 1e3 * MID_FULCRUM_M

@@ -4,28 +4,63 @@ A contact is a stretch of load on one plate (hysteresis: it is one where the for
 at least 0.15 s; a scuff in swing is none). It belongs to the foot whose sole, the line from heel to toe, lies
 nearest to the centre of pressure over the contact. Nothing is asked of the plates' names or order.
 
-Where no force tells a stance, the motion does (Zeni 2008, below).
+Where no force tells a stance, the motion does (`events.kinematic_stances`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import find_peaks
+from scipy.ndimage import median_filter
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.contact_search import FAR_M, LIGHT_N, FeetOnFloor, Found, Load, attribute, find_loads
-from vsf_drake.motion.events import MINIMUM_PEAK_N, MINIMUM_S, THRESHOLD_N, Stance
-from vsf_drake.motion.formats.recording import Plate, Recording
+from vsf_drake.motion.events import (
+    MINIMUM_PEAK_N,
+    MINIMUM_S,
+    THRESHOLD_N,
+    Span,
+    Stance,
+    find_scuffs,
+    find_stances,
+    kinematic_stances,
+    walking_direction,
+)
+from vsf_drake.motion.formats.recording import SIDES, Plate, Recording
 from vsf_drake.motion.markers.schema import FootTrack
-from vsf_drake.motion.measured import unmeasured_spans
-from vsf_drake.motion.plates import SIDES, PlateRecording
+from vsf_drake.motion.plates import PlateRecording
 
-Span = tuple[float, float]
+SAME_FORCE = 0.02
+"""Two plates whose forces differ by less than this share of themselves report one load: no two steps are so alike."""
+TAIL_S, TAIL_N = 0.1, 5.0
+"""A load's force below 20 N, before and after it, belongs to it down to 5 N and for at most this long."""
+TOLERANCE_S = 0.12
+"""A stance may begin before its load and end after it by this much: three times the error of kinematic events."""
+WIDEN_S = 0.05
+"""What is called unmeasured is wider by this, for the same reason."""
+FAR_M = 0.15
+"""A centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide."""
+BESIDE_M = 0.07
+"""One farther than this, as a median, is beside a foot rather than under it: half a shoe and 2 cm of error."""
+SWING_COST_M = 0.1
+"""Added to the distance of a foot that swings: it may pass near the load, but does not carry it."""
+SWING_MARGIN_S = 0.1
+"""A foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s."""
+SHORTEST_TURN_S = 0.1
+"""The nearest foot changes for at least this long, or it did not change."""
+PULLED_M = 0.06
+"""A load that moves this much farther from its foot while the other one stands is shared between them."""
+SHARED_S = 0.05
+LIGHT_N = 50.0
+"""Below this the centre of pressure is too noisy to judge by."""
+ANALYSIS_HZ = 250.0
+REVERSED = -0.2
+"""Progress of the centre of pressure along the sole (in its lengths) from the first to the last third of a contact:
+a foot rolls from heel to toe by 0.5 or so."""
+SHARED = "both feet load it at once, so that neither's force is known: unusable"
 
 
 @dataclass(frozen=True)
@@ -70,13 +105,35 @@ class Assignment:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class _Load:
+    """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once).
+
+    `in_view`: the markers cover it. `shared`: both feet's. `contradicted`: given as stated, against its place.
+    """
+
+    plate: Plate
+    time_s: np.ndarray
+    start_s: float
+    end_s: float
+    start_seen: bool
+    end_seen: bool
+    scuff: bool = False
+    side: str | None = None
+    distance_m: float = np.nan
+    doubt: str | None = None
+    in_view: bool = True
+    shared: bool = False
+    contradicted: bool = False
+
+
 def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, FootTrack], pelvis_W: np.ndarray, *,
                   stated: dict[str, str | None] | None = None) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
     Args:
         recording: the plates, on the clock of `time_s`.
-        time_s: (n,) s of the feet. feet: by side. pelvis_W: (n, 3) m.
+        time_s, feet, pelvis_W: (n,) s of the feet, by side, and of a point of the pelvis, (n, 3) m.
         stated: plate names by side as the user says; they win over the centre of pressure, and a contradiction is
             noted. None where only the centre of pressure tells.
 
@@ -89,91 +146,65 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
         raise InputError("has no force plates", file=file, where="forces (--forces)",
                          right="Name the file that has the forces")
     for plate in recording.plates:
-        check_upward(plate, file=file)
-    names = _stated_names(recording, stated)
-    forward = walking_direction(feet, pelvis_W)
-    stances = {side: tuple(kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward)) for side in SIDES}
-    floor = FeetOnFloor(time_s, feet, stances)
-    plates, double_notes = without_doubles(recording, floor)
-    loads = find_loads(plates, recording.force_time_s)
-    found = attribute(loads, floor, names)
-    _check_near(found, recording, time_s)
-    owners = {side: [(item.load, item.scuff) for item in found if item.side == side] for side in SIDES}
-    sums = {side: on_one_foot(recording.force_time_s, plates, [load for load, _ in owned])
-            for side, owned in owners.items() if any(not scuff for _, scuff in owned)}
-    record = _common(recording.force_time_s, time_s)
-    missing, doubts = unmeasured_spans(found, stances, record)
-    contacts = tuple(Contact(item.load.plate.name, item.side, item.load.start_s, item.load.end_s,
-                             item.load.start_seen, item.load.end_seen, item.distance_m,
-                             "; ".join(filter(None, (item.doubt, doubts.get(i)))) or None)
-                     for i, item in enumerate(found) if not item.scuff)
-    notes = (*double_notes, *_describe(contacts), *_describe_missing(missing))
-    return Assignment(sums, contacts, stances, missing, notes)
-
-
-def _stated_names(recording: Recording, stated: dict[str, str | None] | None) -> dict[str, str]:
-    """Side by the plate's name."""
+        _check_upward(plate, file)
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
         if name not in known:
-            raise InputError(f"there is no plate {name}", file=recording.force_path or recording.path,
-                             where=f"forces.{side} (--{side}-plate)", right=f"Plates are: {', '.join(known)}")
-    return names
+            raise InputError(f"there is no plate {name}", file=file, where=f"forces.{side} (--{side}-plate)",
+                             right=f"Plates are: {', '.join(known)}")
+    forward = walking_direction(feet, pelvis_W)
+    stances = {side: tuple(kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward)) for side in SIDES}
+    floor = _FeetOnFloor(time_s, feet, stances)
+    plates, notes = _without_doubles(recording, floor)
+    force_s = recording.force_time_s
+    loads = [_Load(plate, force_s, s.start_s, s.end_s, s.start_seen, s.end_seen, find is find_scuffs)
+             for plate in plates for find in (find_stances, find_scuffs) for s in find(force_s, plate.force_n[:, 2])]
+    found = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate.name))
+             for part in _attribute(load, floor, names.get(load.plate.name))]
+    found = [_judge_sharing(load, found, floor) for load in found]
+    _check_near(found, recording, time_s)
+    owned = {side: [load for load in found if load.side == side] for side in SIDES}
+    sums = {side: _on_one_foot(force_s, plates, own) for side, own in owned.items()
+            if not all(load.scuff for load in own)}
+    record = max(float(force_s[0]), float(time_s[0])), min(float(force_s[-1]), float(time_s[-1]))
+    missing, doubts = _unmeasured(found, stances, record)
+    contacts = tuple(Contact(load.plate.name, load.side, load.start_s, load.end_s, load.start_seen, load.end_seen,
+                             load.distance_m, "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None)
+                     for i, load in enumerate(found) if not load.scuff)
+    for contact in contacts:
+        whose = f"the {contact.side} foot" if contact.side else "neither foot"
+        notes.append(f"Plate {contact.plate} from {contact.start_s:.3f} to {contact.end_s:.3f} s carries {whose}"
+                     + (f": {contact.doubt}." if contact.doubt else "."))
+    notes += [f"The {side} foot stands on ground that no plate measures for it alone from "
+              f"{', '.join(f'{a:.3f} to {b:.3f} s' for a, b in spans)}." for side, spans in missing.items() if spans]
+    return Assignment(sums, contacts, stances, missing, tuple(notes))
 
 
-def _common(force_time_s: np.ndarray, time_s: np.ndarray) -> Span:
-    return max(float(force_time_s[0]), float(time_s[0])), min(float(force_time_s[-1]), float(time_s[-1]))
-
-
-def _check_near(found: Sequence[Found], recording: Recording, time_s: np.ndarray) -> None:
+def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> None:
     """Refuses plates of which most loads are under no foot."""
     file = recording.force_path or recording.path
-    seen = [item for item in found if not item.scuff and item.in_view]
+    seen = [load for load in found if not load.scuff and load.in_view]
     if not seen:
         peak = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
         raise InputError(f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where the markers "
                          f"are; the largest vertical force of the record is {peak:.3g} N", file=file, where="forces",
                          right="Do both recordings count time from the same instant? Is the unit of the forces N?")
-    far = [item for item in seen if item.side is None and item.distance_m > FAR_M]
+    far = [load for load in seen if load.side is None and load.distance_m > FAR_M]
     if 2 * len(far) > len(seen):
-        near = min(far, key=lambda item: item.distance_m)
+        near = min(far, key=lambda load: load.distance_m)
         raise InputError(
             f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the plate carries a person "
-            f"({near.load.start_s:.3f} to {near.load.end_s:.3f} s)", file=file, where=f"plate {near.load.plate.name}",
+            f"({near.start_s:.3f} to {near.end_s:.3f} s)", file=file, where=f"plate {near.plate.name}",
             right="Plates and markers must share frame, unit and clock: check the plate's corners, the unit of the "
                   "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
-
-
-def _describe(contacts: Sequence[Contact]) -> list[str]:
-    notes = []
-    for contact in contacts:
-        span = f"{contact.start_s:.3f} to {contact.end_s:.3f} s"
-        whose = f"the {contact.side} foot" if contact.side else "neither foot"
-        doubt = f": {contact.doubt}" if contact.doubt else ""
-        notes.append(f"Plate {contact.plate} from {span} carries {whose}{doubt}.")
-    return notes
-
-
-def _describe_missing(missing: dict[str, tuple[Span, ...]]) -> list[str]:
-    return [f"The {side} foot stands on ground that no plate measures for it alone from "
-            f"{', '.join(f'{a:.3f} to {b:.3f} s' for a, b in spans)}."
-            for side, spans in missing.items() if spans]
 
 
 # Force plates that cannot be right: upside down, on their side, the same one twice.
 
 
-SAME_FORCE = 0.02
-"""Two plates whose forces differ by less than this share of themselves report one load: no two steps are so alike."""
-
-
-def check_upward(plate: Plate, *, file: str | Path) -> None:
-    """Refuses a plate whose force does not mainly point up (W's z).
-
-    Raises:
-        InputError: it points down or sideways, or is no finite number.
-    """
+def _check_upward(plate: Plate, file: Path) -> None:
+    """Refuses a plate whose force does not mainly point up (W's z)."""
     where = f"plate {plate.name}"
     if not np.isfinite(plate.force_n).all():
         row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
@@ -190,56 +221,200 @@ def check_upward(plate: Plate, *, file: str | Path) -> None:
                          right="The force of the ground on the person is needed, up positive: turn its sign")
 
 
-def without_doubles(recording: Recording, floor: FeetOnFloor) -> tuple[tuple[Plate, ...], tuple[str, ...]]:
+def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
     """The plates without those that report another's load once more, and notes on what was left out.
 
     Of two that report the same force, the one whose centre of pressure is nearer to a foot stays.
     """
-    time, left_out, notes = recording.force_time_s, set(), []
-    step = 1.0 / (recording.force_rate_hz or 1.0)
-    for i, j in combinations(range(len(recording.plates)), 2):
-        a, b = recording.plates[i], recording.plates[j]
+    time, left_out, notes = recording.force_time_s, list[Plate](), []
+
+    def distance(plate: Plate, rows: np.ndarray) -> float:
+        at = rows & np.isfinite(plate.cop_m[:, :2]).all(axis=1)
+        apart = [floor.distance(time[at], plate.cop_m[at, :2], side)[0] for side in SIDES]
+        return float(np.median(np.minimum(*apart))) if at.any() else np.inf
+
+    for a, b in combinations(recording.plates, 2):
         both = (a.force_n[:, 2] > LIGHT_N) & (b.force_n[:, 2] > LIGHT_N)
-        if {i, j} & left_out or np.count_nonzero(both) * step < MINIMUM_S:
+        if a in left_out or b in left_out or np.count_nonzero(both) / (recording.force_rate_hz or 1.0) < MINIMUM_S:
             continue
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
             continue
-        drop = max((i, j), key=lambda k: (_distance(recording.plates[k], both, time, floor), k))
-        left_out.add(drop)
+        kept, dropped = (b, a) if distance(a, both) > distance(b, both) else (a, b)
+        left_out.append(dropped)
         first, last = time[both][[0, -1]]
-        kept = a.name if drop == j else b.name
         notes.append(f"Plates {a.name} and {b.name} report the same force from {first:.3f} to {last:.3f} s: the same "
-                     f"load twice; plate {recording.plates[drop].name} was left out and {kept} kept.")
-    return tuple(p for k, p in enumerate(recording.plates) if k not in left_out), tuple(notes)
+                     f"load twice; plate {dropped.name} was left out and {kept.name} kept.")
+    return [plate for plate in recording.plates if plate not in left_out], notes
 
 
-def _distance(plate: Plate, rows: np.ndarray, time: np.ndarray, floor: FeetOnFloor) -> float:
-    at = rows & np.isfinite(plate.cop_m[:, :2]).all(axis=1)
-    if not at.any():
-        return np.inf
-    return float(np.median(np.minimum(*(floor.distance(time[at], plate.cop_m[at, :2], side)[0] for side in SIDES))))
+# Whose a load is: the centre of pressure against the soles of both feet.
 
 
-# The forces of several plates as one force on one foot.
+@dataclass(frozen=True, eq=False)
+class _FeetOnFloor:
+    """Both feet seen from above: (n,) s, and by side where they are and when they stand by their motion."""
+
+    time_s: np.ndarray
+    feet: dict[str, FootTrack]
+    stances: dict[str, tuple[Stance, ...]]
+
+    def at(self, times: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
+        """(k, 2) m of heel and toe in the floor."""
+        heel, toe = (np.column_stack([np.interp(times, self.time_s, point[:, i]) for i in range(2)])
+                     for point in (self.feet[side].heel_W, self.feet[side].toe_W))
+        return heel, toe
+
+    def stands(self, times: np.ndarray, side: str, *, widen_s: float) -> np.ndarray:
+        """(k,) whether the foot is in stance, each stance wider by `widen_s` at both ends."""
+        return _within(times, [(s.start_s - widen_s, s.end_s + widen_s) for s in self.stances[side]])
+
+    def distance(self, times: np.ndarray, points: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) m from `points` (k, 2) to the foot's heel-toe line, and where along it (0 heel, 1 toe)."""
+        heel, toe = self.at(times, side)
+        line = toe - heel
+        along = np.einsum("ij,ij->i", points - heel, line) / np.maximum(np.einsum("ij,ij->i", line, line), 1e-12)
+        nearest = heel + np.clip(along, 0.0, 1.0)[:, None] * line
+        return np.linalg.norm(points - nearest, axis=1), along
 
 
-TAIL_S, TAIL_N = 0.1, 5.0
-"""A load's force below 20 N, before and after it, belongs to it down to 5 N and for at most this long."""
+def _within(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
+    """(k,) whether times lie in any of the spans."""
+    return np.any([(times >= start) & (times <= end) for start, end in spans] or [np.zeros(len(times), bool)], axis=0)
 
 
-def on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[Load]) -> PlateRecording:
+def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
+    """Samples to judge by: loaded, with a centre of pressure, while the feet are seen."""
+    time = load.time_s
+    rows = np.flatnonzero(_within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
+                          & (load.plate.force_n[:, 2] > lowest_n) & np.isfinite(load.plate.cop_m[:, :2]).all(axis=1))
+    return rows[::max(1, int((len(time) - 1) / (time[-1] - time[0]) / ANALYSIS_HZ))]
+
+
+def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Load]:
+    """Gives a load to a foot, the `stated` one if there is; one that both feet take in turn is split."""
+    overlap = min(load.end_s, floor.time_s[-1]) - max(load.start_s, floor.time_s[0])
+    rows = _rows(load, floor, THRESHOLD_N if load.scuff else LIGHT_N)
+    if overlap <= 0.0 or (overlap < SHARED_S and not load.scuff):
+        return [replace(load, side=stated, doubt="the markers do not cover it", in_view=False)]
+    if len(rows) < 3:
+        return [_by_time(load, floor, stated)]
+    times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
+    apart = {side: floor.distance(times, points, side) for side in SIDES}
+    cost = [apart[side][0] + SWING_COST_M * ~floor.stands(times, side, widen_s=SWING_MARGIN_S) for side in SIDES]
+    turns = _turns(np.argmin(cost, axis=0), times)
+    if stated is not None or len(turns) == 1:
+        side = stated or turns[0][2]
+        distance, nearer = (float(np.median(apart[s][0])) for s in (side, turns[0][2]))
+        if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
+            other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
+            doubt = (f"it is stated as the {stated} foot's, from which its centre of pressure is {distance:.2f} m; it "
+                     f"is {float(np.median(apart[other][0])):.2f} m from the {other} foot")
+            return [replace(load, side=stated, distance_m=distance, doubt=doubt, contradicted=True)]
+        return [_judged(load, side, nearer, apart[side][1])]
+    distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]
+    if max(distances) > FAR_M:
+        return [replace(load, distance_m=max(distances), doubt="for a while its centre of pressure is "
+                        f"{max(distances):.2f} m from the nearest foot")]
+    return [replace(load, start_s=load.start_s if first == 0 else float(times[first]),
+                    end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]),
+                    distance_m=distance, doubt=SHARED, shared=True)
+            for (first, last, _), distance in zip(turns, distances, strict=True)]
+
+
+def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load:
+    if distance > FAR_M:
+        return replace(load, distance_m=distance,
+                       doubt=f"its centre of pressure is {distance:.2f} m from the nearest foot")
+    doubts = []
+    if distance > BESIDE_M:
+        doubts.append(f"its centre of pressure passes {100 * distance:.0f} cm beside the foot: are the plate's corners "
+                      "and axes right?")
+    third = len(along) // 3
+    if load.start_seen and load.end_seen and third > 3:
+        if float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED:
+            doubts.append("its centre of pressure runs from toe to heel: is the plate turned round?")
+    return replace(load, side=side, distance_m=distance, doubt="; ".join(doubts) or None)
+
+
+def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
+    """The foot whose own stance fits the load's times best, where there is no centre of pressure."""
+    if load.scuff:
+        return load
+    misfit = {side: min((abs(s.start_s - load.start_s) * (s.start_seen and load.start_seen)
+                         + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
+                         + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
+                         for s in floor.stances[side]), default=np.inf) for side in SIDES}
+    return replace(load, side=stated or min(SIDES, key=lambda s: misfit[s]),
+                   doubt="it has no centre of pressure; its foot was told by its times")
+
+
+def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
+    """(first, last, side) of each turn that lasts."""
+    width = 2 * int(SHORTEST_TURN_S / float(np.median(np.diff(times)))) + 1
+    smooth = median_filter(nearest, size=width, mode="nearest") if len(nearest) > width else np.full(
+        len(nearest), int(np.mean(nearest) > 0.5))
+    edges = np.flatnonzero(np.diff(smooth)) + 1
+    starts, ends = np.concatenate(([0], edges)), np.concatenate((edges, [len(smooth)])) - 1
+    return [(int(a), int(b), SIDES[smooth[a]]) for a, b in zip(starts, ends, strict=True)]
+
+
+def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
+    """The same load without a foot if both stand on the plate at once."""
+    side, corners = load.side, load.plate.corners_m
+    if side is None or load.scuff or load.contradicted or not load.in_view or np.isnan(load.distance_m):
+        return load
+    rows = _rows(load, floor, LIGHT_N)
+    times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
+    other = next(s for s in SIDES if s != side)
+    both = floor.stands(times, other, widen_s=-SWING_MARGIN_S / 2)
+    apart = floor.distance(times, points, side)[0]
+    alone = float(np.median(apart[~both])) if np.count_nonzero(~both) >= 5 else 0.0
+    pulled = both & (apart > alone + PULLED_M)
+    if corners is not None:
+        heel, toe = floor.at(times, other)
+        on = _inside(heel, corners) | _inside(toe, corners)
+        elsewhere = _within(times, [(one.start_s, one.end_s) for one in found
+                                    if one.plate is not load.plate and one.side == other])
+        pulled &= _touches(heel, toe, corners)
+        pulled |= both & on & ~elsewhere
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    shared = np.count_nonzero(pulled) * step >= SHARED_S
+    return replace(load, side=None, shared=True, doubt=SHARED) if shared else load
+
+
+def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
+    """(k,) whether a foot may be on the plate: some point of its line lies within half a shoe of it.
+
+    A foot beside the plate cannot load it, however far the centre of pressure is from the other foot: that one's
+    line ends too early where its toe marker is on the metatarsals.
+    """
+    sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
+    wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    return np.any([_inside(heel + part * (toe - heel), wider) for part in np.linspace(0.0, 1.0, 5)], axis=0)
+
+
+def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
+    """(n,) whether points (n, 2) lie within the plate, whatever order its corners came in."""
+    flat = np.asarray(corners_m, dtype=float)[:, :2]
+    centred = flat - flat.mean(axis=0)
+    corners = flat[np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))]
+    edges = np.roll(corners, -1, axis=0) - corners
+    apart = points[:, None] - corners[None]
+    return np.all(edges[None, :, 0] * apart[..., 1] - edges[None, :, 1] * apart[..., 0] >= 0.0, axis=1)
+
+
+# The forces of several plates as one force on one foot; and when it is not known, on ground that no plate measures.
+
+
+def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_Load]) -> PlateRecording:
     """Adds up the loads of one foot.
 
     Forces add; the centre of pressure is where the sum of the plates' loads has no horizontal moment,
     x = sum(x_i F_zi) / sum(F_zi) and likewise y; the free moment is the sum of those of the plates and of the moments
-    of their shear forces about that point.
-
-    Args:
-        time_s: (n,) s of all plates.
-        loads: the stretches of load on plates that are this foot's; outside them the force is zero.
+    of their shear forces about that point. Outside the loads the force is zero.
     """
-    own = [(plate, _mask(time_s, [load for load in loads if load.plate is plate])) for plate in plates]
+    own = [(plate, _within(time_s, [_with_tails(load) for load in loads if load.plate is plate])) for plate in plates]
     parts = [(plate, mask) for plate, mask in own if mask.any()]
     force = np.zeros((len(time_s), 3))
     moved, weights, moment = np.zeros((len(time_s), 2)), np.zeros(len(time_s)), np.zeros(len(time_s))
@@ -264,147 +439,46 @@ def on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[Loa
     return PlateRecording(np.array(time_s), force, cop, moment, has_cop)
 
 
-def _mask(time_s: np.ndarray, loads: Sequence[Load]) -> np.ndarray:
-    on = np.zeros(len(time_s), dtype=bool)
-    for load in loads:
-        quiet = np.flatnonzero(load.plate.force_n[:, 2] <= TAIL_N)
-        first, last = np.searchsorted(time_s, (load.start_s, load.end_s))
-        before, after = quiet[quiet < first], quiet[quiet > last]
-        start = max(load.start_s - TAIL_S, time_s[before[-1]] if before.size else -np.inf)
-        end = min(load.end_s + TAIL_S, time_s[after[0]] if after.size else np.inf)
-        on |= (time_s >= start) & (time_s <= end)
-    return on
+def _with_tails(load: _Load) -> Span:
+    """The load's span with what it has below 20 N."""
+    time, quiet = load.time_s, np.flatnonzero(load.plate.force_n[:, 2] <= TAIL_N)
+    first, last = np.searchsorted(time, (load.start_s, load.end_s))
+    before, after = quiet[quiet < first], quiet[quiet > last]
+    return (max(load.start_s - TAIL_S, time[before[-1]] if before.size else -np.inf),
+            min(load.end_s + TAIL_S, time[after[0]] if after.size else np.inf))
 
 
-# Heel strike and toe-off from the motion of the feet, where no force tells them.
-#
-# Zeni, Richards and Higginson 2008 (Gait & Posture 27, 710-714, doi 10.1016/j.gaitpost.2007.07.007): along the
-# direction of walking, the heel is farthest ahead of the pelvis at heel strike and the toe farthest behind it at
-# toe-off. Being relative to the pelvis it holds over ground and on a treadmill, whose belt carries the foot.
-#
-# These instants are sure but coarse: on two laboratories' walks strikes come up to 63 ms early and lifts up to 30 ms
-# late. So each is sharpened nearby: the strike to where the heel comes to rest on the ground (the belt), the
-# lift to the toe's largest upward acceleration. Against 20 N on the plates the sharpened events lie within 35 ms.
+def _unmeasured(found: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
+                record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
+    """Stances that the plates miss, by side, and doubts about the loads that cover them in part, by index in `found`.
 
-
-SMALLEST_STEP_M = 0.15
-"""A foot that moves less than this to and fro under the pelvis does not walk."""
-PROMINENCE = 0.3
-"""An extreme counts as an event if it stands out by this share of the foot's whole travel: ripples do not."""
-SHORTEST_S = 0.15
-"""Shortest stance or swing: events closer than this are one event."""
-AT_REST_M_PER_S = 0.5
-"""A foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more."""
-TURNED_S = 0.08
-SHARPEN_S = 0.12
-"""How far from the coarse instant the sharper one is sought: twice the largest error seen."""
-NEAR_FLOOR_M = 0.04
-
-
-def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray, *,
-                      forward_W: np.ndarray | None = None) -> list[Stance]:
-    """When a foot stands on the ground, as far as its motion tells.
-
-    Args:
-        time_s: (n,) s, evenly spaced.
-        foot: where it was, (n, 3) each.
-        pelvis_W: (n, 3) m of a point of the pelvis.
-        forward_W: (2,) direction of walking in the floor; from `walking_direction` of both feet, or, where None,
-            from this foot alone.
-
-    Returns:
-        Stances in order of time. One that lasts to an end of the record is marked so (`start_seen`, `end_seen`). A
-        foot that does not walk stands all the time if its sole stays near its lowest, and else never.
+    A stance of which more than 0.12 s is on no plate is unmeasured as a whole: half of it cannot be compared. `record`
+    is where both forces and feet are known.
     """
-    forward = walking_direction({"": foot}, pelvis_W) if forward_W is None else np.asarray(forward_W, dtype=float)
-    heel, toe = ((point - pelvis_W)[:, :2] @ forward for point in (foot.heel_W, foot.toe_W))
-    if np.ptp(heel) < SMALLEST_STEP_M:
-        lowest = _sole_height(foot)
-        near = bool(np.all(lowest < lowest.min() + NEAR_FLOOR_M))
-        return [Stance(float(time_s[0]), float(time_s[-1]), False, False)] if near else []
-    events = [(i, True) for i in _extremes(heel, time_s)] + [(i, False) for i in _extremes(-toe, time_s)]
-    events = _with_ends(sorted(events), heel, toe, time_s)
-    return [_sharpened(stance, time_s, foot) for stance in _pair(time_s, events, foot)]
-
-
-def walking_direction(feet: dict[str, FootTrack], pelvis_W: np.ndarray) -> np.ndarray:
-    """(2,) unit vector in the floor: the mean direction from heel to toe."""
-    pointing = np.sum([np.mean((foot.toe_W - foot.heel_W)[:, :2], axis=0) for foot in feet.values()], axis=0)
-    travelled = (pelvis_W[-1] - pelvis_W[0])[:2]
-    if np.linalg.norm(travelled) > 1.0:
-        pointing = travelled if travelled @ pointing > 0.0 else -travelled
-    length = float(np.linalg.norm(pointing))
-    return pointing / length if length > 0.0 else np.array([1.0, 0.0])
-
-
-def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
-    """Times of the outstanding maxima."""
-    step = float(np.median(np.diff(time_s)))
-    peaks, _ = find_peaks(values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step)))
-    return [float(time_s[peak]) for peak in peaks]
-
-
-def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,
-               time_s: np.ndarray) -> list[tuple[float, bool]]:
-    """The same events, with a strike after the last lift or a lift before the first strike too near an end to stand
-    out: there the foot has turned back under the pelvis for as long as a coarse event can be wrong."""
-    events = list(events)
-    if events and not events[-1][1]:
-        after = np.flatnonzero(time_s > events[-1][0])
-        if after.size and time_s[-1] - (turn := time_s[after[np.argmax(heel[after])]]) > TURNED_S:
-            events.append((float(turn), True))
-    if events and events[0][1]:
-        before = np.flatnonzero(time_s < events[0][0])
-        if before.size and (turn := time_s[before[np.argmin(toe[before])]]) - time_s[0] > TURNED_S:
-            events.insert(0, (float(turn), False))
-    return events
-
-
-def _pair(time_s: np.ndarray, events: list[tuple[float, bool]], foot: FootTrack) -> list[Stance]:
-    """Stances between strikes (True) and lifts (False); of like events in a row the first strike, the last lift."""
-    first, last = float(time_s[0]), float(time_s[-1])
-    if not events:
-        return [Stance(first, last, False, False)] if _rests(time_s, foot) else []
-    stances: list[Stance] = []
-    start, seen = (first, False) if not events[0][1] else (None, True)
-    for instant, strike in events:
-        if strike:
-            start, seen = (instant, True) if start is None else (start, seen)
-        elif start is not None:
-            stances.append(Stance(start, instant, seen, True))
-            start = None
-        else:
-            stances[-1] = Stance(stances[-1].start_s, instant, stances[-1].start_seen, True)
-    if start is not None:
-        stances.append(Stance(start, last, seen, False))
-    return stances
-
-
-def _sharpened(stance: Stance, time_s: np.ndarray, foot: FootTrack) -> Stance:
-    """The same stance with the ends that the record shows moved to where heel and toe tell them more sharply."""
-    start, end = stance.start_s, stance.end_s
-    heel, toe = (np.gradient(point, time_s, axis=0) for point in (foot.heel_W, foot.toe_W))
-    middle = (time_s > 0.7 * start + 0.3 * end) & (time_s < 0.3 * start + 0.7 * end)
-    if stance.start_seen and middle.any():
-        speed = np.linalg.norm(heel - np.median(heel[middle], axis=0), axis=1)
-        rows = np.flatnonzero((np.abs(time_s - start) <= SHARPEN_S) & (speed <= AT_REST_M_PER_S))
-        rows = rows[(rows > 0) & (speed[rows - 1] > AT_REST_M_PER_S)]
-        if rows.size:
-            before, after = speed[rows[0] - 1], speed[rows[0]]
-            share = (before - AT_REST_M_PER_S) / (before - after)
-            start = float(time_s[rows[0] - 1] + share * (time_s[rows[0]] - time_s[rows[0] - 1]))
-    if stance.end_seen:
-        rows = np.flatnonzero(np.abs(time_s - end) <= SHARPEN_S)
-        end = float(time_s[rows[np.argmax(np.gradient(toe[:, 2], time_s)[rows])]])
-    return Stance(start, end, stance.start_seen, stance.end_seen) if end > start else stance
-
-
-def _rests(time_s: np.ndarray, foot: FootTrack) -> bool:
-    """Whether the foot is slow and low throughout."""
-    speed = np.linalg.norm(np.gradient(0.5 * (foot.heel_W + foot.toe_W), time_s, axis=0), axis=1)
-    lowest = _sole_height(foot)
-    return bool(np.median(speed) < AT_REST_M_PER_S and np.ptp(lowest) < NEAR_FLOOR_M)
-
-
-def _sole_height(foot: FootTrack) -> np.ndarray:
-    return np.minimum(foot.heel_W[:, 2], foot.toe_W[:, 2])
+    missing: dict[str, tuple[Span, ...]] = {}
+    doubts: dict[int, str] = {}
+    for side in SIDES:
+        spans = [(load.start_s, load.end_s) for load in found if load.shared
+                 and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])]
+        for stance in stances[side]:
+            start, end = max(stance.start_s, record[0]), min(stance.end_s, record[1])
+            covering = {i: (load.start_s, load.end_s) for i, load in enumerate(found) if load.side == side
+                        and not load.scuff and min(load.end_s, end) > max(load.start_s, start)}
+            gap, at = 0.0, start
+            for a, b in (*sorted(covering.values()), (end, end)):
+                gap, at = max(gap, a - at), max(at, b)
+            if gap <= min(TOLERANCE_S, 0.5 * (end - start)):
+                continue
+            ends = [(start, end), *covering.values()]
+            spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
+            doubts |= dict.fromkeys(
+                covering, f"the foot stands on no plate for {gap:.2f} s of this stance, or the clocks differ")
+        wide = sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans)
+        merged: list[Span] = []
+        for a, b in wide:
+            if b > a and merged and a <= merged[-1][1]:
+                merged[-1] = (merged[-1][0], max(merged[-1][1], b))
+            elif b > a:
+                merged.append((a, b))
+        missing[side] = tuple(merged)
+    return missing, doubts

@@ -18,19 +18,14 @@ from vsf_drake.errors import InputError
 
 
 def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
-    """`values` without what is faster than `cutoff_hz`, in phase with the input.
+    """`values` (n,) or (n, m) without what is faster than `cutoff_hz`, in phase with the input.
 
     The ends are extended by odd reflection over two periods of the cut-off (or the length of
     the record), which keeps level and slope there.
 
     Args:
-        values: (n,) or (n, m), evenly sampled along the first axis.
-        rate_hz: sampling rate.
         cutoff_hz: frequency at which the amplitude of the result is 1/sqrt(2).
         order: order of the result, even: two passes of order / 2.
-
-    Returns:
-        An array of the same shape.
 
     Raises:
         InputError: the cut-off is not between 0 and half of the sampling rate; a value is
@@ -48,9 +43,7 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int
     if not np.isfinite(values).all():
         row = int(np.argwhere(~np.isfinite(values))[0][0])
         raise InputError(f"sample {row} (after {row / rate_hz:g} s) is not a finite number and cannot be filtered")
-    section = order // 2
-    warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / (2 * section))
-    design_hz = rate_hz / np.pi * np.arctan(warped)
-    sos = butter(section, design_hz, fs=rate_hz, output="sos")
+    warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
+    sos = butter(order // 2, rate_hz / np.pi * np.arctan(warped), fs=rate_hz, output="sos")
     extension = min(len(values) - 1, int(np.ceil(2.0 * rate_hz / cutoff_hz)))
     return sosfiltfilt(sos, values, axis=0, padtype="odd", padlen=extension)

@@ -11,9 +11,9 @@ import numpy as np
 from vsf_drake.contact_file import FittedContact, FittedTrial, model_with
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
+from vsf_drake.motion.gait_cycle import gait_phase
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trajectory import CoordinateTrajectory, window_bsplines
+from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check
@@ -21,7 +21,6 @@ from vsf_drake.schema import check
 MASS_TOLERANCE, STATURE_TOLERANCE = 0.05, 0.02
 """Shares by which a person may differ from day to day and still be the same (choices)."""
 APPLIED = "A fitted contact was applied"
-_OFFSETS = {"offset.height": "height_m", "offset.fore_aft": "fore_aft_m", "offset.alignment": "alignment_rad"}
 _GRAIN = 1e-6
 """s, m, rad: numbers that differ by less are the same, whatever computed them."""
 _GRAIN_N = 1e-3
@@ -31,13 +30,10 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates with what they add.
 
     Shifts and curves are added to the recorded samples. The height and the path that were fitted to a recording are
-    taken only for that recording, told by its `fingerprint`.
+    taken only for that recording, told by its `fingerprint`. A note says what was applied.
 
     Args:
         file: where the contact was read from; its hash joins the trial's inputs.
-
-    Returns:
-        The trial, with a note that says what was applied.
 
     Raises:
         InputError: the contact was fitted to another person or another side; the model lacks a zone; a number is out of
@@ -48,11 +44,22 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
     print_ = fingerprint(trial)
     own = next((fitted for fitted in contact.trials if fitted.fingerprint == print_), None)
-    hashed = {} if file is None else {f"contact: {Path(file).name}": sha256(file)}
+    added = {"height_m": "offset.height", "fore_aft_m": "offset.fore_aft", "alignment_rad": "offset.alignment"}
+    offsets = {key: getattr(trial.offsets, key) + contact.values.get(name, 0.0)
+               + (own.height_m if own and key == "height_m" else 0.0) for key, name in added.items()}
+    parts = [f"{len(contact.values)} values"]
+    if contact.curves:
+        parts.append(f"curves of {', '.join(curve.coordinate for curve in contact.curves)}")
+    note = (f"{APPLIED}{'' if file is None else f' from {Path(file).name}'} (strategy {contact.strategy}): "
+            f"{', '.join(parts)}")
+    if own is not None:
+        note += ", with the height that was fitted to this trial" + (" and its path" if own.path else "")
+    note += "." if contact.converged else "; ITS FIT DID NOT CONVERGE."
     return dataclasses.replace(
-        trial, model=model_with(trial.model, contact.values, file=file), offsets=_offsets(trial, contact, own, file),
-        trajectory=_trajectory(trial, contact, own), notes=(*trial.notes, _note(contact, own, file)),
-        inputs=trial.inputs | hashed)
+        trial, model=model_with(trial.model, contact.values, file=file),
+        offsets=check(GeometricOffsets(**offsets), file=file), trajectory=_trajectory(trial, contact, own),
+        notes=(*trial.notes, note),
+        inputs=trial.inputs | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}))
 
 
 def check_person(subject: Subject, contact: FittedContact, *, file: str | Path | None = None) -> None:
@@ -90,15 +97,6 @@ def fingerprint(trial: Trial) -> str:
     return found.hexdigest()
 
 
-def _offsets(
-    trial: Trial, contact: FittedContact, own: FittedTrial | None, file: str | Path | None
-) -> GeometricOffsets:
-    added = {field: contact.values.get(name, 0.0) for name, field in _OFFSETS.items()}
-    added["height_m"] += own.height_m if own else 0.0
-    return check(GeometricOffsets(**{key: getattr(trial.offsets, key) + value for key, value in added.items()}),
-                 file=file)
-
-
 def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -> CoordinateTrajectory:
     motion = trial.trajectory
     added: dict[str, np.ndarray] = {}
@@ -123,14 +121,3 @@ def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -
     for name, course in added.items():
         values[:, motion.names.index(name)] += course
     return CoordinateTrajectory(motion.time_s, values, motion.names, source=motion.source)
-
-
-def _note(contact: FittedContact, own: FittedTrial | None, file: str | Path | None) -> str:
-    named = "" if file is None else f" from {Path(file).name}"
-    parts = [f"{len(contact.values)} values"]
-    if contact.curves:
-        parts.append(f"curves of {', '.join(curve.coordinate for curve in contact.curves)}")
-    note = f"{APPLIED}{named} (strategy {contact.strategy}): {', '.join(parts)}"
-    if own is not None:
-        note += ", with the height that was fitted to this trial" + (" and its path" if own.path else "")
-    return note + ("." if contact.converged else "; ITS FIT DID NOT CONVERGE.")

@@ -1,4 +1,4 @@
-"""Where in the gait cycle an instant lies, told by the prosthetic foot's force plate, and periodic curves over it.
+"""Where in the gait cycle an instant lies, told by the prosthetic foot's force plate.
 
     phase    k at the k-th strike of the prosthetic foot, k + STANCE_SHARE at its lift-off
 
@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BPoly, BSpline
+from scipy.interpolate import BPoly
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
@@ -25,8 +25,6 @@ STANCE_SHARE = 0.62
 """Foot-off of slow walking: Schwartz 2008, doi 10.1016/j.jbiomech.2008.03.015."""
 STEEPEST = 1.25
 """Largest rate at an instant over the smaller of the mean rates beside it."""
-FEWEST = 4
-"""Curves that a cubic needs to close on itself."""
 
 
 def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.ndarray]:
@@ -40,64 +38,31 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
         InputError: no stance was seen as a whole.
         ValueError: the stances overlap or are not in order of time.
     """
-    stances = _stances_of(source) if isinstance(source, Trial) else source
+    file, stances = None, source
+    if isinstance(source, Trial):
+        plate = source.prosthetic_plate
+        file, stances = source.path, find_stances(plate.time_s, plate.force_W[:, 2])
     seen = [stance for stance in stances if stance.complete]
     if not seen:
-        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance",
-                         file=source.path if isinstance(source, Trial) else None, where="forces",
-                         right="A gait cycle needs strike and lift-off of the prosthetic foot")
+        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance", file=file,
+                         where="forces", right="A gait cycle needs strike and lift-off of the prosthetic foot")
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
         raise ValueError("stances must follow each other")
-    instants, phases = _events(seen)
+    stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE
+    cycles = np.cumsum([0, *(max(1, round((later.start_s - earlier.start_s) / stride_s))
+                             for earlier, later in pairwise(seen))])
+    phases = (cycles[:, None] + [0.0, STANCE_SHARE]).ravel()
+    instants = np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel()
     rates = STANCE_SHARE / np.array([stance.duration_s for stance in (seen[0], seen[-1])])
-    slopes = _slopes(np.diff(phases) / np.diff(instants), rates)
-    inner = BPoly.from_derivatives(instants, np.column_stack([phases, slopes, np.zeros(len(slopes))]))
+    mean = np.diff(phases) / np.diff(instants)
+    before, after = mean[:-1], mean[1:]
+    inner = np.minimum(2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after))
+    slopes = np.concatenate([rates[:1], inner, rates[1:]])
+    between = BPoly.from_derivatives(instants, np.column_stack([phases, slopes, np.zeros(len(slopes))]))
 
     def phase(times: np.ndarray) -> np.ndarray:
         times = np.asarray(times, dtype=float)
-        before, after = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
-        return inner(np.clip(times, instants[0], instants[-1])) + rates[0] * before + rates[1] * after
+        early, late = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
+        return between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late
 
     return phase
-
-
-def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Cubic B-splines (n, count) of phases (n,): periodic, C2, not negative, their sum is 1.
-
-    The knots are `count` phases, evenly spaced from 0; the j-th spline is centred on j / count.
-
-    Raises:
-        ValueError: fewer than four.
-    """
-    if count < FEWEST:
-        raise ValueError(f"{count} splines cannot close on themselves: at least {FEWEST} are needed")
-    one, centres = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False), np.arange(count)
-
-    def basis(phase: np.ndarray) -> np.ndarray:
-        from_centre = np.asarray(phase, dtype=float)[:, None] * count - centres
-        return np.nan_to_num(one((from_centre + 0.5 * count) % count - 0.5 * count))
-
-    return basis
-
-
-def _stances_of(trial: Trial) -> list[Stance]:
-    plate = trial.prosthetic_plate
-    return find_stances(plate.time_s, plate.force_W[:, 2])
-
-
-def _events(seen: Sequence[Stance]) -> tuple[np.ndarray, np.ndarray]:
-    """Strikes and lift-offs (s), and their phases."""
-    stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE
-    cycle, phases = 0, []
-    for i, stance in enumerate(seen):
-        if i:
-            cycle += max(1, round((stance.start_s - seen[i - 1].start_s) / stride_s))
-        phases += [cycle, cycle + STANCE_SHARE]
-    return np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel(), np.array(phases)
-
-
-def _slopes(mean: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Rates at the events from the mean rates between them."""
-    before, after = mean[:-1], mean[1:]
-    inner = np.minimum(2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after))
-    return np.concatenate([ends[:1], inner, ends[1:]])

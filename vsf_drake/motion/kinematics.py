@@ -10,31 +10,20 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.clock import check_clock
-from vsf_drake.motion.storage import Storage
+from vsf_drake.motion.formats.clock import check_clock
+from vsf_drake.motion.formats.tables import Storage
 from vsf_drake.motion.trajectory import SPLINE_ORDER, CoordinateTrajectory
+from vsf_drake.subject import PELVIS_TRANSLATIONS, person_coordinates
 
-PELVIS_TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-PELVIS_ROTATIONS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
 FLEXED_DEG, HYPEREXTENDED_DEG = 30.0, 20.0
-_ALIASES = {"ankle_adduction": ("ankle_adduction", "subtalar_angle")}
-
-
-def person_coordinates(prosthetic_side: str) -> tuple[str, ...]:
-    """The 21 recorded coordinates of a person who has no ankle on `prosthetic_side` ("left" or "right")."""
-    names = list(PELVIS_TRANSLATIONS + PELVIS_ROTATIONS)
-    for side in ("right", "left"):
-        s = side[0]
-        names += [f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}"]
-        names += [f"knee_angle_{s}", f"knee_adduction_{s}", f"knee_rotation_{s}"]
-        if side != prosthetic_side:
-            names += [f"ankle_angle_{s}", f"ankle_adduction_{s}", f"ankle_rotation_{s}"]
-    return tuple(names)
+LARGEST_ANGLE_RAD, SMALLEST_RANGE_DEG = 3.5, 3.0
+JUMP_RAD, JUMP_RAD_PER_S = 0.5, 20.0
+FARTHEST_M, PELVIS_HEIGHT_M = 100.0, (0.3, 2.0)
 
 
 def read_kinematics(storage: Storage, *, prosthetic_side: str,
                     unit: str | None = None) -> tuple[CoordinateTrajectory, tuple[str, ...]]:
-    """The person's coordinates out of an OpenSim table.
+    """The person's coordinates, `person_coordinates(prosthetic_side)`, out of an OpenSim table, and notes.
 
     Columns are plain names (`hip_flexion_r`) or OpenSim paths (`/jointset/hip_r/hip_flexion_r/value`);
     speeds, activations and other columns are ignored. Pelvis, hip flexion, knee angle and the intact
@@ -46,66 +35,56 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
         prosthetic_side: "left" or "right"; the ankle of this side is not read.
         unit: "degrees" or "radians" where the header does not say which.
 
-    Returns:
-        The trajectory with `person_coordinates(prosthetic_side)` as names, and the notes.
-
     Raises:
         InputError: a required column is missing; a needed cell is no finite number; time does not
             increase or has a gap; there are fewer than six rows; the unit is unknown, stated twice
             differently, or not believable; a knee bends both ways; a pelvis translation is not
             believable. The message names file, column and time.
     """
-    time, doubts = check_clock(storage, rows=SPLINE_ORDER + 1)
+    time, doubts = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
     degrees = _in_degrees(storage, unit)
     columns = _coordinate_columns(storage)
     names = person_coordinates(prosthetic_side)
-    required = {n for n in names if n.startswith(("pelvis_", "hip_flexion", "knee_angle", "ankle_angle"))}
     values: dict[str, np.ndarray] = {}
-    sources: dict[str, str] = {}
+    labels: dict[str, str] = {}
     for name in names:
-        stem, s = (name, "") if name.startswith("pelvis") else (name[:-2], name[-2:])
-        label = next((columns[a + s] for a in _ALIASES.get(stem, (stem,)) if a + s in columns), None)
-        if label is None and name not in required:
-            continue
-        if label is None:
-            known = ", ".join(columns) or "none"
-            prosthetic = prosthetic_side[0]
-            if name.startswith("ankle_angle") and f"ankle_angle_{prosthetic}" in columns:
-                raise InputError("there is no column for the intact ankle, but there is "
-                                 f"ankle_angle_{prosthetic} for an ankle that the prosthesis replaces",
-                                 file=storage.path, where=f"column {name}",
+        other = name.replace("ankle_adduction", "subtalar_angle")
+        label = columns.get(name, columns.get(other))
+        if label is not None:
+            labels[name], values[name] = label, storage.column(label)
+        elif name.startswith(("pelvis_", "hip_flexion", "knee_angle", "ankle_angle")):
+            replaced = f"ankle_angle_{prosthetic_side[0]}"
+            if name.startswith("ankle_angle") and replaced in columns:
+                raise InputError(f"there is no column for the intact ankle, but there is {replaced} for an ankle that "
+                                 "the prosthesis replaces", file=storage.path, where=f"column {name}",
                                  right=f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?")
-            raise InputError("there is no column for this coordinate", file=storage.path,
-                             where=f"column {name}", right=f"Coordinates found: {known}")
-        sources[name], values[name] = label, storage.column(label)
+            raise InputError("there is no column for this coordinate", file=storage.path, where=f"column {name}",
+                             right=f"Coordinates found: {', '.join(columns) or 'none'}")
     angles = {n: v for n, v in values.items() if n not in PELVIS_TRANSLATIONS}
-    check_pelvis(storage, {n: values[n] for n in PELVIS_TRANSLATIONS}, sources)
-    check_angles(storage, angles, sources, degrees=degrees)
+    _check_pelvis(storage, {n: values[n] for n in PELVIS_TRANSLATIONS}, labels)
+    _check_angles(storage, angles, labels, degrees=degrees)
     if degrees:
         values.update((n, np.radians(v)) for n, v in angles.items())
     notes = [*storage.notes, *doubts, *_turn_knees(storage, values)]
     missing = [n for n in names if n not in values]
     if missing:
         notes.append(f"Not in {storage.path.name}, taken as zero: {', '.join(missing)}.")
-    zero = np.zeros(len(storage.time_s))
     if time is not storage.time_s:
         notes.append(f"Times in {storage.path.name} are rounded; even spacing of "
                      f"{1e3 * (time[1] - time[0]):.4f} ms was restored.")
-    table = np.column_stack([values.get(n, zero) for n in names])
+    table = np.column_stack([values.get(n, np.zeros(len(time))) for n in names])
     return CoordinateTrajectory(time, table, names, source=str(storage.path)), tuple(notes)
 
 
 def _in_degrees(storage: Storage, unit: str | None) -> bool:
-    if storage.in_degrees is None:
-        if unit is None:
-            raise InputError("the header does not say whether angles are in degrees", file=storage.path,
-                             where="inDegrees", right="Add `kinematics_unit: degrees` (or radians) to the manifest")
-        return unit == "degrees"
-    if unit is not None and storage.in_degrees != (unit == "degrees"):
+    if storage.in_degrees is None and unit is None:
+        raise InputError("the header does not say whether angles are in degrees", file=storage.path,
+                         where="inDegrees", right="Add `kinematics_unit: degrees` (or radians) to the manifest")
+    if unit is not None and storage.in_degrees not in (None, unit == "degrees"):
         stated = "inDegrees=yes" if storage.in_degrees else "inDegrees=no"
         raise InputError(f"the header says {stated}, the manifest says kinematics_unit: {unit}", file=storage.path,
                          where="inDegrees", right="Correct whichever is wrong")
-    return storage.in_degrees
+    return unit == "degrees" if storage.in_degrees is None else storage.in_degrees
 
 
 def _coordinate_columns(storage: Storage) -> dict[str, str]:
@@ -125,44 +104,23 @@ def _coordinate_columns(storage: Storage) -> dict[str, str]:
 
 def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
     """Makes knee flexion positive in `values`; returns notes."""
-    flexed, straight = np.radians(FLEXED_DEG), np.radians(HYPEREXTENDED_DEG)
     knees = ("knee_angle_r", "knee_angle_l")
-    low, high = (min(values[k].min() for k in knees), max(values[k].max() for k in knees))
-    if low < -straight and high > straight:
-        raise InputError(f"the knees bend both ways, from {np.degrees(low):.0f}° to {np.degrees(high):.0f}°",
+    low, high = (np.degrees(limit([limit(values[k]) for k in knees])) for limit in (np.min, np.max))
+    if low < -HYPEREXTENDED_DEG and high > HYPEREXTENDED_DEG:
+        raise InputError(f"the knees bend both ways, from {low:.0f}° to {high:.0f}°",
                          file=storage.path, where=" and ".join(knees), right="Flexion must have one sign in both")
-    if low < -flexed:
-        for knee in knees:
-            values[knee] = -values[knee]
+    if low < -FLEXED_DEG:
+        values.update((knee, -values[knee]) for knee in knees)
         return [f"Knee flexion is negative in {storage.path.name}; both knee angles were turned round."]
-    if high <= flexed:
-        return [f"No knee in {storage.path.name} bends beyond {FLEXED_DEG:.0f}°; flexion was taken as positive."]
-    return []
+    return [] if high > FLEXED_DEG else [
+        f"No knee in {storage.path.name} bends beyond {FLEXED_DEG:.0f}°; flexion was taken as positive."]
 
 
-# Is this how a person moves? Guards against recordings in another unit than they state.
-
-
-LARGEST_ANGLE_RAD = 3.5
-SMALLEST_RANGE_DEG = 3.0
-JUMP_RAD, JUMP_RAD_PER_S = 0.5, 20.0
-FARTHEST_M = 100.0
-PELVIS_HEIGHT_M = (0.3, 2.0)
-
-
-def check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[str, str], *, degrees: bool) -> None:
+def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[str, str], *, degrees: bool) -> None:
     """Refuses angles that no joint has in the unit they are said to be in.
 
-    Args:
-        storage: where they come from, for the message.
-        angles: (n,) each by coordinate, in the file's unit.
-        labels: the file's column label of each coordinate.
-        degrees: whether the unit is degrees (radians otherwise).
-
-    Raises:
-        InputError: an angle exceeds 3.5 rad; or all angles vary by less than 3 "degrees" and stay
-            below 3.5 "degrees", which is a walk in radians; or an angle jumps by more than 0.5 rad,
-            faster than 20 rad/s, from one instant to the next.
+    That is above 3.5 rad; or all angles vary by less than 3 "degrees" and stay below 3.5 "degrees", which is a walk in
+    radians; or an angle jumps by more than 0.5 rad, faster than 20 rad/s, from one instant to the next.
     """
     unit = np.radians(1.0) if degrees else 1.0
     for name, values in angles.items():
@@ -172,14 +130,13 @@ def check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[s
             raise InputError(f"an angle of {shown} is not believable", file=storage.path,
                              where=storage.place(row, labels[name]),
                              right=None if degrees else "The recording is said to be in radians: is it in degrees?")
-    if degrees:
-        widest = max(angles, key=lambda name: np.ptp(angles[name]))
-        largest = max(np.abs(values).max() for values in angles.values())
-        if np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD:
-            raise InputError(
-                f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time {storage.time_s[0]:g} to "
-                f"{storage.time_s[-1]:g} s), which is no walk", file=storage.path, where=f"column {labels[widest]}",
-                right="The recording is said to be in degrees: is it in radians?")
+    widest = max(angles, key=lambda name: np.ptp(angles[name]))
+    largest = max(np.abs(values).max() for values in angles.values())
+    if degrees and np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD:
+        raise InputError(
+            f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time {storage.time_s[0]:g} to "
+            f"{storage.time_s[-1]:g} s), which is no walk", file=storage.path, where=f"column {labels[widest]}",
+            right="The recording is said to be in degrees: is it in radians?")
     for name, values in angles.items():
         jump = np.abs(np.diff(values)) * unit
         wild = (jump > JUMP_RAD) & (jump > JUMP_RAD_PER_S * np.diff(storage.time_s))
@@ -189,21 +146,15 @@ def check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[s
                              file=storage.path, where=storage.place(row, labels[name]))
 
 
-def check_pelvis(storage: Storage, translations: dict[str, np.ndarray], labels: dict[str, str]) -> None:
-    """Refuses pelvis translations that are not metres in a laboratory.
-
-    Raises:
-        InputError: one exceeds 100 m, or the height is outside 0.3 to 2 m.
-    """
+def _check_pelvis(storage: Storage, translations: dict[str, np.ndarray], labels: dict[str, str]) -> None:
+    """Refuses pelvis translations that are not metres in a laboratory: beyond 100 m, or a height outside 0.3 to 2 m."""
     low, high = PELVIS_HEIGHT_M
     for name, values in translations.items():
-        if name == "pelvis_ty":
-            wrong = (values < low) | (values > high)
-            right = f"Its height must be between {low:g} and {high:g} m: is it in another unit, or another axis?"
-        else:
-            wrong = np.abs(values) > FARTHEST_M
-            right = f"It must be within {FARTHEST_M:g} m of the origin: is it in millimetres?"
+        wrong = (values < low) | (values > high) if name == "pelvis_ty" else np.abs(values) > FARTHEST_M
         if wrong.any():
             row = int(np.argmax(wrong))
+            right = (f"Its height must be between {low:g} and {high:g} m: is it in another unit, or another axis?"
+                     if name == "pelvis_ty" else
+                     f"It must be within {FARTHEST_M:g} m of the origin: is it in millimetres?")
             raise InputError(f"the pelvis at {values[row]:.4g} m is not believable", file=storage.path,
                              where=storage.place(row, labels[name]), right=right)

@@ -40,15 +40,14 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
 from vsf_drake.model_file import load_model
-from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.parameters import Subject
+from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
+from vsf_drake.parameters import SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
 
-UNITS = ("degrees", "radians")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
-LENGTH_UNITS = ("mm", "cm", "m", "in")
-HIP_CENTRES = ("harrington", "bell", "hara", "davis")
 MARKER_FILES = (".c3d", ".trc")
+APART = 0.05
+"""A stated length that differs by more than this share from the markers' own is worth a note."""
 _MARKER_KEYS = ("standing", "marker_map", "hip_centre", "marker_cutoff_hz", "already_filtered", "laboratory")
 
 
@@ -74,7 +73,7 @@ class Laboratory:
 
     up: str | None = choice(None, options=AXES, source="stated: the laboratory's axis that points up")
     forward: str | None = choice(None, options=AXES, source="stated: the laboratory's axis along which they walk")
-    length_unit: str | None = choice(None, options=LENGTH_UNITS, source="stated")
+    length_unit: str | None = choice(None, options=("mm", "cm", "m", "in"), source="stated")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,14 +117,16 @@ class Manifest:
     markers: str | None = None
     standing: str | None = None
     marker_map: str | None = None
-    hip_centre: str = choice("harrington", options=HIP_CENTRES, source="regression of the hip joint centre")
+    hip_centre: str = choice("harrington", options=("harrington", "bell", "hara", "davis"),
+                             source="regression of the hip joint centre")
     marker_cutoff_hz: float = quantity(6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
     already_filtered: bool = False
     laboratory: Laboratory = field(default_factory=Laboratory)
     forces: str | ForceColumns | None = None
     prosthesis: ProsthesisSetting
     window: Window | None = None
-    kinematics_unit: str | None = choice(None, options=UNITS, source="stated, where the file's header does not")
+    kinematics_unit: str | None = choice(None, options=("degrees", "radians"),
+                                         source="stated, where the file's header does not")
     belt_speed_m_per_s: float = quantity(
         0.0, unit="m/s", low=-5.0, high=5.0, source="set on the treadmill; + when its belt runs backward")
     offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
@@ -152,10 +153,7 @@ def load_manifest(path: str | Path) -> Manifest:
     if manifest.kinematics is not None and manifest.markers is not None:
         raise InputError("joint angles and markers are both given", file=path, where="kinematics and markers",
                          right="Keep one: the angles would be computed from the markers")
-    if manifest.markers is None:
-        _check_angles(path, manifest)
-    else:
-        _check_markers(path, manifest)
+    (_check_angles if manifest.markers is None else _check_markers)(path, manifest)
     window = manifest.window
     if window and window.start_s is not None and window.end_s is not None and window.end_s <= window.start_s:
         raise InputError(f"start_s {window.start_s:g} and end_s {window.end_s:g} leave nothing between them",
@@ -226,30 +224,12 @@ def to_si(offsets: ManifestOffsets) -> GeometricOffsets:
                             alignment_rad=math.radians(offsets.alignment_deg))
 
 
-# What a user states of a person whose markers tell the rest. Schema and its merging.
-
-
-APART = 0.05
-"""A stated length that differs by more than this share from the markers' own is worth a note."""
-
-
 @dataclass(frozen=True, kw_only=True)
-class StatedSubject(Subject):
-    """`Subject` with mass and stature left to the recording where None, and what joint centres need."""
+class StatedSubject(PersonFacts, Subject):
+    """What a user states of a person whose markers tell the rest: `Subject`, and what joint centres need."""
 
-    mass_kg: float | None = quantity(  # type: ignore[assignment]
-        None, unit="kg", low=20.0, high=250.0, source="measured, prosthesis included; from the forces if None")
-    stature_m: float | None = quantity(  # type: ignore[assignment]
-        None, unit="m", low=0.8, high=2.5, source="measured; from the leg's length if None")
-    knee_width_mm: float | None = quantity(None, unit="mm", low=50.0, high=200.0, source="measured: epicondyles")
-    ankle_width_mm: float | None = quantity(None, unit="mm", low=30.0, high=150.0, source="measured: malleoli")
-    leg_length_mm: float | None = quantity(
-        None, unit="mm", low=300.0, high=1400.0, source="measured: ASIS to medial malleolus")
-    marker_radius_mm: float = quantity(7.0, unit="mm", low=0.0, high=30.0, source="of the markers used")
-
-
-_FACTS = tuple(field.name for field in dataclasses.fields(PersonFacts))
-_SUBJECT = tuple(field.name for field in dataclasses.fields(Subject))
+    sex: str = choice(options=SEXES, source="stated")
+    prosthetic_side: str = choice(options=SIDES, source="stated")
 
 
 def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]]:
@@ -258,10 +238,9 @@ def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]
     Raises:
         InputError: see `vsf_drake.schema.load_yaml`.
     """
-    stated = load_yaml(path, StatedSubject)
-    facts = {f.name: getattr(stated, f.name) for f in dataclasses.fields(stated) if f.name in _FACTS}
-    lengths = {name: getattr(stated, name) for name in _SUBJECT if name not in _FACTS}
-    return PersonFacts(**facts), {name: value for name, value in lengths.items() if value is not None}
+    stated = dict(vars(load_yaml(path, StatedSubject)))
+    facts = PersonFacts(**{key.name: stated.pop(key.name) for key in dataclasses.fields(PersonFacts)})
+    return facts, {name: value for name, value in stated.items() if value is not None}
 
 
 def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject, tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""Recorded coordinates as smooth functions of time."""
+"""Recorded coordinates as smooth functions of time, and slow corrections of them."""
 
 from __future__ import annotations
 
@@ -30,13 +30,7 @@ class CoordinateTrajectory:
 
     def __init__(self, time_s: np.ndarray, values: np.ndarray, names: Sequence[str], *,
                  source: str | None = None) -> None:
-        """Fits the splines.
-
-        Args:
-            time_s: (n,) s, strictly increasing, n >= 6.
-            values: (n, m).
-            names: m different names.
-            source: the file it comes from, for messages.
+        """Fits the splines to (n, m) values of m different names at n >= 6 increasing times; `source` is the file.
 
         Raises:
             ValueError: shapes do not fit, time does not increase, a value is not finite, n < 6.
@@ -79,11 +73,7 @@ class CoordinateTrajectory:
         return q, v, a
 
     def ordered(self, names: Sequence[str]) -> CoordinateTrajectory:
-        """The same motion with the coordinates `names`, in that order.
-
-        Raises:
-            InputError: one of them is not in this trajectory.
-        """
+        """The same motion with the coordinates `names`, in that order; InputError where one is missing."""
         missing = [name for name in names if name not in self.names]
         if missing:
             raise InputError(f"the motion has no coordinate {', '.join(missing)}", file=self.source,
@@ -96,34 +86,40 @@ class CoordinateTrajectory:
         return chosen
 
 
-# Slow corrections of a path over the window of one recording.
-
-
-DEGREE = 3
-FEWEST = 4
-"""As many as a cubic spline has by itself."""
-
-
 def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Cubic B-splines (n, count) of times (n,) s: C2 at all times, not negative, their sum is 1.
+    """Slow corrections over a window: cubic B-splines (n, count) of times (n,) s, C2, not negative, their sum is 1.
 
     The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first three are added up, and
     the last three: so they begin and end with zero rate and acceleration, and can go on as constants outside the
     window without a corner. The clamped ones themselves would bend there, and with them the walk's start.
 
     Raises:
-        ValueError: fewer than four, or the window does not end after it starts.
+        ValueError: fewer than the four that a cubic spline has by itself, or the window does not end after it starts.
     """
-    if count < FEWEST:
-        raise ValueError(f"{count} splines are no correction of a path: at least {FEWEST} are needed")
+    if count < 4:
+        raise ValueError(f"{count} splines are no correction of a path: at least 4 are needed")
     if not start_s < end_s:
         raise ValueError(f"{start_s:g} to {end_s:g} s is no window")
-    clamped = np.concatenate([np.zeros(DEGREE), np.linspace(0.0, 1.0, count + 2), np.ones(DEGREE)])
-    number = count + 4
-    group = np.concatenate([np.zeros(3, dtype=int), np.arange(1, number - 5), np.full(3, count - 1)])
-    spline = BSpline(clamped, np.eye(count)[group], DEGREE)
+    clamped = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count + 2), np.ones(3)])
+    group = np.concatenate([np.zeros(3, dtype=int), np.arange(1, count - 1), np.full(3, count - 1)])
+    spline = BSpline(clamped, np.eye(count)[group], 3)
+    return lambda times: spline(np.clip((np.asarray(times, dtype=float) - start_s) / (end_s - start_s), 0.0, 1.0))
 
-    def basis(times: np.ndarray) -> np.ndarray:
-        return spline(np.clip((np.asarray(times, dtype=float) - start_s) / (end_s - start_s), 0.0, 1.0))
+
+def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Corrections over a cycle: cubic B-splines (n, count) of phases (n,), periodic, C2, not negative, sum 1.
+
+    The knots are `count` phases, evenly spaced from 0; the j-th spline is centred on j / count.
+
+    Raises:
+        ValueError: fewer than the four that a cubic needs to close on itself.
+    """
+    if count < 4:
+        raise ValueError(f"{count} splines cannot close on themselves: at least 4 are needed")
+    one, centres = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False), np.arange(count)
+
+    def basis(phase: np.ndarray) -> np.ndarray:
+        from_centre = np.asarray(phase, dtype=float)[:, None] * count - centres
+        return np.nan_to_num(one((from_centre + 0.5 * count) % count - 0.5 * count))
 
     return basis

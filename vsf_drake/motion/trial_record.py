@@ -1,4 +1,4 @@
-"""A trial as it drives the model (made by `motion.trial`, `motion.from_markers`); its person, weighed by the plates."""
+"""A trial as it drives the model (made by `motion.trial`); its person, weighed by the plates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.contacts import Assignment, Contact
-from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.events import Span, find_stances
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import GeometricOffsets, load_manifest, named_file
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
@@ -22,6 +22,15 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.schema import load_yaml
 from vsf_drake.yaml_file import read_yaml
+
+LONGEST_STRIDE_S = 2.5
+LIGHTEST_KG, HEAVIEST_KG = 20.0, 250.0
+CONTRADICTED = (0.52, 1.25)
+"""Share of a stated mass that plates may carry. More: over a step vertical momentum returns but for some 6 % of the
+weight (0.3 m/s in half a second), plates are gauged to a few percent, shoes and a bag weigh 10 % (a choice). Less: a
+harness or a rail may bear up to half of the weight; pounds taken for kilograms leave 0.45."""
+POUND_KG, LIKE_POUNDS = 0.45359237, 0.1
+"""What a pound is, and how near to it a ratio suggests pounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +69,7 @@ class Trial:
     model: ModelParameters
     inputs: dict[str, str]
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
-    unmeasured: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    unmeasured: dict[str, tuple[Span, ...]] = field(default_factory=dict)
     recording: Recording | None = None
     calibration: Calibration | None = None
     tracked: TrackedMotion | None = None
@@ -76,9 +85,6 @@ def default_model() -> ModelParameters:
     return load_model(resource("models/nominal.yaml"))
 
 
-# The person of a file: a subject's own, or that of a trial manifest.
-
-
 def load_subject(path: str | Path) -> Subject:
     """Reads subject.yaml, or the subject that a trial manifest names (a file with the key `subject`).
 
@@ -86,31 +92,16 @@ def load_subject(path: str | Path) -> Subject:
         InputError: a file is missing or not what it should be; see `vsf_drake.schema.load_yaml`.
     """
     path = Path(path)
-    if not _names_a_subject(path):
-        return load_yaml(path, Subject)
-    return load_yaml(named_file(path, "subject", load_manifest(path).subject), Subject)
-
-
-def _names_a_subject(path: Path) -> bool:
-    """Whether the file is a manifest. What cannot be read is left to `load_yaml`, which says why."""
     try:
         node = read_yaml(path)
-    except InputError:
-        return False
-    return isinstance(node, yaml.MappingNode) and any(key.value == "subject" for key, _ in node.value)
+    except InputError:  # `load_yaml` says why
+        node = None
+    if isinstance(node, yaml.MappingNode) and any(key.value == "subject" for key, _ in node.value):
+        path = named_file(path, "subject", load_manifest(path).subject)
+    return load_yaml(path, Subject)
 
 
 # Body mass from the force plates of a walk.
-
-
-LONGEST_STRIDE_S = 2.5
-LIGHTEST_KG, HEAVIEST_KG = 20.0, 250.0
-CONTRADICTED = (0.52, 1.25)
-"""Share of a stated mass that plates may carry. More: over a step vertical momentum returns but for some 6 % of the
-weight (0.3 m/s in half a second), plates are gauged to a few percent, shoes and a bag weigh 10 % (a choice). Less: a
-harness or a rail may bear up to half of the weight; pounds taken for kilograms leave 0.45."""
-POUND_KG, LIKE_POUNDS = 0.45359237, 0.1
-"""What a pound is, and how near to it a ratio suggests pounds."""
 
 
 def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]:
@@ -124,22 +115,19 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]
     """
     time = walk.force_time_s
     vertical = sum(plate.force_W[:, 2] for plate in assignment.plates.values())
-    missing = [span for spans in assignment.unmeasured.values() for span in spans]
-    strides = []
-    for side in assignment.plates:
-        strikes = [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
-        for start, end in pairwise(strikes):
-            if end - start < LONGEST_STRIDE_S and not any(a < end and b > start for a, b in missing):
-                strides.append((start, end))
-    where, right = "mass_kg (--mass-kg)", "State the body mass, prosthesis included"
+    strikes = {side: [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
+               for side in assignment.plates}
+    strides = [(start, end) for own in strikes.values() for start, end in pairwise(own)
+               if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)]
+    file, where = walk.force_path or walk.path, "mass_kg (--mass-kg)"
+    right = "State the body mass, prosthesis included"
     if len(assignment.plates) < 2 or not strides:
         raise InputError("the body mass is not stated, and there is no stride in which both feet stand on plates "
-                         "throughout", file=walk.force_path or walk.path, where=where, right=right)
-    means = [float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides]
-    mass = float(np.mean(means)) / GRAVITY
+                         "throughout", file=file, where=where, right=right)
+    mass = float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides])) / GRAVITY
     if not LIGHTEST_KG <= mass <= HEAVIEST_KG:
-        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight",
-                         file=walk.force_path or walk.path, where=where, right=right)
+        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight", file=file,
+                         where=where, right=right)
     spans = ", ".join(f"{a:.3f} to {b:.3f} s" for a, b in strides)
     return mass, (f"Body mass {mass:.1f} kg is the mean vertical force over {spans}, a stride; it is good to one or "
                   "two percent: state mass_kg (--mass-kg).")
@@ -154,21 +142,17 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     Raises:
         InputError: mean vertical force over weight is outside CONTRADICTED.
     """
-    plates, steps = trial.plates, []
-    stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in plates.items()}
-    missing = [span for spans in trial.unmeasured.values() for span in spans]
-    for (start, first), (end, second) in pairwise(sorted(
-            (s.start_s, side) for side, found in stances.items() for s in found if s.start_seen)):
-        whole = first != second and all(any(s.start_s <= at <= s.end_s for s in stances[side])
-                                        for side, at in ((second, start), (first, end)))
-        if whole and not any(a < end and b > start for a, b in missing):
-            steps.append((start, end))
+    stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
+    strikes = sorted((s.start_s, side) for side, found in stances.items() for s in found if s.start_seen)
+    steps = [(start, end) for (start, first), (end, second) in pairwise(strikes)
+             if first != second and _measured((start, end), trial.unmeasured)
+             and all(any(s.start_s <= at <= s.end_s for s in stances[side]) for side, at in
+                     ((second, start), (first, end)))]
     if not steps:
         return
-    force, duration = 0.0, sum(end - start for start, end in steps)
-    for plate in plates.values():
-        force += sum(float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2])) * (end - start)
-                     for start, end in steps) / duration
+    duration = sum(end - start for start, end in steps)
+    force = sum(float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2])) * (end - start)
+                for plate in trial.plates.values() for start, end in steps) / duration
     found, stated = force / GRAVITY, trial.subject.mass_kg
     if not CONTRADICTED[0] <= found / stated <= CONTRADICTED[1]:
         pounds = abs(stated * POUND_KG / found - 1.0) < LIKE_POUNDS
@@ -177,3 +161,8 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
             f"mean vertical force is the weight of {found:.1f} kg", file=file, where="mass_kg",
             right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg" if pounds else
                   "Give the mass in kg, prosthesis included, or check the unit of the forces")
+
+
+def _measured(span: Span, unmeasured: dict[str, tuple[Span, ...]]) -> bool:
+    """Whether both feet are on plates or in the air throughout."""
+    return not any(a < span[1] and b > span[0] for spans in unmeasured.values() for a, b in spans)

@@ -33,19 +33,11 @@ from vsf_drake.plants.solids import (
     rotations,
     translations,
 )
+from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
 
-PELVIS_COORDINATES = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
 SOCKET_COORDINATES = ("socket_tx", "socket_ty", "socket_tz", "socket_flexion", "socket_adduction", "socket_rotation")
 SOCKET_RADIUS_M = 0.055
 """Outer radius of the socket's top (m): the public GaitModel_VSF scripts' radius of the shank there."""
-
-
-def leg_coordinates(side: str, intact: bool) -> tuple[str, ...]:
-    """Names of the joint coordinates of the leg on `side` ("right" or "left"), hip to ankle."""
-    names = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation"]
-    if intact:
-        names += ["ankle_angle", "ankle_adduction", "ankle_rotation"]
-    return tuple(f"{name}_{side[0]}" for name in names)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.doubts import doubts
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
-from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.bench_figure import bench_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder

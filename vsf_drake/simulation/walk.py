@@ -45,7 +45,7 @@ from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import added, check_names, check_number, check_values
 
 if TYPE_CHECKING:
-    from vsf_drake.motion.trial import Trial
+    from vsf_drake.motion.trial_record import Trial
 
 
 DEFAULT_STEP_S = 1e-3

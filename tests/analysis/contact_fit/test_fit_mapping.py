@@ -17,8 +17,8 @@ from vsf_drake.analysis.contact_fit.parameters import (
     standard_parameters,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
-from vsf_drake.motion.trajectory import window_bsplines
+from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 
 ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")
 LABELS = ("soft", "stiff", "third")

@@ -8,8 +8,7 @@ from made_c3d import write_c3d
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
-from vsf_drake.motion.formats.trc import read_trc
-from vsf_drake.motion.storage import read_storage
+from vsf_drake.motion.formats.tables import read_storage, read_trc
 
 FRAMES, RATE = 100, 100.0
 

@@ -7,8 +7,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.storage import write_storage
-from vsf_drake.motion.trial import write_trc
+from vsf_drake.motion.formats.tables import write_storage, write_trc
 
 COUNT = 50
 TIME = np.arange(COUNT) / 100.0

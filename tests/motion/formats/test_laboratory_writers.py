@@ -7,7 +7,7 @@ import pytest
 
 from vsf_drake.motion import Recording, read_trial
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.trial import write_forces_mot, write_trc
+from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
 
 RNG = np.random.default_rng(5)
 FRAMES = 40

@@ -23,12 +23,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vsf_drake.motion import read_trial
+from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.joint_angles import COORDINATES, joint_rotation, orientations_of, segment_joint
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
-from vsf_drake.motion.markers.tracking import checked_markers, track
-from vsf_drake.motion.storage import read_storage
+from vsf_drake.motion.markers.tracking import smooth_poses, track
 
 SAGITTAL = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
             "ankle_angle_l")
@@ -131,7 +131,7 @@ def test_the_pelvis_is_tilted_by_what_the_models_sacral_marker_is_higher(walk, m
 def test_the_thigh_is_turned_by_where_its_hip_centre_lies(session, walk, model_frames, side):
     """The point fixed in both pelvis and thigh is the model's hip centre; a line to ours differs by an angle."""
     calibration, recording = session
-    _, _, poses = checked_markers(recording, calibration)
+    *_, poses = smooth_poses(recording, calibration, cutoff_hz=None, longest_gap_s=0.1)
     pelvis, thigh = poses["pelvis"], poses[f"thigh_{side}"]
     unknowns = np.concatenate([pelvis.R_WB, -thigh.R_WB], axis=2).reshape(-1, 6)
     apart = (thigh.p_WB - pelvis.p_WB).ravel()

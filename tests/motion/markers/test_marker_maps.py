@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import made_person
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from vsf_drake.cli.app import app
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.markers.maps import SHIPPED, SIDES, choose_map, load_marker_map, parse_marker_map, suggest_map
-from vsf_drake.motion.trial import write_trc
+from vsf_drake.motion.formats.recording import SIDES
+from vsf_drake.motion.formats.tables import write_trc
+from vsf_drake.motion.markers.maps import SHIPPED, choose_map, load_marker_map, suggest_map
 
 SAMPLES = {
     "opensim_core/gait2354/subject01_static.trc": "rajagopal",
@@ -20,6 +22,13 @@ SAMPLES = {
     "bmc_gait/walk1.trc": "ior",
 }
 PIG = tuple(made_person.markers({}, label_set="plug_in_gait"))
+
+
+def read_map(text):
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mine.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_marker_map(path)
 
 
 @pytest.mark.parametrize("path", SAMPLES)
@@ -69,7 +78,7 @@ def test_two_people_in_one_file_are_told_apart_or_refused():
     with pytest.raises(InputError, match=r"Ann:LASI and Bob:LASI|Ann:RASI and Bob:RASI"):
         load_marker_map("plug_in_gait").translate(labels)
     text = load_marker_map("plug_in_gait").path.read_text(encoding="utf-8").replace("prefix: any", 'prefix: "Ann:"')
-    own = parse_marker_map(text, "own.yaml")
+    own = read_map(text)
     spelled = own.translate(labels)
     assert spelled["Ann:RASI"] == "RASI" and spelled["Bob:RASI"] == "Bob:RASI"
 
@@ -101,19 +110,19 @@ def test_a_pelvis_needs_its_back_and_a_foot_its_front():
     ("right: {asis: A, asis: B}", "twice"),
     ("right: {asi: A}", "Did you mean asis"),
     ("right: {asis: A}\nleft: {asis: A}", "asis_right and for asis_left"),
-    ("right: {asis: [A, {b: c}]}", "label or a list"),
-    ("right: {asis: []}", "label or a list"),
+    ("right: {asis: [A, {b: c}]}", r"line 1, right.asis\[1\]: must be a single text"),
+    ("right: {asis: {b: c}}", "line 1, right.asis: must be a list"),
     ("right: {asis: ''}", "label or a list"),
     ("right: [A]", "mapping"),
     ("just text", "mapping"),
-    ("", "mapping"),
+    ("", "is empty"),
     ("right: {asis: 'A", "not valid YAML"),
     ("forward: {}", "unknown key"),
 ])
 def test_a_broken_map_is_refused_with_a_reason(text, message):
     with pytest.raises(InputError, match=message) as caught:
-        parse_marker_map(text, "mine.yaml")
-    assert str(caught.value.file) == "mine.yaml"
+        read_map(text)
+    assert Path(caught.value.file).name == "mine.yaml"
 
 
 def test_a_map_of_ones_own_is_loaded_by_its_path(tmp_path):
@@ -127,7 +136,7 @@ def test_a_map_of_ones_own_is_loaded_by_its_path(tmp_path):
 @pytest.mark.parametrize("path", SAMPLES)
 def test_a_map_started_from_a_files_labels_finds_what_the_shipped_one_finds(shared_data, path):
     labels = list(read_trial(shared_data / path).markers)
-    own = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+    own = read_map(suggest_map(labels)).find(labels)
     assert own.roles == load_marker_map(SAMPLES[path]).find(labels).roles
 
 
@@ -135,7 +144,7 @@ def test_a_started_map_guesses_from_words_and_says_so():
     labels = ["R_ASIS", "L_ASIS", "SACRUM", "R Knee Lateral", "L Knee Lateral", "Ankle_Lat_R", "Ankle_Lat_L",
               "Right Heel", "Left Heel", "R_MT2", "L_MT2", "RSHO", "C7", "Tête", "RThigh1", "L_HJC"]
     text = suggest_map(labels)
-    found = parse_marker_map(text, "own.yaml").find(labels)
+    found = read_map(text).find(labels)
     assert found.roles["knee_lateral_right"] == "R Knee Lateral"
     assert found.roles["ankle_lateral_left"] == "Ankle_Lat_L"
     assert found.segments["thigh_right"] == ("R Knee Lateral", "RThigh1")
@@ -173,7 +182,7 @@ def test_a_started_map_knows_the_bones_initials():
     """R_IAS and the like: bone, place, as in several public data sets."""
     names = ("IAS", "IPS", "FTC", "FLE", "FME", "FAL", "TAM", "FCC", "FM1", "FM2", "FM5", "FAX", "TTC")
     labels = [f"{s}_{name}" for s in "RL" for name in names]
-    found = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+    found = read_map(suggest_map(labels)).find(labels)
     assert found.roles["psis_left"] == "L_IPS" and found.roles["ankle_medial_right"] == "R_TAM"
     assert found.segments["shank_left"] == ("L_FAL", "L_TAM", "L_FAX", "L_TTC")
 
@@ -194,7 +203,7 @@ def test_a_started_map_knows_epicondyles_and_metatarsal_heads_by_other_names():
                           {"knee_lateral": "LATCON", "knee_medial": "MEDCON", "met1": "1MTH", "toe": "2MTH",
                            "met5": "5MTH"})):
         labels = [side + name for side in "RL" for name in names]
-        found = parse_marker_map(suggest_map(labels), "own.yaml").find(labels)
+        found = read_map(suggest_map(labels)).find(labels)
         for role, name in roles.items():
             assert (found.roles[f"{role}_right"], found.roles[f"{role}_left"]) == (f"R{name}", f"L{name}")
         assert f"L{names[-1]}" in found.segments["shank_left"]
@@ -236,7 +245,7 @@ def test_a_started_map_chooses_among_like_labels_by_where_they_lie(heading, mirr
     """The lateral heel marker, first in the file, would put the heel 27 mm aside and turn the foot by 9 degrees."""
     recording, truth = ambiguous(heading, mirrored)
     text = suggest_map(recording.markers, recording)
-    found = parse_marker_map(text, "own.yaml")
+    found = read_map(text)
     assert {role: found.roles[role][0] for role in truth} == truth
     assert "heel: R_Heel_2  # guess by its place in this recording; or R_Heel_4, " in text
     assert "#   R_Heel_1  (guess: right heel)" in text
@@ -244,11 +253,11 @@ def test_a_started_map_chooses_among_like_labels_by_where_they_lie(heading, mirr
     assert "heel: R_Heel_1  # guess by the file's order; or R_Heel_2, " in blind
 
 
-def test_the_command_looks_at_where_the_markers_lie_or_says_why_not(tmp_path):
+def test_the_command_looks_at_where_the_markers_lie_or_says_why_not(run, tmp_path):
     recording, _ = ambiguous(0.0, False)
     write_trc(tmp_path / "static.trc", recording)
-    shown = CliRunner().invoke(app, ["import", "--list-markers", str(tmp_path / "static.trc")]).output
+    _, shown, _ = run("import", "--list-markers", tmp_path / "static.trc")
     assert "heel: R_Heel_2  # guess by its place in this recording" in shown
-    shown = CliRunner().invoke(app, ["import", "--list-markers", str(tmp_path / "static.trc"), "--up", "x"]).output
+    _, shown, _ = run("import", "--list-markers", tmp_path / "static.trc", "--up", "x")
     assert "heel: R_Heel_1  # guess by the file's order" in shown
     assert "# Where the markers lie was not looked at: " in shown

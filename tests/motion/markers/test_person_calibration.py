@@ -10,9 +10,9 @@ from made_standing import BACKWARD, EVEN, FLEXED, MAPS, UNEQUAL, assert_truth, c
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.motion.formats.recording import SIDES, Plate
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.maps import SIDES, load_marker_map
+from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.posture import settling
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS

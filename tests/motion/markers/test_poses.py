@@ -33,15 +33,14 @@ def test_a_rigid_cluster_gives_back_its_pose(seed, count, flat):
     assert poses.residual_m.max() < 1e-12
 
 
-def test_noisy_clusters_get_the_least_weighted_squares_of_a_general_minimiser():
+def test_noisy_clusters_get_the_least_squares_of_a_general_minimiser():
     R, p, seen = moved(CLUSTER, frames=5)
     seen += 0.01 * np.random.default_rng(1).normal(size=seen.shape)
-    weights = np.array([1.0, 2.0, 0.5, 3.0])
-    poses = rigid_poses(CLUSTER, seen, weights)
+    poses = rigid_poses(CLUSTER, seen)
     for n in range(5):
         def residual(x, n=n):
             fitted = CLUSTER @ (Rotation.from_rotvec(x[:3]).as_matrix() @ R[n]).T + x[3:]
-            return (np.sqrt(weights)[:, None] * (fitted - seen[n])).ravel()
+            return (fitted - seen[n]).ravel()
         best = least_squares(residual, np.r_[np.zeros(3), p[n]], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
         np.testing.assert_allclose(poses.R_WB[n], Rotation.from_rotvec(best[:3]).as_matrix() @ R[n], atol=1e-7)
         np.testing.assert_allclose(poses.p_WB[n], best[3:], atol=1e-8)
@@ -66,13 +65,6 @@ def test_markers_out_of_sight_are_left_out_of_their_frames_only():
     assert np.isnan(poses.residual_m[3:7, 1]).all() and not np.isnan(poses.residual_m[3, [0, 2, 3]]).any()
 
 
-def test_a_weight_of_zero_is_a_marker_not_used():
-    R, _, seen = moved(CLUSTER)
-    seen[:, 0] += 1.0
-    poses = rigid_poses(CLUSTER, seen, np.array([0.0, 1, 1, 1]))
-    np.testing.assert_allclose(poses.R_WB, R, atol=1e-12)
-
-
 @pytest.mark.parametrize("cluster", [CLUSTER[:2], np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1]), np.zeros((4, 3))])
 def test_markers_on_a_line_give_no_pose(cluster):
     poses = rigid_poses(cluster, moved(cluster)[2])
@@ -89,8 +81,8 @@ def test_far_from_the_origin_nothing_is_lost():
 def test_points_of_the_segment_follow_it():
     seen = moved(CLUSTER)[2]
     poses = rigid_poses(CLUSTER, seen)
-    np.testing.assert_allclose(poses.points(CLUSTER), seen, atol=1e-12)
-    np.testing.assert_allclose(poses.points(CLUSTER[2]), seen[:, 2], atol=1e-12)
+    for k, point in enumerate(CLUSTER):
+        np.testing.assert_allclose(poses.points(point), seen[:, k], atol=1e-12)
 
 
 def test_mean_shape_is_that_of_the_markers_in_motion():
@@ -114,10 +106,3 @@ def test_mean_shape_of_markers_without_a_pose_is_the_one_given():
 def test_width_is_the_distance_from_the_line():
     square = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.02, 0], [0, 0.02, 0]])
     assert cluster_width(square) == pytest.approx(0.01)
-
-
-def test_shapes_and_weights_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match="do not fit"):
-        rigid_poses(CLUSTER, np.zeros((5, 3, 3)))
-    with pytest.raises(ValueError, match="weights"):
-        rigid_poses(CLUSTER, np.zeros((5, 4, 3)), np.array([1, 1, 1, -1]))

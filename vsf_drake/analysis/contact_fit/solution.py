@@ -20,7 +20,7 @@ from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve, variable_unit
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
-from vsf_drake.motion.gait_cycle import periodic_bsplines
+from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult

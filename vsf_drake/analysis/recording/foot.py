@@ -16,7 +16,7 @@ from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.foot_handles import ContactSites

@@ -13,7 +13,8 @@ from vsf_drake.analysis.validation.study import SETTINGS, embedded_contact, embe
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial_record import Trial
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the finished fraction of it."""

@@ -29,8 +29,8 @@ from vsf_drake.analysis.tuning.recorded_projection import TX, Misfit, SagittalCh
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.parameters import GRAVITY
 
 ITERATIONS = 80
 SMALLEST_GAIN = 1e-7

@@ -37,11 +37,11 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     targets,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.motion.kinematics import PELVIS_ROTATIONS
-from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.subject import PELVIS_ROTATIONS
 
 STEP_S = 0.002
 ON_FLOOR = 0.5

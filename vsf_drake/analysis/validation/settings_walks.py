@@ -38,8 +38,8 @@ from vsf_drake.analysis.validation.study import Progress, StudyWalk
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.gait_cycle import gait_phase, periodic_bsplines
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many

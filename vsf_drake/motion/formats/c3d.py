@@ -2,25 +2,26 @@
 
 Read by our own few lines rather than by ezc3d, which needs ten times the file's size in memory and ends the process
 (segmentation fault) on some damaged files; the tests compare the two.
+
+The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org): a header block of 512 bytes, a chain
+of groups and parameters, then the frames; numbers in the manner of Intel, DEC or MIPS processors. Everything is checked
+against the file's size before anything is reserved. Force plates (chapter of that name; type 3: Kistler,
+https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own, which follows from their corners:
+x from corner 2 to corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.c3d_data import (
-    C3dDescription,
-    Layout,
-    read_analog,
-    read_description,
-    read_layout,
-    read_points,
-)
 from vsf_drake.motion.formats.recording import RawForces, RawMarkers, RawPlate, RawTrial
 from vsf_drake.motion.formats.text import (
+    as_label,
     file_length_factor,
     first_of_each,
     length_factor,
@@ -29,9 +30,26 @@ from vsf_drake.motion.formats.text import (
     without_prefix,
 )
 
+LARGEST = 1e9
+"""No force, moment or position is as large, in any unit."""
 MASSES_KG, STATURES_M = (20.0, 250.0), (0.8, 2.5)
+MOST_FRAMES, MOST_PLATES, MOST_RECORDS = 100_000_000, 64, 100_000
+MOST_16_BITS = 65535
+"""What the header says as last frame where there are more."""
+LOADED_N, FAR_M = 50.0, 0.3
+"""A centre of pressure this far off a plate that carries so much is not on it, whatever the noise."""
+SMALLEST_M2 = 1e-3
+_BLOCK = 512
+_CHUNK = 1 << 20
+"""Bytes of the file that are converted at a time."""
+_INTEL, _DEC, _MIPS = 84, 85, 86
+_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
+"""Bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats."""
+_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Analog channels of each type of plate."""
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
+_DAMAGED = "Is the file damaged?"
 
 
 def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
@@ -40,52 +58,56 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     Raises:
         InputError: the file is truncated or damaged, or its unit is unknown.
     """
-    c3d = read_description(path)
-    layout = read_layout(c3d)
-    rate = c3d.number("POINT:RATE") or c3d.header.rate_hz
+    c3d = _read_description(path)
+    layout = _read_layout(c3d)
+    rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
         raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
     factor = file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
     notes: list[str] = []
     start = (layout.first_frame - 1) / rate
-    labels, kept = _labels(c3d, layout, notes)
+    labels, kept = _labels(c3d, notes)
     markers = None
     if labels:
-        positions = read_points(c3d, layout, kept, length_m=factor)
+        positions = _read_points(c3d, layout, kept, length_m=factor)
         unseen = np.isnan(positions[..., 0]).all(axis=0)
-        first = first_of_each(labels, notes, empty=lambda i: bool(unseen[i]))
+        first = first_of_each(labels, notes, lambda i: bool(unseen[i]))
         if len(first) < len(labels):
             labels, positions = [labels[i] for i in first], positions[:, first]
         markers = RawMarkers(labels, positions, rate, start)
-    if layout.subframes != c3d.header.subframes and layout.channels:
-        notes.append(f"The header of {path.name} says {c3d.header.subframes} analog samples a frame; its parameters "
+    if layout.subframes != c3d.subframes and layout.channels:
+        notes.append(f"The header of {path.name} says {c3d.subframes} analog samples a frame; its parameters "
                      f"and the numbers that a frame holds say {layout.subframes}, which was used.")
-    forces = read_plates(c3d, layout, length_m=factor, rate_hz=rate, start_s=start, notes=notes)
-    if markers is None and forces is None:
+    plates = _read_plates(c3d, layout, factor, notes)
+    if markers is None and not plates:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
                          right=" ".join(notes) or "Export the trial with its marker labels")
-    stated = c3d.number("ANALOG:RATE")
-    if forces is not None and stated and abs(stated / forces.rate_hz - 1.0) > 1e-3:
+    stated, fast = c3d.number("ANALOG:RATE"), rate * layout.subframes
+    if plates and stated and abs(stated / fast - 1.0) > 1e-3:
         notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {layout.subframes} samples a frame make "
-                     f"{forces.rate_hz:g} Hz, which was used.")
-    return RawTrial(markers, forces, up=_axis(c3d.texts("POINT:Y_SCREEN")), notes=notes, person=_person(c3d, notes))
+                     f"{fast:g} Hz, which was used.")
+    screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
+    screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
+    return RawTrial(markers, RawForces(plates, fast, start) if plates else None, notes=notes,
+                    up=screen if screen[1:] in ("x", "y", "z") else None, person=_person(c3d, notes))
 
 
 def c3d_labels(path: Path) -> list[str]:
     """The labels of a C3D file's markers, in its order."""
-    c3d = read_description(path)
-    return _labels(c3d, read_layout(c3d), [])[0]
+    c3d = _read_description(path)
+    _read_layout(c3d)
+    return _labels(c3d, [])[0]
 
 
-def _labels(c3d: C3dDescription, layout: Layout, notes: list[str]) -> tuple[list[str], list[int]]:
+def _labels(c3d: _Description, notes: list[str]) -> tuple[list[str], list[int]]:
     """The markers' labels and which points they are: what is computed or has no name is left out."""
-    labels = c3d.all_texts("POINT:LABELS")[:layout.points]
+    labels = c3d.all_texts("POINT:LABELS")[:c3d.points]
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
     kept = [i for i, label in enumerate(labels) if label and not label.startswith("*") and label not in computed]
     left_out = [label for label in labels if label in computed and label]
     if left_out:
         notes.append(f"{len(left_out)} computed quantities stored as points were left out ({left_out[0]}, ...).")
-    nameless = layout.points - len(kept) - len(left_out)
+    nameless = c3d.points - len(kept) - len(left_out)
     if nameless:
         notes.append(f"{nameless} points of {c3d.path.name} without a label were left out.")
     short, more = without_prefix([labels[i] for i in kept])
@@ -93,7 +115,7 @@ def _labels(c3d: C3dDescription, layout: Layout, notes: list[str]) -> tuple[list
     return short, kept
 
 
-def _person(c3d: C3dDescription, notes: list[str]) -> dict[str, float]:
+def _person(c3d: _Description, notes: list[str]) -> dict[str, float]:
     """Body mass (kg) and stature (m) that Vicon's software writes, where somebody may weigh and measure so much."""
     found = {}
     for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
@@ -107,80 +129,51 @@ def _person(c3d: C3dDescription, notes: list[str]) -> dict[str, float]:
     return found
 
 
-def _axis(texts: list[str]) -> str | None:
-    text = texts[0].strip().lower() if texts else ""
-    text = text if text[:1] in ("+", "-") else f"+{text}"
-    return text if text[1:] in ("x", "y", "z") else None
+# Force plates of types 1 to 4: a force and a torque about the centre of the plate's surface.
 
 
-# Force plates of a C3D file: types 1 to 4 to a force and a torque about the centre of the plate's surface.
-#
-# The plate's own frame P follows from its corners: x from corner 2 to corner 1, y from corner 4 to corner 1, both in
-# the surface, z = x x y, by rule into the floor. Formulas: C3D user guide (Motion Lab Systems, https://www.c3d.org),
-# chapter on force plates; type 3 Kistler (https://isbweb.org/software/movanal/vaughan/kistler.pdf).
-
-
-CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
-"""Analog channels of each type."""
-LOADED_N = 50.0
-FAR_M = 0.3
-"""A centre of pressure this far off a plate is not on it, whatever the noise."""
-MOST_PLATES = 64
-SMALLEST_M2 = 1e-3
-LARGEST = 1e9
-"""No force, moment or position is as large, in any unit."""
-
-
-def read_plates(c3d: C3dDescription, layout: Layout, *, length_m: float, rate_hz: float, start_s: float,
-                notes: list[str]) -> RawForces | None:
-    """The plates of a C3D file in its laboratory frame, SI.
-
-    Args:
-        length_m: metres in the unit of the file's points, corners and origins.
-        rate_hz: of the points.
-        start_s: time of the first frame.
-        notes: is added to.
-
-    Raises:
-        InputError: the parameters of all plates are incomplete or name channels that do not exist.
-    """
+def _read_plates(c3d: _Description, layout: _Layout, length_m: float, notes: list[str]) -> list[RawPlate]:
+    """The plates in the laboratory frame, SI; refused if all are described wrongly."""
     used = c3d.number("FORCE_PLATFORM:USED")
     if not used or used < 0 or not layout.channels:
-        return None
+        return []
     if used > MOST_PLATES:
         raise InputError(f"{used:g} force plates are stated", file=c3d.path, where="FORCE_PLATFORM:USED",
-                         right="Is the file damaged?")
+                         right=_DAMAGED)
     plates, broken = [], list[InputError]()
     for i in range(int(used)):
         try:
-            plate = _read_plate(c3d, layout, i, length_m, notes)
+            plates.append(_read_plate(c3d, layout, i, length_m, notes))
         except InputError as error:
             if not (error.where or "").startswith("FORCE_PLATFORM:"):
                 raise
             broken.append(error)
             notes.append(f"Force plate {i + 1} of {c3d.path.name} was left out, and what stood on it counts as not "
                          f"measured: {error.where} {error.what}.")
-            continue
-        if plate is not None:
-            plates.append(plate)
-    if broken and not plates:
+    found = [plate for plate in plates if plate is not None]
+    if broken and not found:
         raise broken[0]
-    return RawForces(plates, rate_hz * layout.subframes, start_s) if plates else None
+    return found
 
 
-def _read_plate(c3d: C3dDescription, layout: Layout, i: int, length_m: float, notes: list[str]) -> RawPlate | None:
+def _read_plate(c3d: _Description, layout: _Layout, i: int, length_m: float, notes: list[str]) -> RawPlate | None:
     types = c3d.values("FORCE_PLATFORM:TYPE").ravel(order="F")
     kind = int(types[i]) if i < len(types) and np.isfinite(types[i]) else 0
-    if kind not in CHANNELS:
+    if kind not in _CHANNELS:
         notes.append(f"Force plate {i + 1} of {c3d.path.name} is of type {kind}, which is not read: it was left out.")
         return None
     corners = _of_plate(c3d, "CORNERS", i, 12).reshape(4, 3) * length_m
-    if _area(corners) < SMALLEST_M2 or _is_bent(corners):
+    x, y = corners[0] - corners[1], corners[0] - corners[3]
+    z = np.cross(x, y)
+    bent = float(np.linalg.norm(z)) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
+    if bent or np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0 < SMALLEST_M2:
         notes.append(f"Force plate {i + 1} of {c3d.path.name} has no corners that span a surface: it was left out.")
         return None
-    raw = read_analog(c3d, layout, _channels(c3d, layout, i, CHANNELS[kind]))
-    x = corners[0] - corners[1]
-    z = np.cross(x, corners[0] - corners[3])
+    channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, _CHANNELS[kind])]
+    if min(channels) < 0 or max(channels) >= layout.channels:
+        raise InputError(f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
+                         f"are {layout.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
+    raw = _read_analog(c3d, layout, channels)
     axes = np.column_stack([v / np.linalg.norm(v) for v in (x, np.cross(z, x), z)])
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
@@ -191,75 +184,62 @@ def _read_plate(c3d: C3dDescription, layout: Layout, i: int, length_m: float, no
                 raw[piece] = raw[piece] @ calibration.T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
-    unit = _moment_unit(c3d, i, kind, length_m)
-    choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit)]
+    stated = c3d.all_texts("ANALOG:UNITS")
+    text = stated[channels[3]] if channels[3] < len(stated) else ""
+    found = length_factor(text) if kind == 1 else moment_factor(text)
+    unit = length_m if found is None or kind == 3 else found
     half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
-    for choice in choices if kind != 3 else choices[:1]:
-        if _on_plate(kind, raw, origin, choice, half):
-            break
-    else:
-        choice = unit
+    choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
+    choice = next((choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit)
     if choice != unit:
         notes.append(f"The moments of force plate {i + 1} were read as multiples of {choice:g} N m: as {unit:g} N m, "
                      "which the file states, the centre of pressure would lie far off the plate.")
     force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
     point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
     for piece in pieces(len(raw), raw.shape[1]):
-        f, p, t = _LOADS[kind](raw[piece], origin, choice)
+        f, p, t = _load(kind, raw[piece], origin, choice)
         force[piece], torque[piece] = f @ axes.T, t @ axes.T
         if kind == 1:
             point[piece] = p @ axes.T + centre
     return RawPlate(str(i + 1), force, point, torque, corners=corners)
 
 
-def _load_1(raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fx, Fy, Fz, Px, Py, Mz: centre of pressure from the surface's centre, free moment there."""
+def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force, point from the surface's centre and torque about it in P, each (n, 3), from the channels of a plate.
+
+    Type 1 has Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`. Types 2
+    and 4 have Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre. Type 3 has Fx12,
+    Fx34, Fy14, Fy23, Fz1 to Fz4 of sensors at (+-a, +-b) under the surface, `origin` being (a, b, depth).
+    """
     zero = np.zeros(len(raw))
-    return (raw[:, :3], np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
-            np.column_stack([zero, zero, raw[:, 5] * unit]))
-
-
-def _load_2(raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fx, Fy, Fz, Mx, My, Mz about the sensor's origin, from which `origin` leads to the surface's centre."""
-    force = raw[:, :3]
-    lead = -origin if origin[2] > 0.0 else origin
-    return force, np.zeros_like(force), raw[:, 3:6] * unit - np.cross(lead, force)
-
-
-def _load_3(raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fx12, Fx34, Fy14, Fy23, Fz1 to Fz4 of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)."""
-    a, b = abs(origin[0]), abs(origin[1])
-    x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
-    force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
-    torque = np.column_stack([b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)])
-    return force, np.zeros_like(force), torque - np.cross([0.0, 0.0, -abs(origin[2])], force)
-
-
-_LOADS = {1: _load_1, 2: _load_2, 3: _load_3, 4: _load_2}
+    if kind == 1:
+        return (raw[:, :3], np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
+                np.column_stack([zero, zero, raw[:, 5] * unit]))
+    if kind == 3:
+        a, b = abs(origin[0]), abs(origin[1])
+        x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
+        force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
+        torque = np.column_stack(
+            [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)])
+        lead = np.array([0.0, 0.0, -abs(origin[2])])
+    else:
+        force, torque, lead = raw[:, :3], raw[:, 3:6] * unit, -origin if origin[2] > 0.0 else origin
+    return force, np.zeros_like(force), torque - np.cross(lead, force)
 
 
 def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
     """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
-    off = []
+    off = [np.empty((0, 2))]
     for piece in pieces(len(raw), raw.shape[1]):
-        force, point, torque = _LOADS[kind](raw[piece], origin, unit)
+        force, point, torque = _load(kind, raw[piece], origin, unit)
         on = np.abs(force[:, 2]) > LOADED_N
         f, t = force[on], torque[on]
         off.append(np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3]))
-    distance = np.concatenate(off) if off else np.empty((0, 2))
+    distance = np.concatenate(off)
     return not len(distance) or bool((np.median(distance, axis=0, overwrite_input=True) < half + FAR_M).all())
 
 
-def _moment_unit(c3d: C3dDescription, i: int, kind: int, length_m: float) -> float:
-    """N m in the unit of the moment channels (type 1: metres in that of the position), as the file states it."""
-    stated = c3d.all_texts("ANALOG:UNITS")
-    channel = int(_of_plate(c3d, "CHANNEL", i, CHANNELS[kind])[3]) - 1
-    text = stated[channel] if 0 <= channel < len(stated) else ""
-    found = length_factor(text) if kind == 1 else moment_factor(text)
-    return length_m if found is None or kind == 3 else found
-
-
-def _calibration(c3d: C3dDescription, i: int, notes: list[str]) -> np.ndarray:
+def _calibration(c3d: _Description, i: int, notes: list[str]) -> np.ndarray:
     matrices = c3d.values("FORCE_PLATFORM:CAL_MATRIX")
     if matrices.ndim == 2:
         matrices = matrices[:, :, None]
@@ -269,7 +249,7 @@ def _calibration(c3d: C3dDescription, i: int, notes: list[str]) -> np.ndarray:
     return matrices[:6, :6, i]
 
 
-def _of_plate(c3d: C3dDescription, name: str, i: int, size: int) -> np.ndarray:
+def _of_plate(c3d: _Description, name: str, i: int, size: int) -> np.ndarray:
     """The i-th plate's numbers of a parameter, in the file's order."""
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
@@ -279,19 +259,296 @@ def _of_plate(c3d: C3dDescription, name: str, i: int, size: int) -> np.ndarray:
     return flat
 
 
-def _channels(c3d: C3dDescription, layout: Layout, i: int, count: int) -> list[int]:
-    channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, count)]
-    if min(channels) < 0 or max(channels) >= layout.channels:
-        raise InputError(f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
-                         f"are {layout.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
-    return channels
+# The frames: points and analog channels, read a chunk at a time.
 
 
-def _is_bent(corners: np.ndarray) -> bool:
-    """Whether the corners do not lie in one rectangle's order: sides that meet at corner 1 are along each other."""
-    x, y = corners[0] - corners[1], corners[0] - corners[3]
-    return float(np.linalg.norm(np.cross(x, y))) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """How the frames lie in the file: byte of the first one, counts, whether numbers are 32-bit floats.
+
+    `channels` analog channels have `subframes` samples a frame; `first_frame` counts from 1.
+    """
+
+    start: int
+    frames: int
+    points: int
+    channels: int
+    subframes: int
+    floats: bool
+    first_frame: int
+
+    @property
+    def words(self) -> int:
+        return 4 * self.points + self.channels * self.subframes
+
+    @property
+    def frame_bytes(self) -> int:
+        return self.words * (4 if self.floats else 2)
 
 
-def _area(corners: np.ndarray) -> float:
-    return float(np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0)
+def _read_layout(c3d: _Description) -> _Layout:
+    """Where and how many the frames are; header and parameters that disagree are settled by the file's size."""
+    block = int(c3d.data_block or c3d.number("POINT:DATA_START") or 0)
+    scale = c3d.scale if c3d.points == 0 or c3d.scale else c3d.number("POINT:SCALE") or 0.0
+    if block < 2 or not np.isfinite(scale):
+        raise InputError("the header does not say where the frames are", file=c3d.path, where="header", right=_DAMAGED)
+    subframes = _subframes(c3d) if c3d.analog_per_frame else 0
+    if c3d.analog_per_frame and not subframes:
+        raise InputError(f"{c3d.analog_per_frame} analog numbers a frame fit neither {c3d.subframes} samples a "
+                         "frame nor ANALOG:USED and ANALOG:RATE", file=c3d.path, where="header", right=_DAMAGED)
+    channels = c3d.analog_per_frame // subframes if subframes else 0
+    start, floats = (block - 1) * _BLOCK, scale < 0.0
+    frame_bytes = (4 * c3d.points + channels * subframes) * (4 if floats else 2)
+    if frame_bytes == 0:
+        raise InputError("has neither points nor analog channels", file=c3d.path)
+    held = max(c3d.size - start, 0) // frame_bytes
+    trial = _trial_frames(c3d)
+    by_header = c3d.last_frame - c3d.first_frame + 1
+    long = c3d.number("POINT:FRAMES") if c3d.last_frame == MOST_16_BITS else None
+    counts = [by_header, trial[1] - trial[0] + 1 if trial else 0,
+              *(int(min(value, MOST_FRAMES)) for value in (long, c3d.number("POINT:LONG_FRAMES")) if value)]
+    stated = [frames for frames in counts if 0 < frames < MOST_FRAMES]
+    frames = max((frames for frames in stated if frames <= held), default=0)
+    if not frames:
+        raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=c3d.path,
+                         right="Is the file truncated?")
+    if frames == by_header and c3d.last_frame == MOST_16_BITS:
+        frames = _frames_held(c3d.path, start, frame_bytes, held)
+    first = trial[0] if trial and trial[0] % (MOST_16_BITS + 1) == c3d.first_frame else max(c3d.first_frame, 1)
+    return _Layout(start, frames, c3d.points, channels, subframes, floats, first)
+
+
+def _subframes(c3d: _Description) -> int:
+    """Analog samples a frame: the header's where they divide the numbers of a frame, but where the parameters agree.
+
+    ANALOG:USED channels and the rates of ANALOG and POINT each give a number; where both give the same, that counts,
+    else the header's, else the one of the two that divides. 0 where none does.
+    """
+    total = c3d.analog_per_frame
+    used, fast, slow = (c3d.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
+    by_channels = total / used if used >= 1.0 else 0.0
+    by_rate = fast / (slow or c3d.rate_hz or np.inf)
+    agreed = by_channels if abs(by_rate - by_channels) < 1e-3 * by_channels else 0.0
+    for subframes in (agreed, float(c3d.subframes), by_channels, by_rate):
+        if 1.0 <= subframes <= total and subframes == round(subframes) and total % subframes == 0:
+            return int(subframes)
+    return 0
+
+
+def _frames_held(path: Path, start: int, frame_bytes: int, held: int) -> int:
+    """The frames that the file holds, without zeros that fill its last block: for counts beyond 16 bits."""
+    with open(path, "rb") as stream:
+        stream.seek(start + max(held - 1 - _BLOCK // frame_bytes, 0) * frame_bytes)
+        tail = stream.read()
+    tail = tail[:len(tail) // frame_bytes * frame_bytes]
+    while held > 1 and tail and not any(tail[-frame_bytes:]):
+        tail, held = tail[:-frame_bytes], held - 1
+    return held
+
+
+def _trial_frames(c3d: _Description) -> tuple[int, int] | None:
+    """First and last frame by the parameters of TRIAL, two words of 16 bits each."""
+    ends = []
+    for name in ("TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"):
+        words = c3d.values(name).ravel(order="F")
+        if words.size < 2 or not np.isfinite(words[:2]).all():
+            return None
+        ends.append(sum(int(w) % (MOST_16_BITS + 1) * k for w, k in zip(words, (1, MOST_16_BITS + 1), strict=False)))
+    return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
+
+
+def _read_points(c3d: _Description, layout: _Layout, points: list[int], *, length_m: float) -> np.ndarray:
+    """(frames, len(points), 3) m of the points asked for (from 0); each point's path lies in one piece.
+
+    NaN where the residual is negative, or all three numbers are zero.
+    """
+    scale = 1.0 if layout.floats else abs(c3d.scale or c3d.number("POINT:SCALE") or 1.0)
+    wanted = slice(None) if points == list(range(layout.points)) else points
+    out = np.empty((len(points), layout.frames, 3)).transpose(1, 0, 2)
+    for rows, block in _chunks(c3d, layout):
+        words = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)[:, wanted]
+        with np.errstate(invalid="ignore"):
+            place = words[..., :3].astype(float)
+        unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)
+        place[unseen] = np.nan
+        place *= scale
+        place *= length_m
+        out[rows] = place
+    return out
+
+
+def _read_analog(c3d: _Description, layout: _Layout, channels: list[int]) -> np.ndarray:
+    """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
+    general = c3d.number("ANALOG:GEN_SCALE")
+    unsigned = any(text.upper().startswith("UNSIGNED") for text in c3d.texts("ANALOG:FORMAT"))
+    scales = _per_channel(c3d, "ANALOG:SCALE", channels, 1.0) * (1.0 if general is None else general)
+    offsets = _per_channel(c3d, "ANALOG:OFFSET", channels, 0.0)
+    if unsigned:
+        offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
+    out = np.empty((layout.frames * layout.subframes, len(channels)))
+    for rows, block in _chunks(c3d, layout, signed=not unsigned):
+        samples = block[:, 4 * layout.points:].reshape(-1, layout.channels)[:, channels]
+        with np.errstate(invalid="ignore", over="ignore"):
+            out[rows.start * layout.subframes:rows.stop * layout.subframes] = (samples - offsets) * scales
+    return out
+
+
+def _per_channel(c3d: _Description, name: str, channels: list[int], default: float) -> np.ndarray:
+    """A parameter with one number a channel; it goes on in NAME2, ... beyond 255 channels."""
+    value, i = c3d.values(name).ravel(order="F"), 2
+    while (more := c3d.values(f"{name}{i}").ravel(order="F")).size:
+        value, i = np.concatenate([value, more]), i + 1
+    return np.array([value[c] if c < len(value) else default for c in channels])
+
+
+def _chunks(c3d: _Description, layout: _Layout, *, signed: bool = True) -> Iterator[tuple[slice, np.ndarray]]:
+    """Slices of the frames with their numbers (frames, words)."""
+    step = max(1, _CHUNK // layout.frame_bytes)
+    with open(c3d.path, "rb") as stream:
+        stream.seek(layout.start)
+        for first in range(0, layout.frames, step):
+            last = min(first + step, layout.frames)
+            data = stream.read((last - first) * layout.frame_bytes)
+            if len(data) != (last - first) * layout.frame_bytes:
+                raise InputError("ends before its last frame", file=c3d.path, right="Is the file truncated?")
+            numbers = _floats(data, c3d.processor) if layout.floats else _integers(data, c3d.processor, signed=signed)
+            yield slice(first, last), numbers.reshape(last - first, layout.words)
+
+
+# The header and the parameter section.
+
+
+def _integers(data: bytes, processor: int, *, signed: bool = True) -> np.ndarray:
+    """16-bit integers as the processor writes them."""
+    return np.frombuffer(data, (">" if processor == _MIPS else "<") + ("i2" if signed else "u2"))
+
+
+def _floats(data: bytes, processor: int) -> np.ndarray:
+    """32-bit numbers; DEC's have their halves swapped and four times the value of IEEE's."""
+    if processor == _DEC:
+        halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
+        return np.ascontiguousarray(halves).view("<f4").ravel() / np.float32(4.0)
+    return np.frombuffer(data, "<f4" if processor == _INTEL else ">f4")
+
+
+@dataclass(eq=False)
+class _Description:
+    """What the header states (frames count from 1), and parameters by "GROUP:NAME", arrays in Fortran order."""
+
+    path: Path
+    size: int
+    processor: int
+    points: int
+    analog_per_frame: int
+    first_frame: int
+    last_frame: int
+    scale: float
+    data_block: int
+    subframes: int
+    rate_hz: float
+    parameters: dict[str, np.ndarray | list[str]]
+
+    def texts(self, name: str) -> list[str]:
+        """A parameter of texts; empty where there is none."""
+        value = self.parameters.get(name)
+        return value if isinstance(value, list) else []
+
+    def all_texts(self, name: str) -> list[str]:
+        """A list that goes on in NAME2, NAME3, ... where it has more than 255 entries."""
+        found, i = self.texts(name), 2
+        while more := self.texts(f"{name}{i}"):
+            found, i = found + more, i + 1
+        return found
+
+    def values(self, name: str) -> np.ndarray:
+        """A parameter of numbers as float; empty where there is none."""
+        value = self.parameters.get(name)
+        return np.zeros(0) if value is None or isinstance(value, list) else np.asarray(value, dtype=float)
+
+    def number(self, name: str) -> float | None:
+        """The first number of a parameter, if it is finite."""
+        value = self.values(name).ravel(order="F")
+        return float(value[0]) if value.size and np.isfinite(value[0]) else None
+
+
+def _read_description(path: Path) -> _Description:
+    """Header and parameters; refused if the file is missing, empty, no C3D file or damaged in them."""
+    try:
+        size = path.stat().st_size
+        with open(path, "rb") as stream:
+            head = stream.read(_BLOCK)
+            if size == 0:
+                raise InputError("the file is empty", file=path)
+            if len(head) < _BLOCK or head[1] != 0x50:
+                raise InputError("is not a C3D file", file=path, where="header",
+                                 right="Its second byte must be 0x50" if len(head) >= _BLOCK else "It is too short")
+            start = (max(head[0], 1) - 1) * _BLOCK
+            stream.seek(start)
+            lead = stream.read(4)
+            if len(lead) < 4:
+                raise InputError("ends before its parameters", file=path, right="Is the file truncated?")
+            processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
+            if processor not in (_INTEL, _DEC, _MIPS):
+                raise InputError(f"the processor type {lead[3]} is unknown", file=path, where="parameters",
+                                 right="It must be 84, 85 or 86: is the file damaged?")
+            words = [int(word) for word in _integers(head, processor, signed=False)]
+            stream.seek(start)
+            section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+    with np.errstate(all="ignore"):
+        scale, rate = (float(_floats(head[at:at + 4], processor)[0]) for at in (12, 20))
+    return _Description(path, size, processor, *words[1:5], scale, words[8], words[9], rate,
+                        _read_parameters(section, processor, path))
+
+
+def _read_parameters(section: bytes, processor: int, path: Path) -> dict[str, np.ndarray | list[str]]:
+    groups: dict[int, str] = {}
+    found: list[tuple[int, str, np.ndarray | list[str]]] = []
+    at = 4
+    for _ in range(MOST_RECORDS):
+        if at + 2 > len(section) or section[at] == 0:
+            break
+        length, group = (int(byte) for byte in np.frombuffer(section[at:at + 2], np.int8))
+        name_end = at + 2 + abs(length)
+        if name_end + 2 > len(section) or group == 0:
+            raise _damaged(path, f"parameters, byte {at}")
+        name = section[at + 2:name_end].decode("latin-1").strip().upper()
+        if group < 0:
+            groups[-group] = name
+        else:
+            value = _read_value(section, name_end + 2, processor)
+            if value is None:
+                raise _damaged(path, f"parameter {name}")
+            found.append((group, name, value))
+        step = int(_integers(section[name_end:name_end + 2], processor, signed=False)[0])
+        if step == 0:
+            break
+        at = name_end + step
+    return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
+
+
+def _damaged(path: Path, where: str) -> InputError:
+    return InputError("the parameter section is damaged", file=path, where=where, right="Export the trial again")
+
+
+def _read_value(section: bytes, at: int, processor: int) -> np.ndarray | list[str] | None:
+    """The value of a parameter whose type byte is at `at`; None where it does not fit into the section."""
+    if at + 2 > len(section):
+        return None
+    kind, count = section[at] - 256 * (section[at] > 127), section[at + 1]
+    shape = tuple(section[at + 2:at + 2 + count])
+    if kind not in _SIZES or len(shape) != count or count > 7:
+        return None
+    items = int(np.prod(shape, dtype=object)) if shape else 1
+    data = section[at + 2 + count:at + 2 + count + items * _SIZES[kind]]
+    if len(data) != items * _SIZES[kind]:
+        return None
+    if kind == -1:
+        width = shape[0] if shape else 1
+        texts = (data[i * width:(i + 1) * width].decode("latin-1") for i in range(items // width if width else 0))
+        return [as_label(text).replace("\n", " ").replace("\t", " ") for text in texts]
+    values = np.frombuffer(data, np.int8) if kind == 1 else (_integers if kind == 2 else _floats)(data, processor)
+    return values.reshape(shape, order="F") if shape else values

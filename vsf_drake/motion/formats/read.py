@@ -1,28 +1,41 @@
-"""Any laboratory's trial file to a `Recording` in the world frame."""
+"""Any laboratory's trial file to a `Recording` in the world frame: axes, floor, centre of pressure."""
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.axes import AXES, LEVEL, STRONG_N, extents, rotation_to_world
 from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
-from vsf_drake.motion.formats.force_files import read_forces
-from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawPlate, RawTrial, Recording
+from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
+from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawPlate, RawTrial, Recording, floor_load
+from vsf_drake.motion.formats.tables import read_trc, trc_labels
 from vsf_drake.motion.formats.text import pieces, turn
-from vsf_drake.motion.formats.trc import read_trc, trc_labels
-from vsf_drake.motion.plates import floor_load
 
 MARKER_FILES = (".c3d", ".trc")
-FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
-LARGEST_M, SMALLEST_M = 10.0, 0.02
-"""Markers of one person never reach farther, nor less far, than this."""
-SMALLEST_WHOLE_M = 0.25
-"""Nor do a dozen markers or more."""
-FARTHEST_M = 200.0
+LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = 10.0, 0.02, 0.25, 200.0
+"""Markers of one person never reach farther, nor less far (a dozen markers), nor lie farther from the origin."""
+AXES = "xyz"
+TRAVEL_M = 0.5
+"""A person whose markers travel farther than this walks through the laboratory."""
+LEVEL = 0.999
+"""Cosine of the tilt (2.6 degrees) up to which a plate is level."""
+WHOLE_MARKERS = 12
+"""So many markers are taken for a person's (both legs at least), who extends most along the vertical."""
+NARROW = 0.6
+"""A standing or walking person's height is never less than this share of their length or width (arms spread)."""
+BELOW_M = 0.3
+"""Markers whose lowest lies this far below the floor, and whose middle is below it too, stand on their head."""
+STRONG_N = 100.0
+BASELINE_N = 5.0
+"""An unloaded plate that shows more than this was not zeroed."""
+FLOOR_M = 0.02
+"""Plates this near z = 0 lie in the floor at 0; farther ones show where the floor is."""
+VERTICAL_SHARE = 0.8
+"""Of a walking person's ground reaction, at its strongest, this share at least is vertical."""
 
 
 def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | None = None,
@@ -59,11 +72,7 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
 
 
 def list_labels(path: str | Path) -> list[str]:
-    """The labels of the markers in a .c3d or .trc file, in its order.
-
-    Raises:
-        InputError: the file is missing or damaged, or of another kind.
-    """
+    """The labels of the markers in a .c3d or .trc file, in its order; InputError for any other file."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in MARKER_FILES:
@@ -72,15 +81,9 @@ def list_labels(path: str | Path) -> list[str]:
 
 
 def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
-    """A marker file in the caller's unit; in its own where only that makes a person of it (a force file's was meant).
-
-    Raises:
-        InputError: see `read_c3d` and `read_trc`; or the markers reach as far as no person does.
-    """
+    """A marker file in the user's unit; in its own where only that makes a person of it (a force file's was meant)."""
     read = read_c3d if path.suffix.lower() == ".c3d" else read_trc
     trial = read(path, length_unit=length_unit)
-    if trial.markers is None:
-        return trial
     try:
         _check_size(trial.markers, path)
     except InputError as wrong:
@@ -88,12 +91,27 @@ def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
             raise
         try:
             trial = read(path)
-            assert trial.markers is not None
             _check_size(trial.markers, path)
         except InputError:
             raise wrong from None
         trial.notes.append(f"{path.name} was read in the unit that it states: in {length_unit} it would show nobody.")
     return trial
+
+
+def _check_size(markers: RawMarkers | None, path: Path) -> None:
+    """Refuses markers that reach over more or less than a person does: their unit is wrong."""
+    if markers is None:
+        return
+    reach = float(np.linalg.norm(_extents(markers.positions)))
+    smallest = SMALLEST_WHOLE_M if len(markers.labels) >= WHOLE_MARKERS else SMALLEST_M
+    if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
+        raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
+                         right="The stated unit is wrong: give laboratory.length_unit (--length-unit)")
+    farthest = max(np.fmax.reduce(markers.positions, axis=None, initial=0.0),
+                   -np.fmin.reduce(markers.positions, axis=None, initial=0.0))
+    if farthest > FARTHEST_M:
+        raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
+                         right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)")
 
 
 def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
@@ -106,9 +124,9 @@ def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None
     more = read_forces(force_path, length_unit=length_unit)
     trial.forces = more.forces
     trial.notes += more.notes
-    if trial.markers is None or trial.forces is None:
-        return
     markers, plates = trial.markers, trial.forces
+    if markers is None or plates is None:
+        return
     if plates.start_s is None:
         plates.start_s = markers.start_s
         trial.notes.append(f"{force_path.name} has no times: its first sample was taken as that of the first frame.")
@@ -118,74 +136,161 @@ def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None
     if end <= start:
         raise InputError(f"covers {felt[0]:g} to {felt[1]:g} s, the markers {seen[0]:g} to {seen[1]:g} s",
                          file=force_path, right="Markers and forces must overlap in time: are they of one trial?")
-    step = 1.0 / markers.rate_hz
-    if abs(seen[0] - felt[0]) > step or abs(seen[1] - felt[1]) > step:
+    if max(abs(seen[0] - felt[0]), abs(seen[1] - felt[1])) > 1.0 / markers.rate_hz:
         trial.notes.append(f"Markers cover {seen[0]:g} to {seen[1]:g} s, forces {felt[0]:g} to {felt[1]:g} s: both "
                            f"are there from {start:g} to {end:g} s.")
 
 
-def _check_size(markers: RawMarkers, path: Path) -> None:
-    """Raises:
-    InputError: the markers reach over more or less than a person does: their unit is wrong.
-    """
-    reach = float(np.linalg.norm(extents(markers.positions)))
-    smallest = SMALLEST_WHOLE_M if len(markers.labels) >= 12 else SMALLEST_M
-    if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
-        raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
-                         right="The stated unit is wrong: give laboratory.length_unit (--length-unit)")
-    farthest = max(np.fmax.reduce(markers.positions, axis=None, initial=0.0),
-                   -np.fmin.reduce(markers.positions, axis=None, initial=0.0))
-    if farthest > FARTHEST_M:
-        raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
-                         right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)")
-
-
 def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
               forward: str | None) -> Recording:
-    notes = trial.notes
-    rotation = rotation_to_world(trial, path, up=up, forward=forward, notes=notes)
-    raw, waiting = [], trial.forces.plates if trial.forces else []
-    while waiting:
-        raw.append(rotated(waiting.pop(0), rotation, force_path or path, notes))
-    floor = floor_height(raw, force_path or path)
+    notes, marked, felt = trial.notes, trial.markers, trial.forces
+    rotation = _rotation_to_world(trial, path, up=up, forward=forward)
+    raw, waiting = [], felt.plates if felt else []
+    while waiting:  # one plate at a time, so that memory holds no second copy of all
+        raw.append(_rotated(waiting.pop(0), rotation, force_path or path, notes))
+    floor = _floor_height(raw, force_path or path)
     if floor:
         notes.append(f"The force plates lie at {1e3 * floor:.0f} mm: this was taken as the floor, z = 0.")
     for plate in raw:
         for points in (plate.point, plate.corners):
             if points is not None:
                 points[..., 2] -= floor
-    plates = []
+    plates: list[Plate] = []
     while raw:
-        plates.append(on_the_floor(raw.pop(0), notes))
-    note_overlaps(plates, notes)
+        plates.append(_on_the_floor(raw.pop(0), notes))
+    notes += [f"Plates {one.name} and {other.name} overlap: their corners may be wrong."
+              for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)]
     markers: dict[str, np.ndarray] = {}
-    if trial.markers is not None:
-        for k, label in enumerate(trial.markers.labels):
-            markers[label] = trial.markers.positions[:, k]
-            turn(markers[label], rotation)
-            markers[label][:, 2] -= floor
-    marked, felt = trial.markers, trial.forces
+    for k, label in enumerate(marked.labels if marked else ()):
+        markers[label] = marked.positions[:, k]
+        turn(markers[label], rotation)
+        markers[label][:, 2] -= floor
     return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),
                      felt.rate_hz if felt else None, marked.start_s if marked else 0.0,
                      (felt.start_s or 0.0) if felt else 0.0, force_path, rotation, tuple(notes), trial.person)
 
 
-# Markers and plates from the laboratory frame to the world frame: rotation, floor, centre of pressure.
+# From a laboratory's axes to the world frame: which way is up, which way the person goes.
 
 
-BASELINE_N = 5.0
-"""An unloaded plate that shows more than this was not zeroed."""
-FLOOR_M = 0.02
-"""Plates this near z = 0 lie in the floor at 0; farther ones show where the floor is."""
-VERTICAL_SHARE = 0.8
-"""Of a walking person's ground reaction, at its strongest, this share at least is vertical."""
+def _axis_vector(text: str, where: str) -> np.ndarray:
+    """The unit vector of a signed axis such as "z", "+Z" or "-y"; refused if it is none."""
+    plain = str(text).strip().lower()
+    sign = -1.0 if plain.startswith("-") else 1.0
+    plain = plain[1:] if plain[:1] in ("+", "-") else plain
+    if len(plain) != 1 or plain not in AXES:
+        raise InputError(f"{text!r} is no axis", where=where,
+                         right="Use x, y or z, with - in front where it points back")
+    return sign * np.eye(3)[AXES.index(plain)]
 
 
-def rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
+def axis_name(vector: np.ndarray) -> str:
+    """The signed name of a laboratory axis, "+x" to "-z"."""
+    i = int(np.argmax(np.abs(vector)))
+    return ("-" if vector[i] < 0.0 else "+") + AXES[i]
+
+
+def _rotation_to_world(trial: RawTrial, path: Path, *, up: str | None, forward: str | None) -> np.ndarray:
+    """(3, 3) that takes a vector of the laboratory frame to W, with notes on how it was chosen.
+
+    Refused if `up` or `forward` is no axis, they are not perpendicular, nothing tells the vertical, or the markers
+    contradict it.
+    """
+    vertical = _axis_vector(up, "laboratory.up (--up)") if up is not None else _vertical(trial, path)
+    if trial.markers is not None:
+        _check_upright(trial.markers, vertical, path)
+    where = "laboratory.forward (--forward)"
+    ahead = _ahead(trial, vertical) if forward is None else _axis_vector(forward, where)
+    if abs(ahead @ vertical) > 0.5:
+        raise InputError(f"forward ({axis_name(ahead)}) lies along the vertical ({axis_name(vertical)})",
+                         file=path, where=where, right="Give a horizontal axis")
+    return np.array([ahead, np.cross(vertical, ahead), vertical])
+
+
+def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
+    """As the file states it, else normal to the plates, else by the format's convention."""
+    normals = np.abs([_normal(p.corners) for p in (trial.forces.plates if trial.forces else [])
+                      if p.corners is not None]).reshape(-1, 3)
+    axis = int(np.argmax(normals.sum(axis=0)))
+    normal = np.eye(3)[axis] if len(normals) and (normals[:, axis] > LEVEL).all() else None
+    if trial.up is not None:
+        stated = _axis_vector(trial.up, "Y_SCREEN")
+        if normal is None or abs(stated @ normal) > LEVEL:
+            return stated
+        trial.notes.append(f"{path.name} states {trial.up} as the screen's vertical, but its force plates lie across "
+                           f"{axis_name(normal)}: this was taken as up.")
+        return normal
+    if normal is not None:
+        trial.notes.append(f"{path.name} does not state the vertical; its force plates lie across {axis_name(normal)}, "
+                           "which was taken as up.")
+        return normal
+    if trial.up_convention is not None:
+        return _axis_vector(trial.up_convention, "up")
+    raise InputError("does not say which axis is vertical", file=path, right="Give laboratory.up (--up): x, y or z")
+
+
+def _normal(corners: np.ndarray) -> np.ndarray:
+    normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
+    return normal / np.linalg.norm(normal)
+
+
+def _extents(positions: np.ndarray) -> np.ndarray:
+    """(3,) m, the median over frames of how far the markers seen (at least 3) reach along each axis; NaN if none."""
+    some = positions[::max(1, len(positions) // 200)]
+    some = some[(~np.isnan(some[..., 0])).sum(axis=1) >= 3]
+    return np.median(np.nanmax(some, axis=1) - np.nanmin(some, axis=1), axis=0) if len(some) else np.full(3, np.nan)
+
+
+def _check_upright(markers: RawMarkers, vertical: np.ndarray, path: Path) -> None:
+    reach = _extents(markers.positions)
+    if len(markers.labels) < WHOLE_MARKERS or not np.isfinite(reach).all():
+        return
+    along = reach[int(np.argmax(np.abs(vertical)))]
+    if along < NARROW * reach.max():
+        tall = AXES[int(np.argmax(reach))]
+        raise InputError(f"the markers extend {reach.max():.2f} m along {tall} and only {along:.2f} m along "
+                         f"{axis_name(vertical)}, which was taken as up", file=path,
+                         right=f"Give laboratory.up (--up), probably {tall}")
+    heights = markers.positions[::max(1, len(markers.positions) // 200)] @ vertical
+    seen = ~np.isnan(heights).all(axis=1)
+    lowest, middle = np.median(np.nanmin(heights[seen], axis=1)), np.nanmedian(heights)
+    if lowest < -BELOW_M and middle < 0.0:
+        raise InputError(f"the markers' middle lies {-middle:.2f} m below the floor, with {axis_name(vertical)} as up",
+                         file=path, right="Give laboratory.up (--up), with its sign")
+
+
+def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
+    """The horizontal laboratory axis nearest to the way the markers travel; the laboratory's own if they do not.
+
+    The markers' travel is the median of their own from their first to their last place, gaps left out.
+    """
+    own = np.eye(3)[0] if abs(vertical[0]) < 0.5 else np.eye(3)[1]
+    if trial.markers is None:
+        return own
+    travels = []
+    for place in trial.markers.positions.transpose(1, 0, 2):
+        seen = np.flatnonzero(~np.isnan(place[:, 0]))
+        if len(seen) >= 2 and seen[-1] - seen[0] >= 0.2 * len(place):
+            travels.append(place[seen[-1]] - place[seen[0]])
+    way = np.median(travels, axis=0) if travels else np.zeros(3)
+    way = way - (way @ vertical) * vertical
+    if np.linalg.norm(way) <= TRAVEL_M:
+        trial.notes.append(f"The markers do not travel: forward is the laboratory's {axis_name(own)}.")
+        return own
+    i = int(np.argmax(np.abs(way)))
+    ahead = np.sign(way[i]) * np.eye(3)[i]
+    trial.notes.append(f"Forward is the laboratory's {axis_name(ahead)}, along which the markers travel "
+                       f"{abs(way[i]):.2f} m.")
+    return ahead
+
+
+# Plates in the world frame.
+
+
+def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
     """The plate in W, its force that on the person; the arrays given are those changed.
 
-    Raises:
-        InputError: the force is not mainly vertical, or a loaded plate is not level.
+    Refused if the force is not mainly vertical, or a loaded plate is not level.
     """
     force, torque, point = plate.force, plate.torque, plate.point
     for vectors in (force, torque, point):
@@ -215,21 +320,16 @@ def rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str
     return RawPlate(plate.name, force, point, torque, corners=corners)
 
 
-def floor_height(plates: list[RawPlate], path: Path) -> float:
-    """z of the floor as the loaded plates show it; 0 where they lie within 20 mm of 0.
-
-    Raises:
-        InputError: loaded plates lie at different heights.
-    """
+def _floor_height(plates: list[RawPlate], path: Path) -> float:
+    """z of the floor as the loaded plates show it; 0 where they lie within 20 mm of 0; refused at several heights."""
     heights = {}
     for plate in plates:
-        loaded = plate.force[:, 2] > max(THRESHOLD_N, STRONG_N)
-        if not loaded.any() or (plate.corners is None and plate.point is None):
-            continue
+        loaded = plate.force[:, 2] > STRONG_N
         surface = plate.corners
-        if surface is None:
+        if surface is None and plate.point is not None:
             surface = np.broadcast_to(plate.point, plate.force.shape)[loaded]
-        heights[plate.name] = float(np.median(surface[:, 2]))
+        if loaded.any() and surface is not None:
+            heights[plate.name] = float(np.median(surface[:, 2]))
     if not heights:
         return 0.0
     low, high = min(heights, key=heights.get), max(heights, key=heights.get)
@@ -240,14 +340,14 @@ def floor_height(plates: list[RawPlate], path: Path) -> float:
     return middle if abs(middle) > FLOOR_M else 0.0
 
 
-def on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
-    """Force, centre of pressure on z = 0 and free moment of a plate that `rotated` gave."""
-    count = len(plate.force)
-    loaded = plate.force[:, 2] > THRESHOLD_N
-    cop, moment = np.full((count, 3), np.nan), np.zeros(count)
+def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
+    """Force, centre of pressure on z = 0 and free moment of a plate in W, with notes on what looks wrong."""
+    vertical, corners = plate.force[:, 2], plate.corners
+    loaded, strong = vertical > THRESHOLD_N, vertical > STRONG_N
+    cop, moment = np.full((len(vertical), 3), np.nan), np.zeros(len(vertical))
     if plate.point is not None:
         point = np.broadcast_to(plate.point, plate.force.shape)
-        for piece in pieces(count):
+        for piece in pieces(len(vertical)):
             on = loaded[piece]
             cop[piece][on], moment[piece][on] = floor_load(
                 point[piece][on], plate.force[piece][on], plate.torque[piece][on])
@@ -258,44 +358,25 @@ def on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
     else:
         moment[loaded] = plate.torque[loaded, 2]
         notes.append(f"There is no centre of pressure for plate {plate.name}.")
-    _note_baseline(plate, notes)
-    _note_off_plate(plate, cop, notes)
-    return Plate(plate.name, plate.force, cop, moment, plate.corners)
-
-
-def _note_baseline(plate: RawPlate, notes: list[str]) -> None:
-    vertical = plate.force[:, 2]
     peak = vertical.max(initial=0.0)
     unloaded = vertical < (0.1 * peak if peak > STRONG_N else STRONG_N)
-    if unloaded.sum() < 0.05 * len(vertical):
-        return
-    rest = np.median(plate.force[unloaded], axis=0)
+    rest = np.median(plate.force[unloaded], axis=0) if unloaded.sum() >= max(1.0, 0.05 * len(vertical)) else np.zeros(3)
     if np.linalg.norm(rest) > BASELINE_N:
         notes.append(f"Plate {plate.name} shows ({rest[0]:.1f}, {rest[1]:.1f}, {rest[2]:.1f}) N while it is unloaded; "
                      "nothing was subtracted.")
+    if corners is not None and strong.any():
+        low, high = corners[:, :2].min(axis=0) - FLOOR_M, corners[:, :2].max(axis=0) + FLOOR_M
+        outside = ((cop[strong, :2] < low) | (cop[strong, :2] > high)).any(axis=1).mean()
+        if outside > 0.05:
+            notes.append(f"The centre of pressure of plate {plate.name} lies off the plate in {100 * outside:.0f} % of "
+                         "the loaded samples: its corners, origin or units may be wrong.")
+    return Plate(plate.name, plate.force, cop, moment, corners)
 
 
-def _note_off_plate(plate: RawPlate, cop: np.ndarray, notes: list[str]) -> None:
-    strong = plate.force[:, 2] > STRONG_N
-    if plate.corners is None or not strong.any():
-        return
-    low, high = plate.corners[:, :2].min(axis=0) - FLOOR_M, plate.corners[:, :2].max(axis=0) + FLOOR_M
-    outside = ((cop[strong, :2] < low) | (cop[strong, :2] > high)).any(axis=1).mean()
-    if outside > 0.05:
-        notes.append(f"The centre of pressure of plate {plate.name} lies off the plate in {100 * outside:.0f} % of the "
-                     "loaded samples: its corners, origin or units may be wrong.")
-
-
-def note_overlaps(plates: list[Plate], notes: list[str]) -> None:
-    """Notes pairs of plates whose surfaces overlap by more than 10 mm (their corners may be wrong)."""
-    for i, one in enumerate(plates):
-        for other in plates[i + 1:]:
-            if one.corners_m is not None and other.corners_m is not None and _overlap(one.corners_m, other.corners_m):
-                notes.append(f"Plates {one.name} and {other.name} overlap: their corners may be wrong.")
-
-
-def _overlap(one: np.ndarray, other: np.ndarray) -> bool:
+def _overlap(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     """Whether two rectangles in the floor overlap by more than 10 mm: no side of either separates them."""
+    if one is None or other is None:
+        return False
     for corners in (one, other):
         for k in (1, 3):
             side = corners[k, :2] - corners[0, :2]
@@ -304,8 +385,3 @@ def _overlap(one: np.ndarray, other: np.ndarray) -> bool:
             if min(a.max(), b.max()) - max(a.min(), b.min()) < 0.01:
                 return False
     return True
-
-
-def _normal(corners: np.ndarray) -> np.ndarray:
-    normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
-    return normal / np.linalg.norm(normal)

@@ -1,4 +1,4 @@
-"""What one file of a gait laboratory holds: markers and force plates, in the world frame. Schema only."""
+"""What one file of a gait laboratory holds: markers and force plates, in the world frame W; and as a reader has it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+SIDES = ("right", "left")
+
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """One force plate, in the world frame W (x forward, y left, z up, floor at z = 0).
+    """One force plate, in W (x forward, y left, z up, floor at z = 0).
 
     Attributes:
         name: how the file calls it, or "1", "2", ... in the file's order.
@@ -35,13 +37,11 @@ class Recording:
     """Markers and plates of one file, or of a marker file and its force file. SI, world frame W.
 
     Attributes:
-        path: the file; `force_path` the force file where it is another one.
+        path, force_path: the file, and the force file where it is another one.
         markers: (frames, 3) m by label, NaN in gaps, in the file's order.
-        marker_rate_hz: frames per second; None without markers.
-        marker_start_s: time of the first frame.
+        marker_rate_hz, force_rate_hz: frames and samples per second; None without markers or plates.
+        marker_start_s, force_start_s: time of the first frame and, on the same clock, of the first sample.
         plates: in the file's order, all sampled alike.
-        force_rate_hz: samples per second; None without plates.
-        force_start_s: time of the first sample, on the markers' clock.
         rotation_W: (3, 3) takes a vector of the file's laboratory frame to W.
         notes: sentences on what was assumed (units, axes, doubled labels, ...).
         person: what the file states of `mass_kg` and `stature_m`.
@@ -76,7 +76,7 @@ class Recording:
         return self.force_start_s + np.arange(samples) / (self.force_rate_hz or 1.0)
 
 
-# What a reader hands on: a file's content in SI units, still in its own laboratory frame. Schema only.
+# What a reader hands on: a file's content in SI units, still in its own laboratory frame.
 
 
 @dataclass(eq=False)
@@ -84,7 +84,6 @@ class RawPlate:
     """One plate's load as force and torque about a point.
 
     Attributes:
-        name: how the file calls it, or its number.
         force: (n, 3) N; on the person or on the plate, which its direction tells later.
         point: (n, 3) m, or (3,) where it is the same throughout, or None where the file has none.
         torque: (n, 3) N m about `point`, free moment included.
@@ -102,11 +101,10 @@ class RawPlate:
 
 @dataclass(eq=False)
 class RawMarkers:
-    """Markers as (frames, 3) m by label, NaN in gaps, with rate (1/s) and time of the first frame (s)."""
+    """Markers as (frames, markers, 3) m, NaN in gaps, with rate (1/s) and time of the first frame (s)."""
 
     labels: list[str]
     positions: np.ndarray
-    """(frames, markers, 3) m."""
     rate_hz: float
     start_s: float
 
@@ -136,3 +134,31 @@ class RawTrial:
     up_convention: str | None = None
     notes: list[str] = field(default_factory=list)
     person: dict[str, float] = field(default_factory=dict)
+
+
+# Between W and OpenSim's frame (x forward, y up, z right); and the same load wherever its moment was taken.
+
+
+def os_to_world(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3) vectors from OpenSim's frame to W: (x, -z, y)."""
+    return np.asarray(vectors, dtype=float)[..., [0, 2, 1]] * [1.0, -1.0, 1.0]
+
+
+def world_to_os(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3) vectors from W to OpenSim's frame: (x, z, -y)."""
+    return np.asarray(vectors, dtype=float)[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+
+
+def floor_load(point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where on z = 0 a load has a moment about the vertical only, (n, 3) m, and that moment, (n,) N m, up +.
+
+    World frame W. With r = centre - point: torque = r x force + (0, 0, moment) and r_z = -point_z.
+
+    Args:
+        point, force, torque: (n, 3) m, N with a vertical component that is not zero, and N m about `point`.
+    """
+    r_z = -point[:, 2]
+    r_x = (r_z * force[:, 0] - torque[:, 1]) / force[:, 2]
+    r_y = (torque[:, 0] + r_z * force[:, 1]) / force[:, 2]
+    moment = torque[:, 2] - (r_x * force[:, 1] - r_y * force[:, 0])
+    return np.column_stack([point[:, 0] + r_x, point[:, 1] + r_y, np.zeros(len(point))]), moment

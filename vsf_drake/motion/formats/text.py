@@ -1,9 +1,10 @@
-"""Text files of laboratories: lines in any encoding, cells as numbers, labels as text; memory bounded."""
+"""Text files of laboratories: lines in any encoding, rows of numbers, labels and units as they are spelled."""
 
 from __future__ import annotations
 
 import math
 import re
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -13,9 +14,17 @@ from vsf_drake.errors import UNPRINTABLE, InputError
 
 LONGEST_LINE = 4_000_000
 """Characters; a TRC line of 1000 markers has 40 000."""
+MOST_ODDITIES = 10_000
+"""Cells that hold no number and are remembered as they stand, for messages."""
+LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
+"""Metres in each unit of length."""
+_LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
+         "inch": "in", "inches": "in"}
 _SPARSE = 4
-"""Cells that are reserved for each byte of the file, at most; a cell that stands there takes one byte or more."""
-_BOM = "\xef\xbb\xbf"
+"""Cells that are kept for each byte of the file, at most; a cell that stands there takes one byte or more."""
+_PIECE = 1 << 18
+_NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(ind", "nan(snan", "na", "n/a", "null",
+              "none"}
 
 
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -32,7 +41,7 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
                 if "\0" in line or len(line) >= LONGEST_LINE:
                     raise InputError("is not a text file", file=path, where=f"line {number}",
                                      right="Save it as plain text (UTF-8)")
-                yield number, line.rstrip("\r\n").removeprefix(_BOM if number == 1 else "")
+                yield number, line.rstrip("\r\n").removeprefix("\xef\xbb\xbf" if number == 1 else "")
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
     except OSError as error:
@@ -49,11 +58,7 @@ def as_label(text: str) -> str:
 
 
 def cell_number(cell: str) -> float:
-    """The number in a cell; NaN for a blank and for any spelling of NaN.
-
-    Raises:
-        ValueError: the cell holds something else.
-    """
+    """The number in a cell, NaN for a blank and for any spelling of NaN; ValueError for anything else."""
     cell = cell.strip()
     if not cell or cell.lower().strip("+-()") in _NO_NUMBER:
         return math.nan
@@ -62,116 +67,74 @@ def cell_number(cell: str) -> float:
     return float(cell)
 
 
-_NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(ind", "nan(snan", "na", "n/a", "null",
-              "none"}
+def split_row(line: str) -> list[str]:
+    """Cells between tabs, so that a blank one is seen; between white space where there is no tab."""
+    return line.split("\t") if "\t" in line else line.split()
 
 
-def numbers(cells: list[str], labels: list[str], path: Path, line: int) -> list[float]:
-    """The cells of one line as numbers, NaN where blank.
+def table_rows(lines: Iterator[tuple[int, str]], labels: Sequence[str], path: Path, split: Callable[[str], list[str]],
+               *, needs: str = "", surplus: str | None = None, cut_by: int = 0,
+               oddities: dict[tuple[int, int], str] | None = None) -> tuple[np.ndarray, np.ndarray, int]:
+    """The remaining lines as (n, columns) numbers, NaN where blank; (n,) on which lines they stand; how many were cut.
 
-    Raises:
-        InputError: a cell holds no number; the message names line and column.
-    """
-    try:
-        return [float(cell) for cell in cells]
-    except ValueError:
-        pass
-    row = []
-    for label, cell in zip(labels, cells, strict=True):
-        try:
-            row.append(cell_number(cell))
-        except ValueError:
-            right = "Numbers need a decimal point, not a comma" if "," in cell else None
-            raise InputError(f"{cell.strip()[:40]!r} is not a number", file=path, where=f"line {line}, column {label}",
-                             right=right) from None
-    return row
-
-
-class Rows:
-    """Rows of equal length, collected in one array whose size is reserved from the file's.
+    Blank lines and blank cells beyond the labels are passed over.
 
     Args:
-        path: the file they come from.
-        columns: how many cells each has.
-    """
-
-    def __init__(self, path: Path, columns: int) -> None:
-        self._path = path
-        size, lines = _size_and_lines(path)
-        self._most = max(size // columns * _SPARSE, 1000)
-        rows = min(lines, size // columns + 2)
-        self._table = np.empty((rows, columns))
-        self._lines = np.empty(rows, dtype=np.int64)
-        self._count = 0
-
-    def __len__(self) -> int:
-        return self._count
-
-    def append(self, row: list[float], line: int) -> None:
-        """Adds a row that stands on line `line` of the file.
-
-        Raises:
-            InputError: the rows would need far more memory than the file has bytes.
-        """
-        if self._count == len(self._table):
-            if self._count >= self._most:
-                raise InputError(f"has far shorter lines than its {self._table.shape[1]} columns need", file=self._path,
-                                 where=f"line {line}")
-            more = min(self._most, 2 * self._count + 16)
-            self._table = np.concatenate([self._table, np.empty((more - self._count, self._table.shape[1]))])
-            self._lines = np.concatenate([self._lines, np.empty(more - self._count, dtype=np.int64)])
-        self._table[self._count] = row
-        self._lines[self._count] = line
-        self._count += 1
-
-    def finished(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, columns) the table and (n,) the lines on which its rows stand."""
-        return self._table[: self._count], self._lines[: self._count]
-
-
-def _size_and_lines(path: Path) -> tuple[int, int]:
-    """The file's bytes, and how many lines it has at most."""
-    try:
-        with open(path, "rb") as stream:
-            lines = 2 + sum(max(block.count(b"\n"), block.count(b"\r"))
-                            for block in iter(lambda: stream.read(1 << 20), b""))
-            return stream.tell(), lines
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
-
-
-def fitted_rows(lines: Iterator[tuple[int, str]], labels: list[str], path: Path,
-                separator: str) -> tuple[np.ndarray, np.ndarray]:
-    """The remaining lines as (n, len(labels)) numbers, and (n,) their places; blank lines are passed over.
+        needs: what the labels ask for, for the message on a row of another length.
+        surplus: what to do about a row that is too long.
+        cut_by: a row that lacks a multiple of so many cells, or ends in a blank, is taken, the rest as blank; 0: none.
+        oddities: takes cells without a finite number as they stand, by (row, column); None: refuses what is no number.
 
     Raises:
-        InputError: a line has more or fewer cells than there are labels, or a cell holds no number.
+        InputError: a row is too long or too short, far shorter than the labels throughout, or a cell is no number.
     """
-    rows = Rows(path, len(labels))
+    cells, places, cut, width = array("d"), array("q"), 0, len(labels)
+    most = None
     for number, line in lines:
-        cells = [cell.strip().strip('"') for cell in line.split(separator)]
-        while len(cells) > len(labels) and not cells[-1]:
-            cells.pop()
-        if not any(cells):
+        found = split(line.replace('"', ""))
+        while len(found) > width and not found[-1].strip():
+            found.pop()
+        if not any(cell.strip() for cell in found):
             continue
-        if len(cells) != len(labels):
-            right = "Is the file truncated?" if len(cells) < len(labels) else None
-            if separator == "," and len(cells) > len(labels):
-                right = "Numbers need a decimal point, not a comma"
-            raise InputError(f"the row has {len(cells)} cells, there are {len(labels)} labels", file=path,
-                             where=f"line {number}", right=right)
-        rows.append(numbers(cells, labels, path, number), number)
-    return rows.finished()
+        missing = width - len(found)
+        if cut_by and missing > 0 and len(found) > 2 and (missing % cut_by == 0 or not found[-1].strip()):
+            found += [""] * missing
+            cut += 1
+        elif missing:
+            raise InputError(f"the row has {len(found)} cells{needs or f', there are {width} labels'}", file=path,
+                             where=f"line {number}", right="Is the file truncated?" if missing > 0 else surplus)
+        try:
+            row = [float(cell) for cell in found]
+        except ValueError:
+            row = [_number(cell, label, path, number, strict=oddities is None)
+                   for cell, label in zip(found, labels, strict=True)]
+        if oddities is not None and len(oddities) < MOST_ODDITIES and not math.isfinite(sum(row)):
+            oddities |= {(len(places), k): as_label(found[k]) for k, x in enumerate(row) if not math.isfinite(x)}
+        cells.extend(row)
+        places.append(number)
+        if cut:
+            most = most or max(_SPARSE * path.stat().st_size, 1000 * width)
+            if len(cells) > most:
+                raise InputError(f"has far shorter lines than its {width} columns need", file=path,
+                                 where=f"line {number}")
+    return np.frombuffer(cells).reshape(-1, width), np.frombuffer(places, dtype=np.int64), cut
 
 
-# Labels of markers: a subject's prefix taken away, each label once; lists short enough to read.
+def _number(cell: str, label: str, path: Path, line: int, *, strict: bool) -> float:
+    try:
+        return cell_number(cell)
+    except ValueError:
+        if not strict:
+            return math.nan
+        right = "Numbers need a decimal point, not a comma" if "," in cell else None
+        raise InputError(f"{cell.strip()[:40]!r} is not a number", file=path, where=f"line {line}, column {label}",
+                         right=right) from None
 
 
-MOST_LISTED = 20
-"""A message that names more labels is not read."""
+# Labels: a subject's prefix taken away, each label once; lists short enough to read.
 
 
-def listed(labels: Sequence[str], *, most: int = MOST_LISTED) -> str:
+def listed(labels: Sequence[str], *, most: int = 20) -> str:
     """The labels, or the first of them and how many there are more; "none" without any."""
     if len(labels) <= most:
         return ", ".join(labels) or "none"
@@ -180,47 +143,36 @@ def listed(labels: Sequence[str], *, most: int = MOST_LISTED) -> str:
 
 def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
     """The labels without the one subject name ("Anna:LASI") that they share, and a note where there was one."""
-    named = [label.split(":", 1) for label in labels if ":" in label]
-    prefixes = {prefix for prefix, _ in named}
-    if len(prefixes) != 1 or any(not rest.strip() for _, rest in named):
+    prefixes = {label.partition(":")[0] for label in labels if ":" in label}
+    prefix = f"{prefixes.pop()}:" if len(prefixes) == 1 else ""
+    short = [label.removeprefix(prefix) for label in labels]
+    if not prefix or not all(label.strip() for label in short) or len(set(short)) != len(set(labels)):
         return labels, []
-    prefix = prefixes.pop()
-    short = [label.removeprefix(f"{prefix}:") for label in labels]
-    if len(set(short)) != len(set(labels)):
-        return labels, []
-    return short, [f"The labels' prefix {prefix}: was taken away."]
+    return short, [f"The labels' prefix {prefix} was taken away."]
 
 
-def first_of_each(labels: list[str], notes: list[str], *, what: str = "label",
-                  empty: Callable[[int], bool] = lambda i: False) -> list[int]:
+def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *,
+                  what: str = "label") -> list[int]:
     """Which of the labels to read: each once, the first that is not `empty`, and a note on what was left out."""
-    kept: dict[str, int] = {}
-    doubled: dict[str, int] = {}
+    places: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
-        if label in kept:
-            doubled[label] = doubled.get(label, 1) + 1
-        if label not in kept or (empty(kept[label]) and not empty(i)):
-            kept[label] = i
-    notes += [f"The {what} {label} stands {'twice' if times == 2 else f'{times} times'}: the first that holds anything "
-              f"was used (column {kept[label] + 1} of {len(labels)})." for label, times in doubled.items()]
+        places.setdefault(label, []).append(i)
+    kept = {label: found[0] if len(found) == 1 else next((i for i in found if not empty(i)), found[0])
+            for label, found in places.items()}
+    notes += [f"The {what} {label} stands {'twice' if len(found) == 2 else f'{len(found)} times'}: the first that "
+              f"holds anything was used (column {kept[label] + 1} of {len(labels)})."
+              for label, found in places.items() if len(found) > 1]
     return sorted(kept.values())
 
 
 # Units that laboratory files state, as factors to SI.
 
 
-LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
-"""Metres in each unit of length."""
-_LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
-         "inch": "in", "inches": "in"}
-SHORTEST_CUT = 4
-"""Letters to which programs cut a unit that they keep in a field of fixed width: "mete", "mill"."""
-
-
 def length_factor(unit: str) -> float | None:
-    """Metres in a unit of length as files spell it; None for an unknown or empty one."""
+    """Metres in a unit of length as files spell it, cut to four letters or more too; None for an unknown or empty one.
+    """
     plain = unit.strip().lower().strip("[]().\0 ")
-    cut = {unit for word, unit in _LONG.items() if len(plain) >= SHORTEST_CUT and word.startswith(plain)}
+    cut = {short for word, short in _LONG.items() if len(plain) >= 4 and word.startswith(plain)}
     plain = _LONG.get(plain.removesuffix("s"), cut.pop() if len(cut) == 1 else plain)
     return LENGTHS_M.get(plain)
 
@@ -231,18 +183,19 @@ def moment_factor(unit: str) -> float | None:
     return length_factor(found.group(1)) if found else None
 
 
-def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) -> float:
-    """Metres in the unit that the caller demands, or else the file states.
+def wanted_length_factor(wanted: str) -> float:
+    """Metres in the unit that the user demands; refused if it is none."""
+    factor = length_factor(wanted)
+    if factor is None:
+        raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
+                         right=f"Use one of {', '.join(LENGTHS_M)}")
+    return factor
 
-    Raises:
-        InputError: the caller's unit is unknown; or the file's is unknown or missing and the caller gives none.
-    """
+
+def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) -> float:
+    """Metres in the unit that the user demands, or else the file states; refused if neither tells it."""
     if wanted is not None:
-        factor = length_factor(wanted)
-        if factor is None:
-            raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
-                             right=f"Use one of {', '.join(LENGTHS_M)}")
-        return factor
+        return wanted_length_factor(wanted)
     factor = length_factor(stated)
     if factor is None:
         what = f"the unit {stated!r} is unknown" if stated.strip() else "no unit of length is stated"
@@ -254,13 +207,9 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
 # Large arrays a piece at a time, so that no step needs a second array of their size.
 
 
-PIECE = 1 << 18
-"""Numbers at a time (2 MB)."""
-
-
 def pieces(rows: int, width: int = 3) -> Iterator[slice]:
-    """Slices that cover `rows` rows of `width` numbers."""
-    step = max(1, PIECE // width)
+    """Slices that cover `rows` rows of `width` numbers, 2 MB each."""
+    step = max(1, _PIECE // width)
     for first in range(0, rows, step):
         yield slice(first, min(first + step, rows))
 

@@ -9,15 +9,16 @@ from __future__ import annotations
 import dataclasses
 from itertools import combinations, pairwise
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.frames import NOTE, Anatomy, facing, find_anatomy, right_handed, typical
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, joint_angles
 from vsf_drake.motion.markers.joint_centres import HIP_METHODS
-from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
+from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import (
     MID_FULCRUM_M,
@@ -33,8 +34,6 @@ from vsf_drake.schema import check
 
 UNEQUAL = 0.05
 """Left and right lengths that differ by more than this are worth a note (a choice)."""
-
-__all__ = ["PersonFacts", "calibrate"]
 
 
 def calibrate(
@@ -56,61 +55,77 @@ def calibrate(
         InputError: a marker is missing, hidden or mistaken for another; nobody stands still; the floor is elsewhere;
             mass, sex or prosthetic side is not known; a length is nobody's.
     """
-    check_facts(person)
+    sex, prosthetic = check_facts(person)
     if hip not in HIP_METHODS:
         raise InputError(f"{hip!r} is not known", where="hip_centre (--hip)",
                          right=f"Known are: {', '.join(HIP_METHODS)}")
     standing = right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
-    found = marker_map.find(seen, standing.path)
-    posture = find_posture(standing, found)
-    check_labels(posture, found, standing.path)
-    anatomy = find_anatomy(posture, found, person, hip)
-    segments = {name: _segment(name, posture, found, anatomy) for name in SEGMENTS}
-    feet = {side: foot_points(side, segments[f"foot_{side}"], found, person, _ankle_height(anatomy, side))
-            for side in SIDES}
+    posture = find_posture(standing, marker_map.find(seen, standing.path))
+    _Checker(posture, standing.path).run()
+    anatomy = find_anatomy(posture, person, hip)
+    segments = {name: _segment(name, posture, anatomy) for name in SEGMENTS}
+    feet = {side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person) for side in SIDES}
     lengths = _lengths(segments, feet, anatomy)
-    check_proportions(lengths, found, standing.path)
-    subject, notes = _subject(standing, posture, found, anatomy, person, segments, feet, lengths)
+    _check_proportions(lengths, posture, standing.path)
+
+    intact = "left" if prosthetic == "right" else "right"
+    mass, mass_note = body_mass(person, standing, posture.start_s, posture.end_s, posture.still)
+    head = posture.at("head_top") if posture.still else None
+    height, height_note = stature(person, lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"],
+                                  None if head is None else float(head[0, 2]))
+    hips = np.mean([segments[f"thigh_{side}"].p_PB * [1, -1 if side == "right" else 1, 1] for side in SIDES], axis=0)
+    subject = check(Subject(
+        mass_kg=mass, stature_m=height, sex=sex, prosthetic_side=prosthetic, name=person.name,
+        thigh_length_m=lengths[f"thigh_{intact}"], shank_length_m=lengths[f"shank_{intact}"],
+        ankle_height_m=lengths[f"ankle_height_{intact}"], foot_length_m=lengths[f"foot_{intact}"],
+        hip_forward_m=float(hips[0]), hip_lateral_m=float(hips[1]), hip_up_m=float(hips[2]),
+        prosthetic_thigh_length_m=lengths[f"thigh_{prosthetic}"],
+        **prosthesis_of(prosthetic, anatomy, feet[prosthetic])), file=standing.path)
+
     ankles = {side: np.nanmean(anatomy.p_W[f"foot_{side}"], axis=0) for side in SIDES}
-    load, source = measured_under(standing, ankles, subject.prosthetic_side, subject.mass_kg, start_s=posture.start_s,
-                                  end_s=posture.end_s, still=posture.still)
-    subject, unloaded = _unloaded(subject, load, source, model or ModelParameters(), fulcrum_m)
-    mirrored = (NOTE,) if NOTE in standing.notes else ()
+    load, source = measured_under(standing, posture, ankles, prosthetic, mass)
+    more = settling(load, model or ModelParameters(), fulcrum_m=fulcrum_m)
+    unloaded = dataclasses.replace(subject, prosthesis_length_m=float(subject.prosthesis_length_m or 0.0) + more)
+
     used = {label for segment in segments.values() for label in segment.labels}
-    hidden = [label for labels in found.segments.values() for label in labels if label not in used]
-    unused = (f"Hardly or not seen and not used: {', '.join(hidden)}.",) if hidden else ()
-    notes = (*mirrored, *posture.notes, *unused, *anatomy.notes, *notes, *_differences(lengths))
-    return Calibration(subject=subject, segments=segments, feet=feet, angles_rad=_angles(anatomy), lengths_m=lengths,
-                       method=(_stretch(posture), *anatomy.method, unloaded, _left_right(lengths)), notes=notes)
+    hidden = [label for labels in posture.found.segments.values() for label in labels if label not in used]
+    pairs = [(name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
+             for name in ("thigh", "shank", "ankle_height", "foot")]
+    unequal = [f"Right and left {name} differ: {right:.0f} and {left:.0f} mm." for name, right, left in pairs
+               if abs(right - left) > UNEQUAL * max(right, left)]
+    notes = (NOTE if NOTE in standing.notes else "", *posture.notes,
+             f"Hardly or not seen and not used: {', '.join(hidden)}." if hidden else "", *anatomy.notes, mass_note,
+             height_note, *unequal)
+    what = "Standing: mean over the quietest stretch" if posture.still else "A walk in place of standing"
+    method = (f"{what}, {posture.start_s:.2f} to {posture.end_s:.2f} s.", *anatomy.method,
+              f"The prosthesis was measured under {load:.0f} N ({source}): without load it is {1e3 * more:.1f} mm "
+              "longer, by the statics of this model.",
+              f"Right less left: {', '.join(f'{name} {right - left:+z.0f} mm' for name, right, left in pairs)}.")
+    angles = np.nanmedian(coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
+    return Calibration(subject=unloaded, segments=segments, feet=feet, lengths_m=lengths, method=method,
+                       angles_rad=dict(zip(COORDINATES, angles.tolist(), strict=True)),
+                       notes=tuple(filter(None, notes)))
 
 
-def _segment(name: str, posture: Posture, found: FoundMarkers, anatomy: Anatomy) -> SegmentMarkers:
+def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
     R, p = anatomy.R_W[name], anatomy.p_W[name]
-    local = {label: _average((posture.points[label] - p)[:, None] @ R)
-             for label in found.segments[name] if label in posture.points}
+    local = {label: _average(posture.points[label] - p, R)
+             for label in posture.found.segments[name] if label in posture.points}
     labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
-    p_PB = np.zeros(3) if parent is None else _average(
-        (p - anatomy.p_W[parent])[:, None] @ anatomy.R_W[parent])
+    p_PB = np.zeros(3) if parent is None else _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
     return SegmentMarkers(labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB)
 
 
-def _average(points: np.ndarray) -> np.ndarray:
-    """(3,) mean over frames (n, 1, 3), those with NaN left out."""
-    points = points[:, 0]
-    there = np.isfinite(points).all(axis=1)
-    return points[there].mean(axis=0) if there.any() else np.full(3, np.nan)
+def _average(vectors_W: np.ndarray, R_W: np.ndarray) -> np.ndarray:
+    """(3,) mean over the frames of vectors (n, 3) in the frame R_W (n, 3, 3), those with NaN left out."""
+    vectors = (vectors_W[:, None] @ R_W)[:, 0]
+    there = np.isfinite(vectors).all(axis=1)
+    return vectors[there].mean(axis=0) if there.any() else np.full(3, np.nan)
 
 
-def _ankle_height(anatomy: Anatomy, side: str) -> float:
-    flat = np.isfinite(anatomy.R_W[f"foot_{side}"]).all(axis=(1, 2))
-    return float(np.nanmean(anatomy.p_W[f"foot_{side}"][flat, 2]))
-
-
-def _lengths(
-    segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], anatomy: Anatomy
-) -> dict[str, float]:
+def _lengths(segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], anatomy: Anatomy) -> dict[str, float]:
     lengths = dict(anatomy.lengths_m)
     lengths["hip_width"] = float(np.linalg.norm(segments["thigh_left"].p_PB - segments["thigh_right"].p_PB))
     for side in SIDES:
@@ -120,65 +135,6 @@ def _lengths(
                     f"ankle_height_{side}": -float(points.p_FHeel[2]),
                     f"foot_{side}": float(points.p_FToe[0] - points.p_FHeel[0])}
     return lengths
-
-
-def _subject(
-    standing: Recording, posture: Posture, found: FoundMarkers, anatomy: Anatomy, person: PersonFacts,
-    segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], lengths: dict[str, float]
-) -> tuple[Subject, tuple[str, ...]]:
-    sex, prosthetic = check_facts(person)
-    intact = "left" if prosthetic == "right" else "right"
-    mass, mass_note = body_mass(person, standing, posture.start_s, posture.end_s, posture.still)
-    leg = lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"]
-    head = posture.points.get(found.roles.get("head_top", ""))
-    height, height_note = stature(person, leg, float(head[0, 2]) if head is not None and posture.still else None)
-    hips = np.mean([segments[f"thigh_{side}"].p_PB * [1, -1 if side == "right" else 1, 1] for side in SIDES], axis=0)
-    subject = Subject(
-        mass_kg=mass, stature_m=height, sex=sex, prosthetic_side=prosthetic, name=person.name,
-        thigh_length_m=lengths[f"thigh_{intact}"], shank_length_m=lengths[f"shank_{intact}"],
-        ankle_height_m=lengths[f"ankle_height_{intact}"], foot_length_m=lengths[f"foot_{intact}"],
-        hip_forward_m=float(hips[0]), hip_lateral_m=float(hips[1]), hip_up_m=float(hips[2]),
-        prosthetic_thigh_length_m=lengths[f"thigh_{prosthetic}"],
-        **prosthesis_of(prosthetic, anatomy, feet[prosthetic]))
-    notes = tuple(note for note in (mass_note, height_note) if note)
-    return check(subject, file=standing.path), notes
-
-
-def _unloaded(
-    subject: Subject, load: float, source: str, model: ModelParameters, fulcrum_m: float
-) -> tuple[Subject, str]:
-    """The subject with the prosthesis as long as without the `load` (N) it was measured under, and a sentence on it."""
-    more = settling(load, model, fulcrum_m=fulcrum_m)
-    assert subject.prosthesis_length_m is not None
-    longer = dataclasses.replace(subject, prosthesis_length_m=subject.prosthesis_length_m + more)
-    return longer, (f"The prosthesis was measured under {load:.0f} N ({source}): without load it is "
-                    f"{1e3 * more:.1f} mm longer, by the statics of this model.")
-
-
-def _angles(anatomy: Anatomy) -> dict[str, float]:
-    values = coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"])
-    return {name: float(np.nanmedian(column)) for name, column in zip(COORDINATES, values.T, strict=True)}
-
-
-def _stretch(posture: Posture) -> str:
-    what = "Standing: mean over the quietest stretch" if posture.still else "A walk in place of standing"
-    return f"{what}, {posture.start_s:.2f} to {posture.end_s:.2f} s."
-
-
-def _pairs(lengths: dict[str, float]) -> list[tuple[str, float, float]]:
-    return [(name, lengths[f"{name}_right"], lengths[f"{name}_left"])
-            for name in ("thigh", "shank", "ankle_height", "foot")]
-
-
-def _left_right(lengths: dict[str, float]) -> str:
-    parts = [f"{name.replace('_', ' ')} {1e3 * (right - left):+z.0f} mm" for name, right, left in _pairs(lengths)]
-    return f"Right less left: {', '.join(parts)}."
-
-
-def _differences(lengths: dict[str, float]) -> tuple[str, ...]:
-    return tuple(
-        f"Right and left {name.replace('_', ' ')} differ: {1e3 * right:.0f} and {1e3 * left:.0f} mm."
-        for name, right, left in _pairs(lengths) if abs(right - left) > UNEQUAL * max(right, left))
 
 
 # The sole of a foot from its markers, and how a prosthesis stands under its knee.
@@ -191,39 +147,32 @@ SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38
 """Shod feet of children and adults (a choice)."""
 OVER_M = 0.05
 """Farther ahead of the ankle or behind it the hip is not in standing: of a walk, such frames count (a choice)."""
-_FOOT = FootParameters()
 
 
-def foot_points(
-    side: str, segment: SegmentMarkers, found: FoundMarkers, person: PersonFacts, ankle_height: float
-) -> FootPoints:
+def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: Anatomy, person: PersonFacts
+                 ) -> FootPoints:
     """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot.
 
     The heel's rearmost point lies one marker radius and base plate ahead of the heel marker's centre. The tip is below
     the marker on it, else as far ahead as `BALL_RATIO` says.
-
-    Raises:
-        InputError: the foot is of nobody's length.
     """
-    def at(role: str) -> np.ndarray | None:
-        label = found.roles.get(f"{role}_{side}")
-        return segment.p_BM[segment.labels.index(label)] if label in segment.labels else None
-
-    heel = at("heel")
-    assert heel is not None
-    rear = heel[0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
-    tip = at("toe_tip")
-    if tip is not None:
-        length = tip[0] - rear
+    places = dict(zip(segment.labels, segment.p_BM, strict=True))
+    at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)
+          if (label := posture.found.roles.get(f"{role}_{side}")) in places}
+    rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
+    if "toe_tip" in at:
+        length = at["toe_tip"][0] - rear
     else:
-        roles = ("toe",) if at("toe") is not None else ("met1", "met5")
-        length = float(np.mean([(at(role)[0] - rear) / BALL_RATIO[role] for role in roles]))
+        roles = ("toe",) if "toe" in at else ("met1", "met5")
+        length = float(np.mean([(at[role][0] - rear) / BALL_RATIO[role] for role in roles]))
     if not SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M:
         raise InputError(f"heel and forefoot markers make the {side} foot {length:.3f} m long",
                          where=f"markers {', '.join(segment.labels)}",
                          right="Check the labels of heel and toe and the unit of the markers' file")
-    return FootPoints(p_FHeel=np.array([rear, heel[1], -ankle_height]),
-                      p_FToe=np.array([rear + length, heel[1], -ankle_height]))
+    flat = np.isfinite(anatomy.R_W[f"foot_{side}"]).all(axis=(1, 2))
+    sole = -float(np.nanmean(anatomy.p_W[f"foot_{side}"][flat, 2]))
+    return FootPoints(p_FHeel=np.array([rear, at["heel"][1], sole]),
+                      p_FToe=np.array([rear + length, at["heel"][1], sole]))
 
 
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
@@ -233,12 +182,13 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
     The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
     ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
     """
+    foot = FootParameters()
     R_WS, p_WS = anatomy.R_W[f"shank_{side}"], anatomy.p_W[f"shank_{side}"]
     R_WF, p_WF = anatomy.R_W[f"foot_{side}"], anatomy.p_W[f"foot_{side}"]
     heel = p_WF + R_WF @ points.p_FHeel
     down, normal = -R_WS[..., :, 2], R_WF[..., :, 2]
     length = np.sum((heel - p_WS) * normal, axis=-1) / np.sum(down * normal, axis=-1)
-    end = heel + R_WF @ np.array([_FOOT.pylon_x_m, 0.0, _FOOT.build_height_m])
+    end = heel + R_WF @ np.array([foot.pylon_x_m, 0.0, foot.build_height_m])
     place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
     angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
     ahead = np.abs(np.sum((anatomy.p_W[f"thigh_{side}"] - p_WF) * R_WF[..., :, 0], axis=-1))
@@ -267,157 +217,115 @@ choice)."""
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
-def check_labels(posture: Posture, found: FoundMarkers, file: str | Path) -> None:
-    """Refuses exchanged labels.
-
-    Forward is from the back of the pelvis to the ASIS, up is up, left follows. Over the frames of a walk the medians
-    count.
-
-    Raises:
-        InputError: feet point backwards, left is not left of right, a leg's joints are not one below the other, a
-            medial marker is outside a lateral one, or a marker lies on another segment.
-    """
-    _Checker(posture, found, file).run()
-
-
 class _Checker:
-    def __init__(self, posture: Posture, found: FoundMarkers, file: str | Path) -> None:
-        self.points, self.roles, self.found, self.file = posture.points, found.roles, found, file
+    """Refuses exchanged labels, by medians over the frames of a walk.
+
+    Forward is from the back of the pelvis to the ASIS, up is up, left follows.
+    """
+
+    def __init__(self, posture: Posture, file: str | Path) -> None:
+        self.posture, self.points, self.file = posture, posture.points, file
+        self.at = posture.at
         self.places()
-        front = self.middle("asis")
-        self.forward = facing(front, self.middle("psis") if "psis_right" in self.roles and "psis_left" in self.roles
-                              else self.at("sacrum"))
+        back = posture.middle("psis")
+        self.forward = facing(posture.middle("asis"), self.at("sacrum") if back is None else back)
         self.left = np.cross([0.0, 0.0, 1.0], self.forward)
 
-    def at(self, role: str) -> np.ndarray:
-        return self.points[self.roles[role]]
-
-    def middle(self, role: str) -> np.ndarray:
-        return 0.5 * (self.at(f"{role}_right") + self.at(f"{role}_left"))
-
-    def forefoot(self, side: str) -> np.ndarray:
-        return np.mean([self.points[label] for label in forefoot_labels(self.found, side)], axis=0)
-
-    def refuse(self, what: str, labels: list[str], right: str = _RIGHT) -> None:
-        raise InputError(what, file=self.file, where=f"markers {', '.join(labels)}", right=right)
+    def refuse(self, what: str, *roles: str, labels: tuple[str, ...] = (), right: str = _RIGHT) -> NoReturn:
+        named = [self.posture.found.roles[role] for role in roles if role in self.posture.found.roles]
+        raise InputError(what, file=self.file, where=f"markers {', '.join((*named, *labels))}", right=right)
 
     def run(self) -> None:
         self.pelvis()
         self.facing()
         self.sides()
-        self.heights()
-        self.medial()
+        for side, out in (("right", -1.0), ("left", 1.0)):
+            for upper, lower in pairwise(f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")):
+                if typical(self.at(upper) - self.at(lower), np.array([0.0, 0.0, 1.0])) < 0:
+                    self.refuse(f"the {_words(upper)} is below the {_words(lower)}", upper, lower)
+            for inner, outer in (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")):
+                medial, lateral = self.at(f"{inner}_{side}"), self.at(f"{outer}_{side}")
+                if medial is not None and lateral is not None and typical(lateral - medial, out * self.left) < 0:
+                    roles = f"{inner}_{side}", f"{outer}_{side}"
+                    self.refuse(f"the {_words(roles[0])} is outside the {_words(roles[1])}", *roles)
         self.segments()
 
     def places(self) -> None:
-        labels = [label for label in dict.fromkeys(self.roles.values()) if label in self.points]
+        labels = [label for label in dict.fromkeys(self.posture.found.roles.values()) if label in self.points]
         for a, b in combinations(labels, 2):
             apart = np.linalg.norm(self.points[a] - self.points[b], axis=1)
             apart = apart[np.isfinite(apart)]
             if len(apart) and np.median(apart) < SAME_PLACE_M:
-                self.refuse("lie in the same place", [a, b], "Each marker has one label; look for a doubled trajectory")
+                self.refuse("lie in the same place", labels=(a, b),
+                            right="Each marker has one label; look for a doubled trajectory")
 
     def pelvis(self) -> None:
-        across = self.at("asis_left") - self.at("asis_right")
-        slope = float(np.nanmedian(np.arcsin(np.abs(across[:, 2]) / np.linalg.norm(across, axis=1))))
+        roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
+        front = self.at("asis_left") - self.at("asis_right")
+        slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
         if slope > ASKEW_RAD:
             self.refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} "
-                        "degrees", [self.roles[f"asis_{side}"] for side in SIDES])
-        roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
-        if any(role not in self.roles for role in roles):
+                        "degrees", *roles[:2])
+        if self.posture.middle("psis") is None:
             return
-        front = self.at("asis_left") - self.at("asis_right")
         back = self.at("psis_left") - self.at("psis_right")
         lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
         cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
         if abs(cosine) < np.cos(ASKEW_RAD):
             self.refuse(f"the line over both ASIS and that over both PSIS make an angle of "
-                        f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged",
-                        [self.roles[role] for role in roles])
+                        f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged", *roles)
 
     def facing(self) -> None:
-        ahead = {}
-        for side in SIDES:
-            ahead[side] = typical(self.forefoot(side) - self.at(f"heel_{side}"), self.forward)
-        backwards = [side for side in SIDES if ahead[side] < 0]
+        heel = {side: self.at(f"heel_{side}") for side in SIDES}
+        fore = {side: self.posture.forefoot(side) for side in SIDES}
+        toes = {side: forefoot_labels(self.posture.found, side) for side in SIDES}
+        backwards = [side for side in SIDES if typical(fore[side] - heel[side], self.forward) < 0]
         if len(backwards) == len(SIDES):
-            labels = [self.roles[role] for role in ("asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
-                      if role in self.roles]
             self.refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of "
-                        "both feet)", labels)
+                        "both feet)", "asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
         for side in backwards:
-            self.refuse("the foot points backwards: heel and toe seem exchanged",
-                        [self.roles[f"heel_{side}"], *forefoot_labels(self.found, side)])
+            self.refuse("the foot points backwards: heel and toe seem exchanged", f"heel_{side}", labels=toes[side])
         for side in SIDES:
-            heel, ankle = self.at(f"heel_{side}"), self.at(f"ankle_lateral_{side}")
-            along = facing(self.forefoot(side), heel)
-            if typical(ankle - heel, along) < 0:
-                self.refuse("the ankle is behind the heel",
-                            [self.roles[f"ankle_lateral_{side}"], self.roles[f"heel_{side}"]])
-            if typical(self.forefoot(side) - ankle, along) < 0:
-                self.refuse("the ankle is ahead of the forefoot",
-                            [self.roles[f"ankle_lateral_{side}"], *forefoot_labels(self.found, side)])
+            ankle, along = self.at(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
+            if typical(ankle - heel[side], along) < 0:
+                self.refuse("the ankle is behind the heel", f"ankle_lateral_{side}", f"heel_{side}")
+            if typical(fore[side] - ankle, along) < 0:
+                self.refuse("the ankle is ahead of the forefoot", f"ankle_lateral_{side}", labels=toes[side])
 
     def sides(self) -> None:
-        pairs = [role.removesuffix("_right") for role in self.roles if role.endswith("_right")]
-        pairs = [role for role in pairs if f"{role}_left" in self.roles and self.seen(role)]
-        wrong = [role for role in pairs
-                 if typical(self.at(f"{role}_left") - self.at(f"{role}_right"), self.left) < 0]
+        roles = [role.removesuffix("_right") for role in self.posture.found.roles if role.endswith("_right")]
+        pairs = {role: (self.at(f"{role}_right"), self.at(f"{role}_left")) for role in roles}
+        wrong = [role for role, (right, left) in pairs.items()
+                 if right is not None and left is not None and typical(left - right, self.left) < 0]
         if wrong:
-            self.refuse("left and right seem exchanged",
-                        [self.roles[f"{role}_{side}"] for role in wrong for side in SIDES])
-
-    def seen(self, role: str) -> bool:
-        return all(self.roles[f"{role}_{side}"] in self.points for side in SIDES)
-
-    def heights(self) -> None:
-        for side in SIDES:
-            chain = [f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")]
-            for upper, lower in pairwise(chain):
-                if typical(self.at(upper) - self.at(lower), np.array([0.0, 0.0, 1.0])) < 0:
-                    self.refuse(f"the {_words(upper)} is below the {_words(lower)}",
-                                [self.roles[upper], self.roles[lower]])
-
-    def medial(self) -> None:
-        for side, out in (("right", -1.0), ("left", 1.0)):
-            pairs = ("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")
-            for medial, lateral in ((f"{inner}_{side}", f"{outer}_{side}") for inner, outer in pairs):
-                if medial in self.roles and lateral in self.roles and typical(
-                        self.at(lateral) - self.at(medial), out * self.left) < 0:
-                    self.refuse(f"the {_words(medial)} is outside the {_words(lateral)}",
-                                [self.roles[medial], self.roles[lateral]])
+            self.refuse("left and right seem exchanged", *(f"{role}_{side}" for role in wrong for side in SIDES))
 
     def segments(self) -> None:
         """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
-        lines, spans = {}, {}
-        for side in SIDES:
-            knee, ankle = (self.at(f"{joint}_lateral_{side}") for joint in ("knee", "ankle"))
-            names = [self.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
-            spans |= {f"thigh_{side}": names[:2], f"shank_{side}": names[1:]}
-            lines |= {f"thigh_{side}": (self.at(f"asis_{side}"), knee), f"shank_{side}": (knee, ankle)}
-        for segment in lines:
-            for label in self.found.segments[segment]:
+        found = self.posture.found
+        ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
+                in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
+        for segment, own in ends.items():
+            for label in found.segments[segment]:
                 if label not in self.points:
                     continue
-                away = {name: float(np.nanmedian(_distance(self.points[label], *line))) for name, line in lines.items()}
+                away = {name: float(np.nanmedian(_distance(self.points[label], self.at(upper), self.at(lower))))
+                        for name, (upper, lower) in ends.items()}
                 nearest = min(away, key=lambda name: away[name])
                 if away[segment] > away[nearest] + ASTRAY_M:
+                    spans = [found.roles[role] for role in own]
                     self.refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
                                 f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
-                                list(dict.fromkeys((label, *spans[segment]))),
-                                f"Check {label} and the markers that span this segment")
+                                labels=tuple(dict.fromkeys((label, *spans))),
+                                right=f"Check {label} and the markers that span this segment")
 
 
-def check_proportions(lengths_m: dict[str, float], found: FoundMarkers, file: str | Path) -> None:
-    """Refuses a thigh far too short or too long for its shank: a knee or ankle marker is not at its joint.
-
-    Raises:
-        InputError: names hip, knee and ankle markers.
-    """
+def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:
+    """Refuses a thigh far too short or too long for its shank: a knee or ankle marker is not at its joint."""
     for side in SIDES:
         thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
         if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:
-            labels = [found.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
+            labels = [posture.found.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
             raise InputError(f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
                              "to nobody", file=file, where=f"markers {', '.join(labels)}", right=_RIGHT)
 

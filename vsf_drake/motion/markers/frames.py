@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.axes import axis_name
-from vsf_drake.motion.formats.recording import Plate, Recording
+from vsf_drake.motion.formats.read import axis_name
+from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.joint_centres import (
     NEEDS_LEG_LENGTH,
     beside,
@@ -30,13 +30,12 @@ from vsf_drake.motion.markers.joint_centres import (
     frame_from,
     hinge_axis,
     hip_offset,
-    midpoint,
     pelvis_frame,
 )
-from vsf_drake.motion.markers.maps import SIDES, FoundMarkers, MarkerMap
+from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.poses import FEWEST_MARKERS, mean_shape, rigid_poses
-from vsf_drake.motion.markers.posture import Posture, forefoot_labels
+from vsf_drake.motion.markers.posture import Posture
 
 LEAST_HINGE_RAD = np.radians(30.0)
 """A knee that turns less than this does not show its axis (a choice)."""
@@ -61,28 +60,26 @@ class Anatomy:
     notes: tuple[str, ...]
 
 
-def find_anatomy(posture: Posture, found: FoundMarkers, person: PersonFacts, hip: str) -> Anatomy:
+def find_anatomy(posture: Posture, person: PersonFacts, hip: str) -> Anatomy:
     """The segments' frames; `hip` is one of `joint_centres.HIP_METHODS`."""
-    return _Builder(posture, found, person).build(hip)
+    return _Builder(posture, person).build(hip)
 
 
 class _Builder:
     """Goes down from pelvis to feet, keeping what it decided."""
 
-    def __init__(self, posture: Posture, found: FoundMarkers, person: PersonFacts) -> None:
-        self.posture, self.found, self.person = posture, found, person
+    def __init__(self, posture: Posture, person: PersonFacts) -> None:
+        self.posture, self.found, self.person = posture, posture.found, person
+        self.at = posture.at
         self.radius = 1e-3 * person.marker_radius_mm
         self.R: dict[str, np.ndarray] = {}
         self.p: dict[str, np.ndarray] = {}
         self.method: list[str] = []
         self.notes: list[str] = []
 
-    def at(self, role: str) -> np.ndarray | None:
-        """(n, 3) of the marker with this role, None without one."""
-        return self.posture.points.get(self.found.roles.get(role, ""))
-
     def build(self, hip: str) -> Anatomy:
         lengths = self.pelvis(hip)
+        up = np.array([0.0, 0.0, 1.0])
         for side in SIDES:
             knee, knee_axis = self.knee(side)
             self.R[f"thigh_{side}"] = frame_from(self.p[f"thigh_{side}"] - knee, knee_axis)
@@ -90,26 +87,25 @@ class _Builder:
             ankle, ankle_axis = self.ankle(side, self.R[f"thigh_{side}"][..., :, 1])
             self.R[f"shank_{side}"] = frame_from(knee - ankle, ankle_axis)
             self.p[f"foot_{side}"] = ankle
-            self.foot(side)
+            along = self.posture.forefoot(side) - self.at(f"heel_{side}")
+            self.R[f"foot_{side}"] = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
+            self.R[f"foot_{side}"][~self.posture.foot_flat[side]] = np.nan
         return Anatomy(self.R, self.p, lengths, tuple(dict.fromkeys(self.method)), tuple(dict.fromkeys(self.notes)))
 
     def pelvis(self, hip: str) -> dict[str, float]:
-        asis_r, asis_l = self.at("asis_right"), self.at("asis_left")
-        back = [self.at(f"psis_{side}") for side in SIDES]
-        if any(p is None for p in back):
-            sacrum = self.at("sacrum")
+        asis_r, asis_l, back = self.at("asis_right"), self.at("asis_left"), self.posture.middle("psis")
+        if back is None:
+            back = self.at("sacrum")
             self.notes.append("The sacrum marker stands for the midpoint of the PSIS.")
-        else:
-            sacrum = midpoint(*back)
-        self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, sacrum)
+        self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, back)
         width = float(np.nanmedian(np.linalg.norm(asis_r - asis_l, axis=-1)))
-        depth = float(np.nanmedian(np.linalg.norm(self.p["pelvis"] - sacrum, axis=-1)))
+        depth = float(np.nanmedian(np.linalg.norm(self.p["pelvis"] - back, axis=-1)))
         leg = self.leg_length(hip)
-        offset = hip_offset(hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, marker_radius=self.radius,
-                            base_plate=1e-3 * self.person.base_plate_mm)
+        forward, up, lateral = hip_offset(
+            hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, marker_radius=self.radius,
+            base_plate=1e-3 * self.person.base_plate_mm)
         for side, out in (("right", -1.0), ("left", 1.0)):
-            p_PH = np.array([offset[0], out * offset[2], offset[1]])
-            self.p[f"thigh_{side}"] = self.p["pelvis"] + self.R["pelvis"] @ p_PH
+            self.p[f"thigh_{side}"] = self.p["pelvis"] + self.R["pelvis"] @ np.array([forward, out * lateral, up])
         self.method.append(f"Hip centres: {hip} regression, pelvis width {1e3 * width:.0f} mm, depth "
                            f"{1e3 * depth:.0f} mm, leg length {1e3 * leg:.0f} mm.")
         return {"pelvis_width": width, "pelvis_depth": depth, "leg_length": leg}
@@ -130,39 +126,39 @@ class _Builder:
     def knee(self, side: str) -> tuple[np.ndarray, np.ndarray]:
         """Centre and axis to the left."""
         hip, lateral = self.p[f"thigh_{side}"], self.at(f"knee_lateral_{side}")
+        left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"knee_medial_{side}"), self.at(f"thigh_plane_{side}")
-        medially = self.medially(side)
         if medial is not None:
             self.method.append(f"Knee centre {side}: midway between lateral and medial marker, axis along them.")
-            return midpoint(lateral, medial), self.to_left(medial - lateral, side)
+            return 0.5 * (lateral + medial), left * (medial - lateral)
+        medially = left * self.R["pelvis"][..., :, 1]
         distance, width = self.half_width("knee")
         if plane is not None:
             self.method.append(f"Knee centre {side}: chord construction in the plane of "
                                f"{self.found.roles[f'thigh_plane_{side}']}, {width}.")
             centre = chord(hip, lateral, plane, medially, distance)
-            return centre, self.to_left(centre - lateral, side)
-        axis = self.hinge(side)
+            return centre, left * (centre - lateral)
+        axis = self.hinge(side, medially)
         if axis is None:
             self.method.append(f"Knee centre {side}: beside the lateral marker, {width}; axis parallel to the pelvis'.")
             self.notes.append(f"The {side} knee's axis is not measured (no medial or plane marker) but assumed "
                               "parallel to the pelvis' sideways axis. Hip rotation is doubtful by what it is off.")
-            axis = medially
         else:
             self.method.append(f"Knee centre {side}: beside the lateral marker along the functional axis, {width}.")
-        centre = beside(hip, lateral, axis, distance)
-        return centre, self.to_left(centre - lateral, side)
+        centre = beside(hip, lateral, medially if axis is None else axis, distance)
+        return centre, left * (centre - lateral)
 
-    def hinge(self, side: str) -> np.ndarray | None:
+    def hinge(self, side: str, medially: np.ndarray) -> np.ndarray | None:
         """(n, 3) the knee's functional axis, pointing medially in W; None where the recording does not show it."""
         if self.posture.still:
             return None
-        R = [self.cluster(f"{segment}_{side}") for segment in ("thigh", "shank")]
-        if R[0] is None or R[1] is None:
+        thigh, shank = (self.cluster(f"{segment}_{side}") for segment in ("thigh", "shank"))
+        if thigh is None or shank is None:
             return None
-        a, turned = hinge_axis(R[0].swapaxes(-1, -2) @ R[1])
+        a, turned = hinge_axis(thigh.swapaxes(-1, -2) @ shank)
         if turned < LEAST_HINGE_RAD:
             return None
-        axis, medially = R[0] @ a, self.medially(side)
+        axis = thigh @ a
         along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
         if abs(along) < np.cos(ODD_HINGE_RAD):
             self.notes.append(f"The functional axis of the {side} knee lies {np.degrees(np.arccos(abs(along))):.0f} "
@@ -184,12 +180,13 @@ class _Builder:
     def ankle(self, side: str, knee_axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre and the direction that the shank's y is to take, to the left."""
         knee, lateral = self.p[f"shank_{side}"], self.at(f"ankle_lateral_{side}")
+        left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"ankle_medial_{side}"), self.at(f"shank_plane_{side}")
         if medial is not None:
             self.method.append(f"Ankle centre {side}: midway between the malleoli, the shank's y along them.")
-            return midpoint(lateral, medial), self.to_left(medial - lateral, side)
+            return 0.5 * (lateral + medial), left * (medial - lateral)
         distance, width = self.half_width("ankle")
-        medially = knee_axis * (1.0 if side == "right" else -1.0)
+        medially = left * knee_axis
         if plane is not None:
             how = f"chord construction in the plane of {self.found.roles[f'shank_plane_{side}']}"
             centre = chord(knee, lateral, plane, medially, distance)
@@ -200,25 +197,10 @@ class _Builder:
                            "knee rotation is zero in this posture.")
         return centre, knee_axis
 
-    def foot(self, side: str) -> None:
-        heel = self.at(f"heel_{side}")
-        fore = np.mean([self.posture.points[label] for label in forefoot_labels(self.found, side)], axis=0)
-        up = np.broadcast_to([0.0, 0.0, 1.0], heel.shape)
-        R = frame_from(up, np.cross(up, fore - heel))
-        R[~self.posture.foot_flat[side]] = np.nan
-        self.R[f"foot_{side}"] = R
-
-    def medially(self, side: str) -> np.ndarray:
-        return self.R["pelvis"][..., :, 1] * (1.0 if side == "right" else -1.0)
-
-    @staticmethod
-    def to_left(medially: np.ndarray, side: str) -> np.ndarray:
-        """A vector from lateral to medial, turned to point to the left."""
-        return medially if side == "right" else -medially
-
-    def half_width(self, joint: str) -> tuple[np.ndarray, str]:
+    def half_width(self, joint: str) -> tuple[float, str]:
+        """From a joint's centre to that of the marker beside it (m), and where the width comes from."""
         width, source = joint_width_m(self.person, joint)
-        return np.asarray(0.5 * width + self.radius), source
+        return 0.5 * width + self.radius, source
 
 
 # Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a left hand.
@@ -238,7 +220,6 @@ ASIDE_RAD = np.radians(60.0)
 a walk that goes obliquely through the laboratory is left as it is (a choice)."""
 SAME_WAY = 0.5
 """Length of the mean of the unit vectors that a person faces, below which they turn round (a choice)."""
-FOREFOOT = ("toe", "toe_tip", "met1", "met5")
 NOTE = ("Every left marker lies to the right of its right one: the file's axes were taken for a left hand's and the "
         "recording mirrored sideways. If instead the labels left and right are exchanged, the sides are wrong.")
 
@@ -246,16 +227,12 @@ NOTE = ("Every left marker lies to the right of its right one: the file's axes w
 def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     """`recording` with its labels in the map's spelling, in a right-handed frame whose x is ahead of the person.
 
-    Unchanged if it is so already.
+    Turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than x.
 
     Raises:
         InputError: two labels become one, or left and right ones are exchanged.
     """
-    return facing_forward(right_handed(marker_map.rename(recording), marker_map), marker_map)
-
-
-def facing_forward(recording: Recording, marker_map: MarkerMap) -> Recording:
-    """`recording`, turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than x."""
+    recording = right_handed(marker_map.rename(recording), marker_map)
     points = _points(recording, marker_map)
     front, back = _middle(points, "asis"), _middle(points, "psis")
     back = points.get("sacrum") if back is None else back
@@ -267,15 +244,12 @@ def facing_forward(recording: Recording, marker_map: MarkerMap) -> Recording:
     angle = float(np.arctan2(mean[1], mean[0]))
     if np.linalg.norm(mean) < SAME_WAY or abs(angle) < ASIDE_RAD:
         return recording
-    ahead = np.round([np.cos(turn := 0.5 * np.pi * round(angle / (0.5 * np.pi))), np.sin(turn)])
-    R = np.array([[ahead[0], ahead[1], 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-    rotation = R @ recording.rotation_W
-    note = (f"The person faces the laboratory's {axis_name(rotation[0])}: this was taken as forward, whatever the "
-            "markers' travel or a statement said.")
-    return dataclasses.replace(
-        recording, markers={label: x @ R.T for label, x in recording.markers.items()},
-        plates=tuple(_turned(plate, R) for plate in recording.plates), rotation_W=rotation,
-        notes=(*recording.notes, note))
+    turn = 0.5 * np.pi * round(angle / (0.5 * np.pi))
+    x, y = np.round([np.cos(turn), np.sin(turn)])
+    R = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]])
+    faced = axis_name(R[0] @ recording.rotation_W)
+    return _turned(recording, R, f"The person faces the laboratory's {faced}: this was taken as forward, whatever the "
+                   "markers' travel or a statement said.")
 
 
 def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
@@ -287,37 +261,38 @@ def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
     Raises:
         InputError: the force plates show that the axes are those of a right hand, so that labels are exchanged.
     """
-    if not is_mirrored(recording, marker_map):
+    if not _is_mirrored(recording, marker_map):
         return recording
-    if _plates_right_handed(recording):
+    corners = [plate.corners_m for plate in recording.plates if plate.corners_m is not None]
+    if corners and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners):  # clockwise from above
         raise InputError("every left marker lies to the right of its right one, though its force plates lie in a "
                          "right-handed frame: left and right labels are exchanged", file=recording.path,
                          right="Correct the labels, or exchange right and left in a marker map of your own")
+    return _turned(recording, np.diag([1.0, -1.0, 1.0]), NOTE)
+
+
+def _turned(recording: Recording, R: np.ndarray, note: str) -> Recording:
+    """The recording with every vector turned (or mirrored) by R."""
+    plates = tuple(dataclasses.replace(
+        plate, force_n=plate.force_n @ R.T, cop_m=plate.cop_m @ R.T,
+        corners_m=None if plate.corners_m is None else plate.corners_m @ R.T) for plate in recording.plates)
     return dataclasses.replace(
-        recording, markers={label: x * _MIRROR for label, x in recording.markers.items()},
-        plates=tuple(_mirrored(plate) for plate in recording.plates),
-        rotation_W=np.diag(_MIRROR) @ recording.rotation_W, notes=(*recording.notes, NOTE))
+        recording, markers={label: x @ R.T for label, x in recording.markers.items()}, plates=plates,
+        rotation_W=R @ recording.rotation_W, notes=(*recording.notes, note))
 
 
-def _plates_right_handed(recording: Recording) -> bool:
-    """Whether there are plates with corners, and all go round as in a right-handed frame: clockwise from above."""
-    corners = [plate.corners_m for plate in recording.plates if plate.corners_m is not None]
-    return bool(corners) and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners)
-
-
-def is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
+def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
     """Whether every pair of left and right markers lies exchanged while pelvis and feet agree on what is forward."""
     points = _points(recording, marker_map)
-    pairs = {role.removesuffix("_right"): (points[role], points.get(f"{role.removesuffix('_right')}_left"))
-             for role in points if role.endswith("_right")}
-    pairs = {role: pair for role, pair in pairs.items() if pair[1] is not None}
-    back = 0.5 * sum(pairs["psis"]) if "psis" in pairs else points.get("sacrum")
-    fore = next((role for role in FOREFOOT if role in pairs), None)
+    roles = [role.removesuffix("_right") for role in points if role.endswith("_right")]
+    pairs = {role: (points[f"{role}_right"], points[f"{role}_left"]) for role in roles if f"{role}_left" in points}
+    back = _middle(points, "psis") if "psis" in pairs else points.get("sacrum")
+    fore = next((role for role in ("toe", "toe_tip", "met1", "met5") if role in pairs), None)
     if len(pairs) < FEWEST_PAIRS or "asis" not in pairs or back is None or "heel" not in pairs or fore is None:
         return False
-    forward = facing(0.5 * sum(pairs["asis"]), back)
+    forward = facing(_middle(points, "asis"), back)
     left = np.cross([0.0, 0.0, 1.0], forward)
-    ahead = [typical(pairs[fore][k] - pairs["heel"][k], forward) for k in range(len(SIDES))]
+    ahead = [typical(toe - heel, forward) for toe, heel in zip(pairs[fore], pairs["heel"], strict=True)]
     apart = [typical(on_left - on_right, left) for on_right, on_left in pairs.values()]
     return min(ahead) > 0 and all(distance < 0 for distance in apart if np.isfinite(distance))
 
@@ -338,24 +313,11 @@ def typical(vector: np.ndarray, along: np.ndarray) -> float:
 
 def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray]:
     """(n, 3) m by role, of the roles that the recording has a marker for."""
-    found = {role: next((recording.markers[s] for s in spellings if s in recording.markers), None)
+    found = {role: next((s for s in spellings if s in recording.markers), None)
              for role, spellings in marker_map.roles.items()}
-    return {role: place for role, place in found.items() if place is not None}
+    return {role: recording.markers[label] for role, label in found.items() if label is not None}
 
 
 def _middle(points: dict[str, np.ndarray], role: str) -> np.ndarray | None:
     both = [points.get(f"{role}_{side}") for side in SIDES]
     return None if both[0] is None or both[1] is None else 0.5 * (both[0] + both[1])
-
-
-_MIRROR = np.array([1.0, -1.0, 1.0])
-
-
-def _mirrored(plate: Plate) -> Plate:
-    corners = None if plate.corners_m is None else plate.corners_m * _MIRROR
-    return dataclasses.replace(plate, force_n=plate.force_n * _MIRROR, cop_m=plate.cop_m * _MIRROR, corners_m=corners)
-
-
-def _turned(plate: Plate, R: np.ndarray) -> Plate:
-    corners = None if plate.corners_m is None else plate.corners_m @ R.T
-    return dataclasses.replace(plate, force_n=plate.force_n @ R.T, cop_m=plate.cop_m @ R.T, corners_m=corners)

@@ -43,6 +43,8 @@ SHORTEST_STRETCH_S = 0.5
 """Shorter than a step at any walking speed: nothing in it can be analysed."""
 FEWEST_FRAMES = 6
 """What a quintic spline through the coordinates needs."""
+SPLINE_FRAMES = 4
+"""Frames on either side of a gap that shape the spline across it."""
 MOST_LISTED = 6
 
 
@@ -69,15 +71,16 @@ class FilledMarkers:
 
 @dataclass
 class _Work:
-    """Markers while they are being filled."""
+    """Markers while they are being filled; `longest` counts frames."""
 
     recording: Recording
+    rate_hz: float
     longest: int
     markers: dict[str, np.ndarray]
     gaps: list[tuple[str, int, int, str]] = field(default_factory=list)
 
     def seconds(self, frames: int) -> float:
-        return self.recording.marker_start_s + frames / (self.recording.marker_rate_hz or 1.0)
+        return self.recording.marker_start_s + frames / self.rate_hz
 
     def interval(self, start: int, stop: int) -> str:
         return f"{self.seconds(start):.3f} to {self.seconds(stop - 1):.3f} s"
@@ -98,7 +101,7 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
         raise InputError("there are no markers in this recording", file=recording.path)
     present, notes = _present(recording, segments)
     labels = dict.fromkeys(label for markers in present.values() for label in markers.labels)
-    work = _Work(recording, int(np.floor(longest_gap_s * rate + 1e-9)),
+    work = _Work(recording, rate, int(np.floor(longest_gap_s * rate + 1e-9)),
                  {label: np.array(recording.markers[label], dtype=float) for label in labels})
     for path in work.markers.values():
         path[~np.isfinite(path).all(axis=1)] = np.nan
@@ -132,28 +135,26 @@ def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
     for name, markers in segments.items():
         absent = [label for label in markers.labels if label not in recording.markers
                   or not np.isfinite(recording.markers[label]).all(axis=1).any()]
-        present[name] = subset(markers, tuple(label for label in markers.labels if label not in absent))
+        present[name] = subset(markers, [label for label in markers.labels if label not in absent])
+        words, one = name.replace("_", " "), len(absent) == 1
         if not determines(name, present[name].p_BM):
-            left = ", ".join(present[name].labels) or "none"
-            what = (f"{', '.join(absent)} never appear{'s' * (len(absent) == 1)}, and without "
-                    f"{'it' if len(absent) == 1 else 'them'} too few markers are left") if absent else (
-                    "too few markers are mapped, or they lie on one line")
-            raise InputError(f"{what} to follow the {name.replace('_', ' ')} (left: {left})", file=recording.path,
+            what = (f"{', '.join(absent)} never appear{'s' * one}, and without {'it' if one else 'them'} too few "
+                    "markers are left" if absent else "too few markers are mapped, or they lie on one line")
+            raise InputError(f"{what} to follow the {words} (left: {', '.join(present[name].labels) or 'none'})",
+                             file=recording.path,
                              right="Three markers that do not lie on a line are needed, or two and the joint centre")
         if absent:
-            notes.append(f"{', '.join(absent)} never seen: the {name.replace('_', ' ')} is followed without")
+            notes.append(f"{', '.join(absent)} never seen: the {words} is followed without")
     return present, notes
 
 
 def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str) -> np.ndarray:
     """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN if unknown or not needed."""
-    ancestors: list[str] = []
-    parent = PARENTS[name]
+    ancestors, parent = list[str](), PARENTS[name]
     while parent is not None:
         ancestors.insert(0, parent)
         parent = PARENTS[parent]
-    whole = all(np.isfinite(work.markers[label]).all() for label in segments[name].labels)
-    if whole or not ancestors:
+    if not ancestors or all(np.isfinite(work.markers[label]).all() for label in segments[name].labels):
         return np.full((work.recording.frames, 3), np.nan)
     poses = segment_poses({ancestor: segments[ancestor] for ancestor in ancestors}, work.markers)
     return poses[ancestors[-1]].points(segments[name].p_PB)
@@ -168,123 +169,98 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
         p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
     for own, label in enumerate(markers.labels):
         path = work.markers[label]
-        for gap in runs(np.isnan(path[:, 0])):
-            start, stop, placed = placed_by_cluster(p_BM, p_WM, own, gap)
-            if start < stop:
-                path[start:stop] = placed
-                work.gaps.append((label, start, stop, how))
+        for start, stop in runs(np.isnan(path[:, 0])):
+            start, placed = _placed_by_cluster(p_BM, p_WM, own, start, stop)  # noqa: PLW2901 (what of it can be filled)
+            if len(placed):
+                path[start:start + len(placed)] = placed
+                work.gaps.append((label, start, start + len(placed), how))
 
 
-def _fill_by_spline(work: _Work, label: str) -> None:
-    """Rule 3."""
-    path = work.markers[label]
-    for start, stop in runs(np.isnan(path[:, 0])):
-        if stop - start <= work.longest and splined(path, start, stop):
-            work.gaps.append((label, start, stop, "spline"))
-
-
-def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
-    """Rules 4 and 5: the frames [start, stop) that have every marker."""
-    recording, frames = work.recording, work.recording.frames
-    missing = {label: np.isnan(path[:, 0]) for label, path in work.markers.items()}
-    complete = runs(~np.any(list(missing.values()), axis=0))
-    if not complete:
-        worst = sorted((label for label, flags in missing.items() if flags.any()),
-                       key=lambda label: -missing[label].sum())[:4]
-        seen = ", ".join(f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst)
-        raise InputError(f"no frame shows every needed marker: {seen}", file=recording.path)
-    start, stop = max(complete, key=lambda run: run[1] - run[0])
-    shortest = SHORTEST_STRETCH_S * (recording.marker_rate_hz or 1.0)
-    others = [run for run in complete if run != (start, stop) and run[1] - run[0] >= shortest]
-    if others or (len(complete) > 1 and stop - start < shortest):
-        run = (others or [r for r in complete if r != (start, stop)])[0]
-        low, high = (run[1], start) if run[1] <= start else (stop, run[0])
-        label, (first, last) = max(
-            ((label, gap) for label, flags in missing.items() for gap in runs(flags)
-             if gap[0] < high and gap[1] > low), key=lambda item: item[1][1] - item[1][0])
-        raise InputError(
-            f"marker {label} is missing from {work.interval(first, last)}, longer than the "
-            f"{work.longest / (recording.marker_rate_hz or 1.0):g} s that may be filled, and its segment has no three "
-            "others to stand in (nor two and the joint centre)", file=recording.path,
-            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps "
-                  "(--longest-gap-s)")
-    lacking = [label for label, flags in missing.items() if flags.any()]
-    if stop - start < FEWEST_FRAMES:
-        raise InputError(f"only {stop - start} frames show every needed marker; {listed(lacking, most=MOST_LISTED)} "
-                         f"{'is' if len(lacking) == 1 else 'are'} missing elsewhere", file=recording.path,
-                         right=f"At least {FEWEST_FRAMES} are needed")
-    if (start, stop) != (0, frames):
-        notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
-                     f"{listed(lacking, most=MOST_LISTED)} {'is' if len(lacking) == 1 else 'are'} not always seen")
-    return start, stop
-
-
-# Where a marker was while nobody saw it: from a rigid cluster, or by a spline. Pure functions of arrays.
-
-
-SPLINE_FRAMES = 4
-"""Frames on either side of a gap that shape the spline across it."""
-
-
-def placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int,
-                      gap: tuple[int, int]) -> tuple[int, int, np.ndarray]:
-    """Where point `own` of a rigid cluster is in a gap.
+def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int) -> tuple[int, np.ndarray]:
+    """Where point `own` of a rigid cluster is in a gap [start, stop), of p_BM (k, 3) and p_WM (frames, k, 3) m.
 
     It has the offset from the others' pose that it has at the gap's edges, in the segment's frame, passed linearly from
     one edge to the other.
 
-    Args:
-        p_BM: (k, 3) m, all points in the segment's frame.
-        p_WM: (frames, k, 3) m, NaN where not seen.
-        own: which of the k points.
-        gap: its frames [start, stop).
-
     Returns:
-        The frames [start, stop) that could be filled, and (stop - start, 3) m there: all of the gap where enough others
-        are seen throughout, at an end of the recording as far out as they are seen without a break; else none.
+        The first frame that could be filled and (n, 3) m from there on: all of the gap where enough others are seen
+        throughout, at an end of the recording as far out as they are seen without a break; else none.
     """
-    (start, stop), frames = gap, len(p_WM)
-    nothing = start, start, np.empty((0, 3))
+    frames, nothing = len(p_WM), np.empty((0, 3))
     first, last = max(start - 1, 0), min(stop + 1, frames)
-    seen = np.isfinite(p_WM[:, :, 0])
     if (first, last) == (start, stop):
-        return nothing
+        return start, nothing
     inward = slice(first, last) if start > 0 else slice(last - 1, None, -1)
-    reach = np.logical_and.accumulate(seen[inward], axis=0).sum(axis=0)
+    reach = np.logical_and.accumulate(np.isfinite(p_WM[inward, :, 0]), axis=0).sum(axis=0)
     reach[own] = 0
     others = _enough(p_BM, reach, last - first if start > 0 and stop < frames else 2)
     if not others:
-        return nothing
-    known_frames = min(reach[others])
+        return start, nothing
+    known_frames = int(min(reach[others]))
     if start == 0:
-        first = start = last - int(known_frames)
+        first = start = last - known_frames
     elif stop == frames:
-        last = stop = first + int(known_frames)
+        last = stop = first + known_frames
     poses = rigid_poses(p_BM[others], p_WM[first:last, others])
     offset_B = np.einsum("nji,nj->ni", poses.R_WB, p_WM[first:last, own] - poses.p_WB) - p_BM[own]
     known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)
     blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
     placed = np.einsum("nij,nj->ni", poses.R_WB, p_BM[own] + blended) + poses.p_WB
-    return start, stop, placed[start - first:stop - first]
+    return start, placed[start - first:stop - first]
 
 
 def _enough(p_BM: np.ndarray, reach: np.ndarray, least: int) -> list[int]:
     """The points seen longest that determine a pose, and all that are seen as long; none if none reach `least`."""
     by_reach = sorted(range(len(p_BM)), key=lambda k: -int(reach[k]))
-    for count in range(1, len(by_reach) + 1):
-        if reach[by_reach[count - 1]] < least:
+    for count, k in enumerate(by_reach, start=1):
+        if reach[k] < least:
             return []
         if not needs_joint_centre(p_BM[by_reach[:count]]):
-            return [k for k in by_reach if reach[k] >= reach[by_reach[count - 1]]]
+            return [other for other in by_reach if reach[other] >= reach[k]]
     return []
 
 
-def splined(path: np.ndarray, start: int, stop: int) -> bool:
-    """Fills `path` (frames, 3) in [start, stop) by a cubic spline through its neighbours; False if a side has none."""
-    known = np.flatnonzero(np.isfinite(path[:, 0]))
-    left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
-    if not left.size or not right.size:
-        return False
-    around = np.concatenate((left, right))
-    path[start:stop] = CubicSpline(around, path[around])(np.arange(start, stop))
-    return True
+def _fill_by_spline(work: _Work, label: str) -> None:
+    """Rule 3, where both sides of the gap have neighbours."""
+    path = work.markers[label]
+    for start, stop in runs(np.isnan(path[:, 0])):
+        known = np.flatnonzero(np.isfinite(path[:, 0]))
+        left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
+        if stop - start <= work.longest and left.size and right.size:
+            around = np.concatenate((left, right))
+            path[start:stop] = CubicSpline(around, path[around])(np.arange(start, stop))
+            work.gaps.append((label, start, stop, "spline"))
+
+
+def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
+    """Rules 4 and 5: the frames [start, stop) that have every marker."""
+    file, frames = work.recording.path, work.recording.frames
+    missing = {label: flags for label, path in work.markers.items() if (flags := np.isnan(path[:, 0])).any()}
+    complete = runs(~np.any(list(missing.values()), axis=0)) if missing else [(0, frames)]
+    if not complete:
+        worst = sorted(missing, key=lambda label: -missing[label].sum())[:4]
+        seen = ", ".join(f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst)
+        raise InputError(f"no frame shows every needed marker: {seen}", file=file)
+    start, stop = max(complete, key=lambda run: run[1] - run[0])
+    shortest = SHORTEST_STRETCH_S * work.rate_hz
+    others = [run for run in complete if run != (start, stop)]
+    others = [run for run in others if run[1] - run[0] >= shortest] or (others if stop - start < shortest else [])
+    if others:
+        low, high = (others[0][1], start) if others[0][1] <= start else (stop, others[0][0])
+        label, (first, last) = max(
+            ((label, gap) for label, flags in missing.items() for gap in runs(flags)
+             if gap[0] < high and gap[1] > low), key=lambda item: item[1][1] - item[1][0])
+        raise InputError(
+            f"marker {label} is missing from {work.interval(first, last)}, longer than the "
+            f"{work.longest / work.rate_hz:g} s that may be filled, and its segment has no three "
+            "others to stand in (nor two and the joint centre)", file=file,
+            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps "
+                  "(--longest-gap-s)")
+    lacking = f"{listed(list(missing), most=MOST_LISTED)} {'is' if len(missing) == 1 else 'are'}"
+    if stop - start < FEWEST_FRAMES:
+        raise InputError(f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere", file=file,
+                         right=f"At least {FEWEST_FRAMES} are needed")
+    if (start, stop) != (0, frames):
+        notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
+                     f"{lacking} not always seen")
+    return start, stop

@@ -19,26 +19,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
-from vsf_drake.motion.plates import SIDES, os_to_world, world_to_os
+from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
 
-PELVIS_COORDINATES = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "pelvis_list", "pelvis_rotation")
-JOINTS = ("hip", "knee", "ankle")
-DISTAL = {"hip": "thigh", "knee": "shank", "ankle": "foot"}
-"""The segment that each joint moves."""
+COORDINATES = PELVIS_COORDINATES + tuple(name for side in SIDES for name in leg_coordinates(side, intact=True))
+"""The 24 coordinates of pelvis and two intact legs, in the model's order."""
 NEAR_GIMBAL_RAD = np.radians(70.0)
 """Beyond this adduction flexion and rotation become one and the same: errors are amplified threefold."""
-
-
-def joint_coordinates(joint: str, side: str) -> tuple[str, str, str]:
-    """Names of flexion, adduction and rotation of the `joint` ("hip", "knee", "ankle") on `side`."""
-    flexion = "flexion" if joint == "hip" else "angle"
-    return f"{joint}_{flexion}_{side[0]}", f"{joint}_adduction_{side[0]}", f"{joint}_rotation_{side[0]}"
-
-
-COORDINATES = PELVIS_COORDINATES + tuple(
-    name for side in SIDES for joint in JOINTS for name in joint_coordinates(joint, side))
-"""The 24 coordinates of pelvis and two intact legs, in the model's order."""
 
 
 def _signs(joint: str, side: str) -> np.ndarray:
@@ -71,55 +59,42 @@ def joint_rotation(angles: np.ndarray, joint: str, side: str) -> np.ndarray:
 
 def segment_joint(segment: str) -> tuple[str, str]:
     """Joint and side that carry `segment`: ("knee", "left") for shank_left, ("pelvis", "right") for the pelvis."""
-    if segment == "pelvis":
-        return "pelvis", "right"
-    kind, side = segment.split("_")
-    return next(joint for joint, distal in DISTAL.items() if distal == kind), side
+    kind, _, side = segment.partition("_")
+    return {"thigh": "hip", "shank": "knee", "foot": "ankle"}.get(kind, kind), side or "right"
 
 
 def coordinates_of(R_W: Mapping[str, np.ndarray], p_WPelvis: np.ndarray) -> np.ndarray:
-    """(n, 24): the values of `COORDINATES` from the segments' orientations, angles continuous in time.
+    """(n, 24): the values of `COORDINATES` from the segments' orientations (n, 3, 3) and the pelvis' origin (n, 3) m.
 
-    Args:
-        R_W: by segment, all of `SEGMENTS`: (n, 3, 3).
-        p_WPelvis: (n, 3) m, the pelvis' origin.
+    Angles are continuous in time, the middle of each within half a turn of zero.
     """
-    columns = [world_to_os(p_WPelvis), _continuous(joint_angles(R_W["pelvis"], "pelvis", "right"))]
-    for segment in SEGMENTS[1:]:
-        R_PW = R_W[str(PARENTS[segment])].swapaxes(-1, -2)
-        columns.append(_continuous(joint_angles(R_PW @ R_W[segment], *segment_joint(segment))))
+    columns = [world_to_os(p_WPelvis)]
+    for segment in SEGMENTS:
+        R_PD = R_W[segment] if PARENTS[segment] is None else R_W[str(PARENTS[segment])].swapaxes(-1, -2) @ R_W[segment]
+        angles = joint_angles(R_PD, *segment_joint(segment))
+        for column in angles.T if angles.ndim > 1 else ():
+            there = np.isfinite(column)
+            if there.any():
+                unwrapped = np.unwrap(column[there])
+                column[there] = unwrapped - 2 * np.pi * np.round(np.median(unwrapped) / (2 * np.pi))
+        columns.append(angles)
     return np.concatenate(columns, axis=-1)
 
 
 def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The inverse of `coordinates_of`: R_W by segment and p_WPelvis, from (n, 24) values of `COORDINATES`."""
     values = np.asarray(values, dtype=float)
-    R_W = {"pelvis": joint_rotation(values[..., 3:6], "pelvis", "right")}
-    for k, segment in enumerate(SEGMENTS[1:], start=2):
+    R_W: dict[str, np.ndarray] = {}
+    for k, segment in enumerate(SEGMENTS, start=1):
         R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
-        R_W[segment] = R_W[str(PARENTS[segment])] @ R_PD
+        R_W[segment] = R_PD if PARENTS[segment] is None else R_W[str(PARENTS[segment])] @ R_PD
     return R_W, os_to_world(values[..., :3])
 
 
 def gimbal_notes(values: np.ndarray) -> tuple[str, ...]:
     """Sentences on the joints whose adduction (pelvis: list) in (n, 24) `values` comes near a right angle."""
-    notes = []
-    for k in range(1, len(COORDINATES) // 3):
-        largest = float(np.nanmax(np.abs(values[:, 3 * k + 1])))
-        if largest > NEAR_GIMBAL_RAD:
-            notes.append(f"{COORDINATES[3 * k + 1]} reaches {np.degrees(largest):.0f} degrees, where "
-                         f"{COORDINATES[3 * k]} and {COORDINATES[3 * k + 2]} can hardly be told apart")
-    return tuple(notes)
-
-
-def _continuous(angles: np.ndarray) -> np.ndarray:
-    """Angles (n, 3) without jumps of a full turn, the middle of each column within half a turn of zero."""
-    out = np.array(angles)
-    if out.ndim == 1:
-        return out
-    for column in out.T:
-        there = np.isfinite(column)
-        if there.any():
-            unwrapped = np.unwrap(column[there])
-            column[there] = unwrapped - 2 * np.pi * np.round(np.median(unwrapped) / (2 * np.pi))
-    return out
+    triples = [COORDINATES[k:k + 3] for k in range(3, len(COORDINATES), 3)]
+    largest = np.nanmax(np.abs(values[:, 4::3]), axis=0)
+    return tuple(f"{adduction} reaches {np.degrees(most):.0f} degrees, where {flexion} and {rotation} can hardly be "
+                 "told apart" for (flexion, adduction, rotation), most in zip(triples, largest, strict=True)
+                 if most > NEAR_GIMBAL_RAD)

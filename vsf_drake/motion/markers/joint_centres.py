@@ -23,7 +23,6 @@ import numpy as np
 
 HIP_METHODS = ("harrington", "harrington_pw", "harrington_ll", "hara", "bell", "davis")
 NEEDS_LEG_LENGTH = ("harrington", "harrington_ll", "hara", "davis")
-_MM = 1e-3
 _DAVIS_THETA, _DAVIS_BETA = math.radians(28.4), math.radians(18.0)
 
 
@@ -36,8 +35,8 @@ def hip_offset(
     Raises:
         ValueError: another method than those of `HIP_METHODS`.
     """
-    pw, pd, ll = pelvis_width / _MM, pelvis_depth / _MM, leg_length / _MM
-    skin = (marker_radius + base_plate) / _MM
+    pw, pd, ll = (1e3 * length for length in (pelvis_width, pelvis_depth, leg_length))
+    skin = 1e3 * (marker_radius + base_plate)
     if method == "harrington":
         mm = (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9)
     elif method == "harrington_pw":
@@ -49,46 +48,36 @@ def hip_offset(
     elif method == "bell":
         mm = (-0.19 * pw, -0.30 * pw, 0.36 * pw)
     elif method == "davis":
-        c, depth = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + marker_radius / _MM
+        c, depth = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius
         sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
         along = c * math.cos(_DAVIS_THETA)
         mm = (along * sin_b - depth * cos_b, -along * cos_b - depth * sin_b, pw / 2 - c * math.sin(_DAVIS_THETA))
     else:
         raise ValueError(f"{method!r} is none of {', '.join(HIP_METHODS)}")
-    return _MM * np.array(mm)
+    return 1e-3 * np.array(mm)
 
 
-def midpoint(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Halfway between two markers: the joint centre between a medial and a lateral one."""
-    return 0.5 * (np.asarray(a) + np.asarray(b))
-
-
-def chord(
-    proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially: np.ndarray, distance: float | np.ndarray
-) -> np.ndarray:
+def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially: np.ndarray, distance: float
+          ) -> np.ndarray:
     """The joint centre C in the plane of the proximal joint centre P, the lateral marker L and a plane marker.
 
     |LC| is `distance` (half the joint's width and the marker's radius) and the angle PCL is a right one, so C lies on
     the circle over the diameter PL; of the two such points the one on the side of `medially`. It is the construction
-    of Kadaba et al. (1990, doi 10.1002/jor.1100080310), derived here from its definition.
-
-    Returns:
-        (..., 3); NaN where the three points lie on a line or `distance` exceeds |PL|.
+    of Kadaba et al. (1990, doi 10.1002/jor.1100080310), derived here from its definition. NaN where the three points
+    lie on a line or `distance` exceeds |PL|.
     """
     to_proximal = np.asarray(proximal) - lateral
     length = np.linalg.norm(to_proximal, axis=-1, keepdims=True)
     u = to_proximal / length
-    w = _unit(reject(np.asarray(plane) - lateral, u))
+    w = _unit(_reject(np.asarray(plane) - lateral, u))
     w = w * np.sign(np.sum(w * medially, axis=-1, keepdims=True))
-    cosine = np.asarray(distance)[..., None] / length
+    cosine = distance / length
     with np.errstate(invalid="ignore"):
         sine = np.sqrt(1 - cosine**2)
-    return lateral + np.asarray(distance)[..., None] * (cosine * u + sine * w)
+    return lateral + distance * (cosine * u + sine * w)
 
 
-def beside(
-    proximal: np.ndarray, lateral: np.ndarray, axis_medially: np.ndarray, distance: float | np.ndarray
-) -> np.ndarray:
+def beside(proximal: np.ndarray, lateral: np.ndarray, axis_medially: np.ndarray, distance: float) -> np.ndarray:
     """The joint centre at `distance` from the lateral marker, in the direction of `axis_medially` as seen from it and
     at a right angle to the line from the centre to the `proximal` one: a chord whose plane holds the joint's axis."""
     return chord(proximal, lateral, np.asarray(lateral) + axis_medially, axis_medially, distance)
@@ -110,38 +99,34 @@ def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
     R = R_relative[np.isfinite(R_relative).all(axis=(1, 2))]
     if not len(R):
         return np.full(3, np.nan), 0.0
-    normal = np.zeros((6, 6))
-    normal[:3, :3], normal[3:, 3:] = len(R) * np.eye(3), len(R) * np.eye(3)
-    normal[:3, 3:] = -R.sum(axis=0)
-    normal[3:, :3] = normal[:3, 3:].T
+    total = R.sum(axis=0)
+    normal = np.block([[len(R) * np.eye(3), -total], [-total.T, len(R) * np.eye(3)]])
     a = np.linalg.eigh(normal)[1][:3, 0]
     a = a / np.linalg.norm(a)
     u = np.linalg.svd(a[None])[2][1]
-    v = np.cross(a, u)
     turned = R @ (R[0].T @ u)
-    angle = np.unwrap(np.arctan2(turned @ v, turned @ u))
-    return a, float(np.ptp(angle))
-
-
-def reject(vector: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    """The part of `vector` at a right angle to `unit`."""
-    return vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit
+    return a, float(np.ptp(np.unwrap(np.arctan2(turned @ np.cross(a, u), turned @ u))))
 
 
 def frame_from(z: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(..., 3, 3): columns x, y, z of the frame whose z is along `z` and whose y lies as near to `y` as it can."""
     e_z = _unit(np.asarray(z))
-    e_y = _unit(reject(np.asarray(y), e_z))
+    e_y = _unit(_reject(np.asarray(y), e_z))
     return np.stack([np.cross(e_y, e_z), e_y, e_z], axis=-1)
 
 
 def pelvis_frame(asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R_WP (..., 3, 3) and origin (..., 3) after Wu et al. (2002): y to the left along the ASIS line, x forward in the
     plane of both ASIS and `back` (the midpoint of the PSIS or the sacrum), origin midway between the ASIS."""
-    origin = midpoint(asis_right, asis_left)
+    origin = 0.5 * (np.asarray(asis_right) + asis_left)
     e_y = _unit(np.asarray(asis_left) - asis_right)
-    e_x = _unit(reject(origin - back, e_y))
+    e_x = _unit(_reject(origin - back, e_y))
     return np.stack([e_x, e_y, np.cross(e_x, e_y)], axis=-1), origin
+
+
+def _reject(vector: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """The part of `vector` at a right angle to `unit`."""
+    return vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

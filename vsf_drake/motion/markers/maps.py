@@ -16,39 +16,72 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import read_text, resource, user_path
-from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.files import resource, user_path
+from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.formats.text import listed
-from vsf_drake.yaml_file import MOST_BYTES, parse_yaml
+from vsf_drake.schema import load_yaml
 
-SIDED_ROLES = ("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial", "heel",
-               "toe", "met1", "met5", "toe_tip", "thigh_plane", "shank_plane")
-"""`toe` is the second metatarsal head; `thigh_plane` and `shank_plane` lie, as Plug-in Gait's THI and TIB do, in the
-plane of the proximal joint centre, the lateral marker and the distal joint centre."""
-SIDED_CLUSTERS = ("thigh", "shank", "foot")
-MIDDLE_ROLES, MIDDLE_CLUSTERS = ("sacrum", "head_top"), ("pelvis",)
-SIDES = ("right", "left")
+SIDED_CLUSTERS, MIDDLE_CLUSTERS = ("thigh", "shank", "foot"), ("pelvis",)
 SEGMENT_ROLES = {
     "pelvis": ("asis", "psis"), "thigh": ("thigh_plane", "trochanter", "knee_lateral", "knee_medial"),
     "shank": ("shank_plane", "ankle_lateral", "ankle_medial"), "foot": ("heel", "toe", "met1", "met5", "toe_tip")}
 """The roles whose markers move with each segment."""
 SHIPPED = ("plug_in_gait", "rajagopal", "ior")
+Labels = tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Side:
+    """The markers of one side, as a map's file has them.
+
+    `toe` is the second metatarsal head; `thigh_plane` and `shank_plane` lie, as Plug-in Gait's THI and TIB do, in the
+    plane of the proximal joint centre, the lateral marker and the distal joint centre.
+    """
+
+    asis: Labels = ()
+    psis: Labels = ()
+    trochanter: Labels = ()
+    knee_lateral: Labels = ()
+    knee_medial: Labels = ()
+    ankle_lateral: Labels = ()
+    ankle_medial: Labels = ()
+    heel: Labels = ()
+    toe: Labels = ()
+    met1: Labels = ()
+    met5: Labels = ()
+    toe_tip: Labels = ()
+    thigh_plane: Labels = ()
+    shank_plane: Labels = ()
+    thigh: Labels = ()
+    shank: Labels = ()
+    foot: Labels = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Middle:
+    sacrum: Labels = ()
+    head_top: Labels = ()
+    pelvis: Labels = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _MapFile:
+    description: str | None = None
+    prefix: str | None = "any"
+    right: _Side | None = None
+    left: _Side | None = None
+    middle: _Middle | None = None
 
 
 @dataclass(frozen=True)
 class FoundMarkers:
-    """What a map finds in a recording.
-
-    Attributes:
-        roles: label by role and side ("asis_right", "sacrum"), those present.
-        segments: labels by segment ("pelvis", "thigh_right", ...), roles and clusters, each once.
-    """
+    """What a map finds in a recording: label by role and side ("asis_right", "sacrum"), those present; and labels by
+    segment ("pelvis", "thigh_right", ...), roles and clusters, each once."""
 
     roles: dict[str, str]
-    segments: dict[str, tuple[str, ...]]
+    segments: dict[str, Labels]
 
 
 @dataclass(frozen=True)
@@ -58,11 +91,14 @@ class MarkerMap:
     `path` is the file; `prefix` is "any", "" (none) or the text to strip.
     """
 
-    name: str
     path: Path
-    roles: dict[str, tuple[str, ...]]
-    clusters: dict[str, tuple[str, ...]]
+    roles: dict[str, Labels]
+    clusters: dict[str, Labels]
     prefix: str = "any"
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
 
     def spellings(self) -> set[str]:
         """All labels that the map knows."""
@@ -78,22 +114,23 @@ class MarkerMap:
         folded: dict[str, list[str]] = {}
         for label in known:
             folded.setdefault(label.casefold(), []).append(label)
-        stripped = {label: self._strip(label) for label in labels}
+        stripped = {label: label.rsplit(":", 1)[-1] if self.prefix == "any" else label.removeprefix(self.prefix)
+                    for label in labels}
         present = set(stripped.values())
         result: dict[str, str] = {}
+        owners: dict[str, str] = {}
         for label, bare in stripped.items():
             alike = folded.get(bare.casefold(), [])
             fits = len(alike) == 1 and bare not in known and alike[0] not in present
-            result[label] = alike[0] if fits else bare
-        self._refuse_doubles(result, file)
+            name = result[label] = alike[0] if fits else bare
+            if name in owners:
+                raise InputError(f"{owners[name]} and {label} are both {name}", file=file, where=f"marker {name}",
+                                 right="With two people in a file, say in a marker map whose prefix counts")
+            owners[name] = label
         return result
 
     def rename(self, recording: Recording) -> Recording:
-        """`recording` with its labels in the map's spelling, so that a calibration's labels fit every trial.
-
-        Raises:
-            InputError: two labels become one.
-        """
+        """`recording` with its labels in the map's spelling, so that a calibration's labels fit every trial."""
         names = self.translate(recording.markers, recording.path)
         if all(old == new for old, new in names.items()):
             return recording
@@ -105,8 +142,7 @@ class MarkerMap:
         Raises:
             InputError: a role has two candidates or a required one none.
         """
-        labels = list(labels)
-        present = set(labels)
+        present = dict.fromkeys(labels)
         roles: dict[str, str] = {}
         for role, spellings in self.roles.items():
             here = [s for s in spellings if s in present]
@@ -115,124 +151,70 @@ class MarkerMap:
                                  where=f"marker map {self.path}", right="Give this role one label in a map of your own")
             if here:
                 roles[role] = here[0]
-        _require(roles, self, labels, file)
-        segments: dict[str, tuple[str, ...]] = {}
-        for segment, side in _segment_sides():
-            key = f"{segment}_{side}" if side else segment
-            wanted = [roles.get(f"{role}_{s}") for s in ((side,) if side else SIDES) for role in SEGMENT_ROLES[segment]]
+        self._require(roles, list(present), file)
+        segments: dict[str, Labels] = {}
+        legs = ((segment, (side,)) for side in SIDES for segment in SIDED_CLUSTERS)
+        for segment, sides in (("pelvis", SIDES), *legs):
+            key = segment if segment == "pelvis" else f"{segment}_{sides[0]}"
+            wanted = [roles.get(f"{role}_{side}") for side in sides for role in SEGMENT_ROLES[segment]]
             wanted += [roles.get("sacrum")] if segment == "pelvis" else []
             wanted += [label for label in self.clusters.get(key, ()) if label in present]
             segments[key] = tuple(dict.fromkeys(label for label in wanted if label))
         return FoundMarkers(roles, segments)
 
-    def _strip(self, label: str) -> str:
-        if self.prefix == "any":
-            return label.rsplit(":", 1)[-1]
-        return label.removeprefix(self.prefix) if self.prefix else label
-
-    def _refuse_doubles(self, names: dict[str, str], file: str | Path | None) -> None:
-        seen: dict[str, str] = {}
-        for old, new in names.items():
-            if new in seen:
-                raise InputError(f"{seen[new]} and {old} are both {new}", file=file, where=f"marker {new}",
-                                 right="With two people in a file, say in a marker map whose prefix counts")
-            seen[new] = old
+    def _require(self, roles: dict[str, str], labels: list[str], file: str | Path | None) -> None:
+        """Refuses a standing trial in which a marker that every calibration needs has no label."""
+        missing: list[Labels] = [(key,) for role in ("asis", "knee_lateral", "ankle_lateral", "heel") for side in SIDES
+                                 if (key := f"{role}_{side}") not in roles]
+        if "sacrum" not in roles and not all(f"psis_{side}" in roles for side in SIDES):
+            missing.append(("psis_right", "psis_left", "sacrum"))
+        for side in SIDES:
+            mets = all(f"{met}_{side}" in roles for met in ("met1", "met5"))
+            if not mets and not any(f"{toe}_{side}" in roles for toe in ("toe", "toe_tip")):
+                missing.append((f"toe_{side}", f"toe_tip_{side}"))
+        if not missing:
+            return
+        names = [" or ".join(role.replace("_", " ") for role in group) for group in missing]
+        spellings = [s for group in missing for role in group for s in self.roles.get(role, ())]
+        near = {s: difflib.get_close_matches(s, labels, n=2, cutoff=0.6) for s in spellings}
+        hints = [f"{s} (like {', '.join(found)})" for s, found in near.items() if found]
+        sought = ", ".join(hints or spellings) or "no label, for the map names none"
+        raise InputError(f"no marker for {'; '.join(names)}", file=file, where=f"marker map {self.path}",
+                         right=f"Labels in the file: {listed(labels)}. Sought: {sought}. "
+                         "`vsf-drake import --list-markers` starts a map from the file's own labels")
 
 
 def load_marker_map(name_or_path: str | Path) -> MarkerMap:
     """A shipped map by its name ("plug_in_gait", "rajagopal", "ior") or a user's by its path.
 
     Raises:
-        InputError: there is no such map, or it is not one.
+        InputError: there is no such map; see `vsf_drake.schema.load_yaml`; a label is empty or stands for two things.
     """
     shipped = str(name_or_path) in SHIPPED
     path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else user_path(name_or_path)
-    right = f"Shipped marker maps are {', '.join(SHIPPED)}; any other is the path of a file"
-    return parse_marker_map(read_text(path, most=MOST_BYTES, right=right), path)
-
-
-def parse_marker_map(text: str, path: str | Path) -> MarkerMap:
-    """The map that the YAML `text` of the file `path` describes.
-
-    Raises:
-        InputError: not YAML, an unknown or doubled key, a value that is neither a label nor a list of labels, a label
-            that stands for two things.
-    """
-    path = Path(path)
-    root = parse_yaml(text, path)
-    roles: dict[str, tuple[str, ...]] = {}
-    clusters: dict[str, tuple[str, ...]] = {}
-    prefix = "any"
-    for _, key, node in _items(root, "", path, ("description", "prefix", *SIDES, "middle")):
-        if key == "prefix":
-            prefix = _labels(node, key, path, empty=True)[0]
-        elif key != "description":
-            kinds = (MIDDLE_ROLES, MIDDLE_CLUSTERS) if key == "middle" else (SIDED_ROLES, SIDED_CLUSTERS)
-            for block, role, value in _items(node, f"{key}.", path, kinds[0] + kinds[1]):
-                target = clusters if role in kinds[1] else roles
-                target[role if key == "middle" else f"{role}_{key}"] = _labels(value, block + role, path)
+    content = load_yaml(path, _MapFile,
+                        right=f"Shipped marker maps are {', '.join(SHIPPED)}; any other is the path of a file")
+    places = {f"{role}{side}": labels for side, block in (("_right", content.right), ("_left", content.left),
+                                                          ("", content.middle)) if block is not None
+              for role, labels in vars(block).items() if labels}
     owners: dict[str, str] = {}
-    for role, labels in (*roles.items(), *clusters.items()):
+    for role, labels in places.items():
         for label in labels:
+            if not label.strip():
+                raise InputError("must be a label or a list of labels", file=path, where=role)
             if label in owners:
                 raise InputError(f"stands for {owners[label]} and for {role}", file=path, where=f"label {label}",
                                  right="A marker has one place on one segment")
             owners[label] = role
-    return MarkerMap(name=path.stem, path=path, roles=roles, clusters=clusters, prefix=prefix)
+    clusters = {role: labels for role, labels in places.items() if _block(role)[1] in SIDED_CLUSTERS + MIDDLE_CLUSTERS}
+    roles = {role: labels for role, labels in places.items() if role not in clusters}
+    return MarkerMap(path, roles, clusters, content.prefix or "")
 
 
-def _items(node: yaml.Node | None, block: str, path: Path, known: tuple[str, ...]) -> list[tuple[str, str, yaml.Node]]:
-    if block and node is not None and node.tag == "tag:yaml.org,2002:null":
-        return []
-    if not isinstance(node, yaml.MappingNode):
-        raise InputError("must be a mapping of keys to values", file=path, where=block.rstrip(".") or None,
-                         right=f"Its keys are: {', '.join(known)}")
-    items: dict[str, yaml.Node] = {}
-    for key_node, value in node.value:
-        key, where = str(key_node.value), f"line {key_node.start_mark.line + 1}, {block}{key_node.value}"
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            raise InputError("unknown key", file=path, where=where,
-                             right=f"Did you mean {near[0]}?" if near else f"Known keys are: {', '.join(known)}")
-        if key in items:
-            raise InputError("the key stands twice", file=path, where=where)
-        items[key] = value
-    return [(block, key, value) for key, value in items.items()]
-
-
-def _labels(node: yaml.Node, key: str, path: Path, *, empty: bool = False) -> tuple[str, ...]:
-    nodes = node.value if isinstance(node, yaml.SequenceNode) else [node]
-    labels = tuple(str(n.value).strip() if isinstance(n, yaml.ScalarNode) else "" for n in nodes)
-    if not labels or not (all(labels) or empty) or (empty and not isinstance(node, yaml.ScalarNode)):
-        raise InputError("must be a label or a list of labels", file=path,
-                         where=f"line {node.start_mark.line + 1}, {key}")
-    return labels
-
-
-def _segment_sides() -> list[tuple[str, str]]:
-    return [("pelvis", "")] + [(segment, side) for side in SIDES for segment in SIDED_CLUSTERS]
-
-
-def _require(roles: dict[str, str], marker_map: MarkerMap, labels: list[str], file: str | Path | None) -> None:
-    """Refuses a standing trial in which a marker that every calibration needs has no label."""
-    wanted = [(f"{role}_{side}",) for role in ("asis", "knee_lateral", "ankle_lateral", "heel") for side in SIDES]
-    missing = [group for group in wanted if group[0] not in roles]
-    if "sacrum" not in roles and not all(f"psis_{side}" in roles for side in SIDES):
-        missing.append(("psis_right", "psis_left", "sacrum"))
-    for side in SIDES:
-        mets = all(f"{met}_{side}" in roles for met in ("met1", "met5"))
-        if not mets and not any(f"{toe}_{side}" in roles for toe in ("toe", "toe_tip")):
-            missing.append((f"toe_{side}", f"toe_tip_{side}"))
-    if not missing:
-        return
-    names = [" or ".join(role.replace("_", " ") for role in group) for group in missing]
-    spellings = [s for group in missing for role in group for s in marker_map.roles.get(role, ())]
-    near = {s: difflib.get_close_matches(s, labels, n=2, cutoff=0.6) for s in spellings}
-    hints = [f"{s} (like {', '.join(found)})" for s, found in near.items() if found]
-    sought = ", ".join(hints or spellings) or "no label, for the map names none"
-    right = f"Labels in the file: {listed(list(labels))}. Sought: {sought}. "
-    raise InputError(f"no marker for {'; '.join(names)}", file=file, where=f"marker map {marker_map.path}",
-                     right=right + "`vsf-drake import --list-markers` starts a map from the file's own labels")
+def _block(role: str) -> tuple[str, str]:
+    """Block and name of a role: ("right", "asis") for asis_right, ("middle", "sacrum") for sacrum."""
+    name, _, side = role.rpartition("_")
+    return (side, name) if side in SIDES else ("middle", role)
 
 
 # Which shipped map fits a recording's labels, and a first map of a recording's own.
@@ -265,8 +247,6 @@ WORDS = {
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
 SHORT = 3
 """After a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder."""
-
-
 WIDE_M = 0.03
 """The inner and the outer marker of a joint lie farther apart than this (a choice; ankles are 50 mm wide or more)."""
 _ACROSS = (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5"))
@@ -295,21 +275,21 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
             fitting.append((known, marker_map, marker_map.find(labels, recording.path)))
         except InputError as error:
             failing.append((known, error))
+    where = "marker_map (--map)"
     if not fitting:
         known, error = max(failing, key=lambda pair: pair[0])
         if 2 * known >= len(recording.markers):
             raise error
         raise InputError("no shipped marker map fits its labels: " + listed(list(recording.markers)),
-                         file=recording.path, where="marker_map (--map)",
+                         file=recording.path, where=where,
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, found) for known, marker_map, found in fitting if known == most]
     if any(found != best[0][1] for _, found in best):
         raise InputError(f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
-                         file=recording.path, where="marker_map (--map)", right="Say which one")
-    chosen = best[0][0]
-    return chosen, (f"No marker map was stated; {chosen.name}, which knows {most} of the {len(recording.markers)} "
-                    "labels, was taken.")
+                         file=recording.path, where=where, right="Say which one")
+    return best[0][0], (f"No marker map was stated; {best[0][0].name}, which knows {most} of the "
+                        f"{len(recording.markers)} labels, was taken.")
 
 
 def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> str:
@@ -320,12 +300,12 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
     decide, without it the file's order. Roles without a label stand in comments, labels without a role at the end.
     """
     labels = list(dict.fromkeys(label.rsplit(":", 1)[-1] for label in labels))
-    known, guessed = _known(labels), {}
-    for label in labels:
-        if label not in known and not label.upper().endswith(VIRTUAL):
-            place = _guess(label)
-            if place is not None:
-                guessed[label] = place
+    maps = [(marker_map, marker_map.translate(labels)) for marker_map in map(load_marker_map, SHIPPED)]
+    best, spelled = max(maps, key=lambda pair: len(pair[0].spellings() & set(pair[1].values())))
+    owner = {label: role for role, spellings in (best.roles | best.clusters).items() for label in spellings}
+    known = {label: _block(owner[bare]) for label, bare in spelled.items() if bare in owner}
+    guessed = {label: place for label in labels if label not in known and not label.upper().endswith(VIRTUAL)
+               and (place := _guess(label)) is not None}
     legs = _legs(recording, guessed | known)
     for side, leg in legs.items():
         for inner, outer in _ACROSS:
@@ -335,38 +315,29 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
              for label in labels]
     text += ["", "# Started from a recording's own labels: look over every line, above all those marked as guesses.",
             "description: markers of our laboratory", "prefix: any"]
-    for block in (*SIDES, "middle"):
+    for block, schema in ((*((side, _Side) for side in SIDES), ("middle", _Middle))):
         text.append(f"{block}:")
-        roles, clusters = ((MIDDLE_ROLES, MIDDLE_CLUSTERS) if block == "middle" else (SIDED_ROLES, SIDED_CLUSTERS))
-        for role in roles + clusters:
+        for role in (key.name for key in dataclasses.fields(schema)):
             sure = [label for label in labels if known.get(label) == (block, role)]
             maybe = [label for label in labels if guessed.get(label) == (block, role)]
             leg = legs.get(block) if role in _PLACES else None
             if leg is not None:
-                sure, maybe = (sorted(found, key=lambda label: -leg.score(role, label)) for found in (sure, maybe))
-            text.append(_line(role, sure, maybe, several=role in clusters, placed=leg is not None))
+                sure, maybe = (sorted(found, key=lambda label: -_score(leg, role, label)) for found in (sure, maybe))
+            text.append(_line(role, sure, maybe, placed=leg is not None))
     unused = [label for label in labels if label not in known and label not in guessed]
     if unused:
-        text.append("# Labels without a role:")
-        text += [f"#   {label}" for label in unused]
+        text += ["# Labels without a role:", *(f"#   {label}" for label in unused)]
     return "\n".join(text) + "\n"
 
 
-@dataclass(frozen=True, eq=False)
-class _Leg:
-    """A side's markers (m), from its heel ahead along the foot, outward and up."""
-
-    places: dict[str, np.ndarray]
-
-    def score(self, role: str, label: str) -> float:
-        """The larger, the likelier is the label that of the role, of several; least where it is never seen."""
-        if label not in self.places:
-            return -np.inf
-        return float(_PLACES[role] @ [*self.places[label], -abs(self.places[label][1])])
+def _score(leg: dict[str, np.ndarray], role: str, label: str) -> float:
+    """The larger, the likelier is the label that of the role, of several; least where it is never seen."""
+    return float(_PLACES[role] @ [*leg[label], -abs(leg[label][1])]) if label in leg else -np.inf
 
 
-def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> dict[str, _Leg]:
-    """By side, where labels lie; without a side whose heel or forefoot no label looks like."""
+def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> dict[str, dict[str, np.ndarray]]:
+    """By side, where labels lie (m), from its heel ahead along the foot, outward and up; without a side whose heel or
+    forefoot no label looks like."""
     if recording is None or not recording.markers:
         return {}
     labels = [label.rsplit(":", 1)[-1] for label in recording.markers]
@@ -388,15 +359,14 @@ def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> 
         outward = np.cross(ahead, [0.0, 0.0, 1.0]) * np.sign(np.cross(ahead, [0.0, 0.0, 1.0]) @ away)
         if np.linalg.norm(ahead) > WIDE_M and outward.any() and np.isfinite(outward).all():
             axes = np.array([ahead, outward, [0.0, 0.0, np.linalg.norm(ahead)]]) / np.linalg.norm(ahead)
-            legs[side] = _Leg({label: axes @ (place - heel) for label, place in places.items()})
+            legs[side] = {label: axes @ (place - heel) for label, place in places.items()}
     return legs
 
 
-def _by_side(guessed: dict[str, tuple[str, str]], known: set[tuple[str, str]], leg: _Leg, inner: tuple[str, str],
-             outer: tuple[str, str]) -> None:
+def _by_side(guessed: dict[str, tuple[str, str]], known: set[tuple[str, str]], leg: dict[str, np.ndarray],
+             inner: tuple[str, str], outer: tuple[str, str]) -> None:
     """Gives labels that look like either side of a joint to the side on which they lie, where they lie apart."""
-    pool = {label: leg.places[label][1] for label, place in guessed.items()
-            if place in (inner, outer) and label in leg.places}
+    pool = {label: leg[label][1] for label, place in guessed.items() if place in (inner, outer) and label in leg}
     numbered = inner[1] == "met1" and {inner, outer} - set(guessed.values())
     if known & {inner, outer} or numbered or not pool or max(pool.values()) - min(pool.values()) < WIDE_M:
         return
@@ -404,7 +374,8 @@ def _by_side(guessed: dict[str, tuple[str, str]], known: set[tuple[str, str]], l
     guessed |= {label: outer if out > middle else inner for label, out in pool.items()}
 
 
-def _line(role: str, sure: list[str], maybe: list[str], *, several: bool, placed: bool) -> str:
+def _line(role: str, sure: list[str], maybe: list[str], *, placed: bool) -> str:
+    several = role in SIDED_CLUSTERS + MIDDLE_CLUSTERS
     chosen = (sure + maybe) if several else (sure or maybe)
     if not chosen:
         return f"  # {role}:"
@@ -417,8 +388,7 @@ def _line(role: str, sure: list[str], maybe: list[str], *, several: bool, placed
     if not several and len(chosen) > 1:
         remarks.append(f"or {', '.join(chosen[1:])}")
     value = ", ".join(_quoted(label) for label in (chosen if several else chosen[:1]))
-    remark = f"  # {'; '.join(remarks)}" if remarks else ""
-    return f"  {role}: {f'[{value}]' if several else value}{remark}"
+    return f"  {role}: {f'[{value}]' if several else value}" + (f"  # {'; '.join(remarks)}" if remarks else "")
 
 
 def _quoted(label: str) -> str:
@@ -426,34 +396,18 @@ def _quoted(label: str) -> str:
     return label if plain else "'" + label.replace("'", "''") + "'"
 
 
-def _known(labels: list[str]) -> dict[str, tuple[str, str]]:
-    """Block and role of the labels that the shipped map knows which knows most of them."""
-    maps = [load_marker_map(name) for name in SHIPPED]
-    best = max(maps, key=lambda m: len(m.spellings() & set(m.translate(labels).values())))
-    owner = {label: role for places in (best.roles, best.clusters) for role, spellings in places.items()
-             for label in spellings}
-    return {label: _block(owner[bare]) for label, bare in best.translate(labels).items() if bare in owner}
-
-
-def _block(role: str) -> tuple[str, str]:
-    for side in SIDES:
-        if role.endswith(f"_{side}"):
-            return side, role.removesuffix(f"_{side}")
-    return "middle", role
-
-
 def _guess(label: str) -> tuple[str, str] | None:
     """Block and role that a label looks like, by its side letter or word and what remains."""
     word = "".join(ch for ch in label.casefold() if ch.isalnum())
-    if word in WORDS["sacrum"] + WORDS["head_top"]:
-        return "middle", "sacrum" if word in WORDS["sacrum"] else "head_top"
+    for role in ("sacrum", "head_top"):
+        if word in WORDS[role]:
+            return "middle", role
     for side in SIDES:
         for mark in (side, side[0]):
-            for rest in ((word.removeprefix(mark),) if word.startswith(mark) else ()) + (
-                    (word.removesuffix(mark),) if word.endswith(mark) else ()):
-                role = _role(rest)
-                if role is not None:
-                    return ("middle", role) if role in MIDDLE_CLUSTERS else (side, role)
+            rests = [word.removeprefix(mark)] * word.startswith(mark) + [word.removesuffix(mark)] * word.endswith(mark)
+            role = next(filter(None, map(_role, rests)), None)
+            if role is not None:
+                return ("middle", role) if role in MIDDLE_CLUSTERS else (side, role)
     return None
 
 

@@ -1,13 +1,13 @@
-"""Rigid pose of a cluster of markers in every frame, by least squares.
+"""Rigid pose of a cluster of markers in every frame, by least squares, and which markers determine a segment.
 
-The pose (R, p) minimises sum_k w_k |R m_k + p - x_k|^2 over the markers k seen in the frame, with m_k in the
-segment's frame B and x_k in W: R from the singular value decomposition of the weighted cross-dispersion matrix, the
+The pose (R, p) minimises sum_k |R m_k + p - x_k|^2 over the markers k seen in the frame, with m_k in the
+segment's frame B and x_k in W: R from the singular value decomposition of the cross-dispersion matrix, the
 reflection excluded by the sign of its determinant (Soederkvist & Wedin 1993, doi 10.1016/0021-9290(93)90098-Y).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,11 @@ FEWEST_MARKERS = 3
 LEAST_WIDTH_M = 1e-3
 """Markers whose RMS distance from the straight line through them is below a millimetre leave the turn about that line
 to their noise: no pose."""
+NARROW_M = 0.015
+"""A cluster of RMS half-width below this is too near to a straight line to stand alone: 3 mm of skin motion on three
+markers would turn it by 7 degrees about that line."""
+NARROWEST_M = 0.005
+"""Below this a cluster does not determine its segment even with the joint centre: those 3 mm turn it by 20 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +30,7 @@ class RigidPoses:
     """Poses of a segment B over n frames; NaN where the markers do not determine one.
 
     Attributes:
-        R_WB: (n, 3, 3).
-        p_WB: (n, 3) m.
+        R_WB, p_WB: (n, 3, 3) and (n, 3) m.
         residual_m: (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen.
         found: (n,) bool, False where the pose is NaN.
     """
@@ -37,42 +41,25 @@ class RigidPoses:
     found: np.ndarray
 
     def points(self, p_BQ: np.ndarray) -> np.ndarray:
-        """(n, 3) or (n, k, 3) m: the points `p_BQ`, (3,) or (k, 3) in B, in W."""
-        p_BQ = np.asarray(p_BQ, dtype=float)
-        if p_BQ.ndim == 1:
-            return np.asarray(self.R_WB @ p_BQ + self.p_WB)
-        return np.asarray(p_BQ @ self.R_WB.transpose(0, 2, 1) + self.p_WB[:, None, :])
+        """(n, 3) m in W: the point `p_BQ`, (3,) m in B."""
+        return np.asarray(self.R_WB @ p_BQ + self.p_WB)
 
 
-def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray, weights: np.ndarray | None = None) -> RigidPoses:
-    """The pose of the segment in each of n frames.
+def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
+    """The pose of the segment in each of n frames, from the markers seen there.
+
+    Fewer than three of them, or three and more on one line, give NaN and `found` False in that frame.
 
     Args:
         p_BM: (k, 3) m, the markers in the segment's frame.
         p_WM: (n, k, 3) m, the markers as seen, NaN where not seen.
-        weights: (k,) or (n, k), not negative; one for every marker if None. A weight of zero is a marker not used.
-
-    Returns:
-        Poses from the markers seen in each frame. Fewer than three of them, or three and more on one line, give NaN
-        and `found` False in that frame.
-
-    Raises:
-        ValueError: shapes do not fit, or a weight is negative or not finite.
     """
-    p_BM, p_WM = np.asarray(p_BM, dtype=float), np.asarray(p_WM, dtype=float)
-    if p_BM.ndim != 2 or p_BM.shape[1] != 3 or p_WM.ndim != 3 or p_WM.shape[1:] != p_BM.shape:
-        raise ValueError(f"markers {p_BM.shape} in B and {p_WM.shape} in W do not fit")
-    n, k = p_WM.shape[:2]
-    w = np.ones((n, k)) if weights is None else np.array(np.broadcast_to(np.asarray(weights, dtype=float), (n, k)))
-    if not (np.isfinite(w).all() and (w >= 0).all()):
-        raise ValueError("weights must be finite and not negative")
-    w[~np.isfinite(p_WM).all(axis=2)] = 0.0
-    seen = w > 0
-    x = np.where(seen[:, :, None], p_WM, 0.0)
+    seen = np.isfinite(p_WM).all(axis=2)
+    w, x = seen.astype(float), np.where(seen[:, :, None], p_WM, 0.0)
     total = np.maximum(w.sum(axis=1), np.finfo(float).tiny)[:, None]
     mean_B, mean_W = w @ p_BM / total, np.einsum("nk,nki->ni", w, x) / total
     from_mean_B, from_mean_W = p_BM - mean_B[:, None, :], x - mean_W[:, None, :]
-    found = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, seen) > LEAST_WIDTH_M)
+    found = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, w) > LEAST_WIDTH_M)
     U, _, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", w, from_mean_W, from_mean_B))
     U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R_WB = U @ Vt
@@ -102,29 +89,17 @@ def cluster_width(p_BM: np.ndarray) -> float:
 
     A marker error e turns the pose about that line by about e / (sqrt(k) width).
     """
-    p_BM = np.asarray(p_BM, dtype=float)
     if len(p_BM) < FEWEST_MARKERS:
         return 0.0
-    return float(_width((p_BM - p_BM.mean(axis=0))[None], np.ones((1, len(p_BM)), dtype=bool))[0])
+    return float(_width((p_BM - p_BM.mean(axis=0))[None], np.ones((1, len(p_BM))))[0])
 
 
 def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(n,) m: RMS distance of the seen markers from the line through them, from (n, k, 3) about any point near."""
-    count = np.maximum(seen.sum(axis=1), 1)[:, None]
-    centred = from_mean - (np.einsum("nk,nki->ni", seen.astype(float), from_mean) / count)[:, None, :]
-    dispersion = np.einsum("nk,nki,nkj->nij", seen.astype(float), centred, centred) / count[:, :, None]
-    values = np.linalg.eigvalsh(dispersion)
+    """(n,) m: RMS distance of the markers seen (1, else 0) from the line through them, of (n, k, 3) about their mean.
+    """
+    dispersion = np.einsum("nk,nki,nkj->nij", seen, from_mean, from_mean)
+    values = np.linalg.eigvalsh(dispersion / np.maximum(seen.sum(axis=1), 1)[:, None, None])
     return np.asarray(np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0)))
-
-
-# Which markers determine a segment, and when its joint centre must help.
-
-
-NARROW_M = 0.015
-"""A cluster of RMS half-width below this is too near to a straight line to stand alone: 3 mm of skin motion on three
-markers would turn it by 7 degrees about that line."""
-NARROWEST_M = 0.005
-"""Below this a cluster does not determine its segment even with the joint centre: those 3 mm turn it by 20 degrees."""
 
 
 def needs_joint_centre(p_BM: np.ndarray) -> bool:
@@ -146,29 +121,29 @@ def determines(segment: str, p_BM: np.ndarray) -> bool:
     return len(p_BM) >= FEWEST_MARKERS - 1 and cluster_width(with_joint_centre(p_BM)) >= NARROWEST_M
 
 
-def subset(markers: SegmentMarkers, labels: tuple[str, ...]) -> SegmentMarkers:
+def subset(markers: SegmentMarkers, labels: Collection[str]) -> SegmentMarkers:
     """The segment with only the markers `labels`, in the segment's order."""
     keep = [k for k, label in enumerate(markers.labels) if label in labels]
     return SegmentMarkers(labels=tuple(markers.labels[k] for k in keep), p_BM=markers.p_BM[keep], p_PB=markers.p_PB)
 
 
-def pose_data(name: str, segment: SegmentMarkers, markers: Mapping[str, np.ndarray],
-              poses: Mapping[str, RigidPoses]) -> tuple[np.ndarray, np.ndarray]:
-    """What determines a segment: points (k, 3) m in its frame and where they are in W, (n, k, 3) m.
+def segment_pose(name: str, segment: SegmentMarkers, markers: Mapping[str, np.ndarray],
+                 poses: Mapping[str, RigidPoses]) -> RigidPoses:
+    """Poses of a segment from its markers by label, (n, 3) m, given its parent's.
 
-    These are its markers and last, where `needs_joint_centre`, the proximal joint centre as the parent's pose has it.
+    Where `needs_joint_centre`, the proximal joint centre, as the parent's pose has it, is one more and last marker.
     """
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     parent = PARENTS[name]
     if parent is None or not needs_joint_centre(segment.p_BM):
-        return segment.p_BM, p_WM
+        return rigid_poses(segment.p_BM, p_WM)
     centre = poses[parent].points(segment.p_PB)
-    return with_joint_centre(segment.p_BM), np.concatenate([p_WM, centre[:, None, :]], axis=1)
+    return rigid_poses(with_joint_centre(segment.p_BM), np.concatenate([p_WM, centre[:, None, :]], axis=1))
 
 
 def segment_poses(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray]) -> dict[str, RigidPoses]:
-    """Poses of every segment (`segments` has parents first) from markers by label, (n, 3) m; see `pose_data`."""
+    """Poses of every segment (`segments` has parents first), see `segment_pose`."""
     poses: dict[str, RigidPoses] = {}
     for name, segment in segments.items():
-        poses[name] = rigid_poses(*pose_data(name, segment, markers, poses))
+        poses[name] = segment_pose(name, segment, markers, poses)
     return poses

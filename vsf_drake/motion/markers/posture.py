@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.maps import SIDES, FoundMarkers
+from vsf_drake.motion.formats.recording import SIDES, Recording
+from vsf_drake.motion.markers.maps import FoundMarkers
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 
 QUIET_S = 1.0
@@ -41,6 +41,7 @@ class Posture:
     """Where markers are, from which anatomical frames are made.
 
     Attributes:
+        found: what the labels are.
         points: (n, 3) m by label; n = 1, the mean, if `still`, else every frame of the walk, NaN where not seen.
         still: whether the person stood.
         foot_flat: (n,) bool by side.
@@ -48,12 +49,33 @@ class Posture:
         notes: sentences.
     """
 
+    found: FoundMarkers
     points: dict[str, np.ndarray]
     still: bool
     foot_flat: dict[str, np.ndarray]
     start_s: float
     end_s: float
     notes: tuple[str, ...] = ()
+
+    def at(self, role: str) -> np.ndarray | None:
+        """(n, 3) of the marker with this role, None without one."""
+        return self.points.get(self.found.roles.get(role, ""))
+
+    def middle(self, role: str) -> np.ndarray | None:
+        """(n, 3) midway between its markers on both sides, None without them."""
+        right, left = (self.at(f"{role}_{side}") for side in SIDES)
+        return None if right is None or left is None else 0.5 * (right + left)
+
+    def forefoot(self, side: str) -> np.ndarray:
+        """(n, 3) that the foot points to."""
+        return np.mean([self.points[label] for label in forefoot_labels(self.found, side)], axis=0)
+
+
+def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
+    """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else toe tip."""
+    choices = (("toe",), ("met1", "met5"), ("toe_tip",))
+    roles = next(roles for roles in choices if all(f"{role}_{side}" in found.roles for role in roles))
+    return tuple(found.roles[f"{role}_{side}"] for role in roles)
 
 
 def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
@@ -74,14 +96,12 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
     if moved[worst] <= STILL_M:
         mean, seen = _mean(x[start:start + width])
         points = {label: mean[None, k] for k, label in enumerate(labels) if seen[k] >= SEEN_PART}
-        posture = Posture(points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
+        posture = Posture(found, points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
                           float(time[start + width - 1]))
     elif _steps(recording, found) > STEPPING_M:
         points = {label: x[:, k] for k, label in enumerate(labels)}
         flat = {side: _foot_flat(points, found, side, recording) for side in SIDES}
-        for side in SIDES:
-            _seen_together(points, found, flat[side], side, recording)
-        posture = Posture(points, False, flat, float(time[0]), float(time[-1]), (
+        posture = Posture(found, points, False, flat, float(time[0]), float(time[-1]), (
             "Nobody stood still: joint centres and axes are from all frames of a walk, the feet's from the frames in "
             "which they are flat. Doubtful; record a standing trial.",))
     else:
@@ -89,17 +109,21 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
             f"nobody stands still: in the quietest {width / rate:.1f} s it moves {1e3 * moved[worst]:.0f} mm RMS",
             file=recording.path, where=f"marker {labels[worst]}, from {time[start]:.2f} s",
             right=f"A standing trial needs {QUIET_S:g} s in which no marker moves more than {1e3 * STILL_M:.0f} mm RMS")
-    _on_floor(posture, found, recording)
+    for side in SIDES:
+        for label in (found.roles[f"heel_{side}"], *forefoot_labels(found, side)):
+            height = float(np.nanmean(posture.points[label][posture.foot_flat[side], 2]))
+            if not LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M:
+                raise InputError(f"is {height:.3f} m above the floor while the foot is flat on it", file=recording.path,
+                                 where=f"marker {label}", right="The floor must be at height zero, in the file's unit; "
+                                 "check the unit, the upward axis and the laboratory's origin")
     return posture
 
 
-def _quietest(
-    x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], recording: Recording
-) -> tuple[int, np.ndarray]:
+def _quietest(x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], recording: Recording
+              ) -> tuple[int, np.ndarray]:
     """First frame of the stretch in which the markers move least, and how much each does there (RMS, m)."""
     seen = np.isfinite(x).all(axis=2)
-    middle = np.nan_to_num(_mean(x)[0])
-    from_mean = np.where(seen[..., None], x - middle, 0.0)
+    from_mean = np.where(seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0)
 
     def window_sum(values: np.ndarray) -> np.ndarray:
         total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
@@ -130,28 +154,20 @@ def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _steps(recording: Recording, found: FoundMarkers) -> float:
     """How far the heels travel horizontally against the pelvis (m), the lesser of the two."""
-    markers = recording.markers
-    pelvis = 0.5 * (markers[found.roles["asis_right"]] + markers[found.roles["asis_left"]])
+    at = {role: recording.markers[label][:, :2] for role, label in found.roles.items()}
     travels = []
     for side in SIDES:
-        relative = (markers[found.roles[f"heel_{side}"]] - pelvis)[:, :2]
+        relative = at[f"heel_{side}"] - 0.5 * (at["asis_right"] + at["asis_left"])
         relative = relative[np.isfinite(relative).all(axis=1)]
         travels.append(float(np.max(np.ptp(relative, axis=0))) if len(relative) else 0.0)
     return min(travels)
 
 
-def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
-    """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else toe tip."""
-    for roles in (("toe",), ("met1", "met5"), ("toe_tip",)):
-        if all(f"{role}_{side}" in found.roles for role in roles):
-            return tuple(found.roles[f"{role}_{side}"] for role in roles)
-    raise AssertionError("a map without forefoot is refused when it is read")
+def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
+    """Frames in which heel and forefoot are both low and neither rises nor sinks.
 
-
-def _foot_flat(
-    points: dict[str, np.ndarray], found: FoundMarkers, side: str, recording: Recording
-) -> np.ndarray:
-    """Frames in which heel and forefoot are both low and neither rises nor sinks."""
+    Refuses a walk without such frames, or of which none shows the pelvis and all of the leg.
+    """
     heights = [points[found.roles[f"heel_{side}"]][:, 2],
                np.mean([points[label][:, 2] for label in forefoot_labels(found, side)], axis=0)]
     lag = max(1, round(LAG_S * (recording.marker_rate_hz or 1.0)))
@@ -166,36 +182,17 @@ def _foot_flat(
     if not quiet.any():
         raise InputError("is never flat on the floor, so its sole cannot be told", file=recording.path,
                          where=f"{side} foot", right="Calibrate from a standing trial or a longer walk")
-    flat = quiet.copy()
-    for z in heights:
-        flat &= np.abs(z - np.median(z[quiet])) <= FLAT_M
-    return flat if flat.any() else quiet
-
-
-def _seen_together(
-    points: dict[str, np.ndarray], found: FoundMarkers, flat: np.ndarray, side: str, recording: Recording
-) -> None:
-    """Refuses a walk without a frame that shows the pelvis and all of a leg while its foot is flat."""
+    flat = quiet & np.all([np.abs(z - np.median(z[quiet])) <= FLAT_M for z in heights], axis=0)
+    flat = flat if flat.any() else quiet
     other = "left" if side == "right" else "right"
     leg = [label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)
            and not (role.endswith(other) and not role.startswith(("asis", "psis")))]
     seen = np.stack([np.isfinite(points[label]).all(axis=1) & flat for label in leg])
     if not seen.all(axis=0).any():
-        rare = leg[int(np.argmin(seen.sum(axis=1)))]
         raise InputError(f"is not seen together with the others of pelvis and {side} leg while the foot is flat",
-                         file=recording.path, where=f"marker {rare}",
+                         file=recording.path, where=f"marker {leg[int(np.argmin(seen.sum(axis=1)))]}",
                          right="Fill its gaps, leave it out of the marker map, or give a standing trial")
-
-
-def _on_floor(posture: Posture, found: FoundMarkers, recording: Recording) -> None:
-    for side in SIDES:
-        flat = posture.foot_flat[side]
-        for label in (found.roles[f"heel_{side}"], *forefoot_labels(found, side)):
-            height = float(np.nanmean(posture.points[label][flat, 2]))
-            if not LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M:
-                raise InputError(f"is {height:.3f} m above the floor while the foot is flat on it", file=recording.path,
-                                 where=f"marker {label}", right="The floor must be at height zero, in the file's unit; "
-                                 "check the unit, the upward axis and the laboratory's origin")
+    return flat
 
 
 # How much a prosthesis gives under the person who stands on it while it is measured.
@@ -216,19 +213,17 @@ MID_FULCRUM_M = 0.108
 LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
 """A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and twice as far from the
 other; the feet carry the person if their loads make up the weight to this part (choices)."""
-_DEEPEST_M = 0.1
-_ITERATIONS = 50
 
 
 def settling(load_n: float, model: ModelParameters, *, fulcrum_m: float = MID_FULCRUM_M) -> float:
     """Metres by which the sole comes nearer to the residual limb under `load_n` (N) along the pylon."""
     if load_n <= 0.0:
         return 0.0
-    depth = brentq(lambda d: flat_sole_force(d, model.foot, fulcrum_m=fulcrum_m) - load_n, 0.0, _DEEPEST_M)
+    depth = brentq(lambda d: _flat_sole_force(d, model.foot, fulcrum_m) - load_n, 0.0, 0.1)
     return float(depth) + load_n / model.socket.tz.stiffness
 
 
-def flat_sole_force(depth: float, foot: FootParameters, *, fulcrum_m: float) -> float:
+def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> float:
     """N on the flat sole pressed `depth` (m) into the ground.
 
     Keel joints turn by theta and raise the keel at x by the sum of theta_j (x - x_j) over the joints behind x; their
@@ -245,36 +240,30 @@ def flat_sole_force(depth: float, foot: FootParameters, *, fulcrum_m: float) -> 
     springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
     lever = np.maximum(0.0, x[:, None] - joints) * (x >= foot.fulcrum.rearmost_m)[:, None]
     theta = np.zeros(len(joints))
-    for _ in range(_ITERATIONS):
+    for _ in range(50):
         pressed = np.maximum(0.0, depth - rise - lever @ theta)
         force = k * pressed**n
         slope = np.where(pressed > 0.0, k * n * pressed ** (n - 1.0), 0.0)
-        residual = springs @ theta - lever.T @ force
-        step = np.linalg.solve(springs + lever.T @ (slope[:, None] * lever), residual)
+        step = np.linalg.solve(springs + lever.T @ (slope[:, None] * lever), springs @ theta - lever.T @ force)
         theta -= step
         if np.abs(step).max() < 1e-12:
             break
     return float(force.sum())
 
 
-def measured_under(
-    standing: Recording, ankles_W: Mapping[str, np.ndarray], prosthetic_side: str, mass_kg: float, *, start_s: float,
-    end_s: float, still: bool
-) -> tuple[float, str]:
+def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str, np.ndarray], prosthetic_side: str,
+                   mass_kg: float) -> tuple[float, str]:
     """N on the prosthesis while its length was measured, and where that is from.
 
     Standing with each foot on plates of its own, the plates tell the share of the weight; else it is taken as half of
-    the weight, or 0.85 of it in a walk.
-
-    Args:
-        ankles_W: (3,) m by side, where the feet stand. start_s, end_s: the stretch that was averaged.
+    the weight, or 0.85 of it in a walk. `ankles_W` is where the feet stand, (3,) m by side.
     """
     weight = mass_kg * GRAVITY
-    if not still:
+    if not posture.still:
         return WALKING_SHARE * weight, f"taken as {WALKING_SHARE:g} of the weight, as in mid-stance"
     loads = dict.fromkeys(ankles_W, 0.0)
     time = standing.force_time_s
-    during = (time >= start_s) & (time <= end_s)
+    during = (time >= posture.start_s) & (time <= posture.end_s)
     for plate in standing.plates:
         vertical, cop = plate.force_n[during, 2], plate.cop_m[during, :2]
         if not len(vertical) or not np.isfinite(cop).all() or np.mean(vertical) < LEAST_LOAD_N:

@@ -8,7 +8,7 @@ joints hip_right, knee_right, ankle_right and so on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class SegmentMarkers:
 
 @dataclass(frozen=True, eq=False)
 class FootPoints:
-    """Points of a foot in its segment's frame (m), on the sole: heel (rearmost) and toe (tip), and the sole's height.
+    """Heel (rearmost) and toe (tip) of a foot's sole in its segment's frame (m).
 
     Both have z = the height of the sole: the ankle stands at -z above the floor when the foot is flat.
     """
@@ -54,8 +54,7 @@ class Calibration:
 
     Attributes:
         subject: mass, stature and every measured length.
-        segments: by name; all seven of `SEGMENTS`.
-        feet: by side ("right", "left").
+        segments, feet: by name, all seven of `SEGMENTS`, and by side ("right", "left").
         angles_rad: the coordinates at standing, by name, both ankles included (nothing is zeroed); the pelvis's
             translations among them in m.
         lengths_m: what was measured, by name and side, for the report: thigh_right, shank_right, foot_right,
@@ -75,11 +74,7 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class FootTrack:
-    """Where a foot was, from its markers, in W.
-
-    Attributes:
-        heel_W, toe_W, ankle_W: (frames, 3) m, the points of `FootPoints` and the ankle centre.
-    """
+    """Where a foot was, from its markers: the points of `FootPoints` and the ankle centre, (frames, 3) m in W."""
 
     heel_W: np.ndarray
     toe_W: np.ndarray
@@ -125,7 +120,7 @@ class TrackedMotion:
     joint_gap_m: dict[str, float]
     gaps: tuple[Gap, ...] = ()
     start_frame: int = 0
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def trajectory(self, names: tuple[str, ...], *, source: str | None = None) -> CoordinateTrajectory:
         """The C2 (quintic) splines through the coordinates `names`."""

@@ -1,9 +1,8 @@
 """Joint coordinates of a walk from its markers and a calibration.
 
-Markers are filled (`gaps`), checked (`identity`; for exchanges, below), filtered once without phase lag, and give the
-pose of each segment by itself, by least squares; joint angles are what turns one segment into the next. Nothing is
-zeroed. Segments may come apart at the joints, by what skin motion and wrong joint centres make:
-`TrackedMotion.joint_gap_m` says it.
+Markers are filled (`gaps`), checked (below), filtered once without phase lag, and give the pose of each segment by
+itself, by least squares; joint angles are what turns one segment into the next. Nothing is zeroed. Segments may come
+apart at the joints, by what skin motion and wrong joint centres make: `TrackedMotion.joint_gap_m` says it.
 """
 
 from __future__ import annotations
@@ -15,31 +14,24 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S, FilledMarkers, fill_gaps
-from vsf_drake.motion.markers.identity import (
-    LOST_JOINT_M,
-    check_places,
-    check_scale,
-    joint_gap,
-    joint_gaps,
-    residual_rms,
-)
 from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, gimbal_notes, segment_joint
 from vsf_drake.motion.markers.poses import (
     NARROWEST_M,
     RigidPoses,
     cluster_width,
+    determines,
     mean_shape,
     needs_joint_centre,
     rigid_poses,
+    segment_pose,
     segment_poses,
+    subset,
 )
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootTrack, SegmentMarkers, TrackedMotion
-from vsf_drake.motion.plates import SIDES
 
 CUTOFF_HZ = 6.0
-FILTER_ORDER = 4
 
 
 def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None = CUTOFF_HZ,
@@ -63,79 +55,49 @@ def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | 
     filled, markers, times, poses = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
-    return describe(calibration, filled, markers, times, poses, values, notes=_helped(filled))
-
-
-def _helped(filled: FilledMarkers) -> tuple[str, ...]:
-    """A sentence on every segment that the joint above helps."""
-    return tuple(
-        f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the {segment_joint(name)[0]} "
-        "centre of the segment above"
-        for name, segment in filled.segments.items() if PARENTS[name] is not None and needs_joint_centre(segment.p_BM))
+    helped = (f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the "
+              f"{segment_joint(name)[0]} centre of the segment above" for name, segment in filled.segments.items()
+              if PARENTS[name] is not None and needs_joint_centre(segment.p_BM))
+    return describe(calibration, filled, markers, times, poses, values, notes=tuple(helped))
 
 
 def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
                  ) -> tuple[FilledMarkers, dict[str, np.ndarray], np.ndarray, dict[str, RigidPoses]]:
-    """`checked_markers`, the markers filtered once (not at all where the cut-off is None), their times and poses.
-
-    Raises:
-        InputError: as for `track`.
+    """The markers without gaps, checked; filtered once (not at all where the cut-off is None); their times; the poses.
     """
-    filled, times, poses = checked_markers(recording, calibration, longest_gap_s=longest_gap_s)
-    if cutoff_hz is None:
-        return filled, filled.markers, times, poses
-    markers = filtered(filled.markers, rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
-    return filled, markers, times, segment_poses(filled.segments, markers)
-
-
-def checked_markers(recording: Recording, calibration: Calibration, *, longest_gap_s: float = LONGEST_GAP_S
-                    ) -> tuple[FilledMarkers, np.ndarray, dict[str, RigidPoses]]:
-    """The walk's markers without gaps, unfiltered, their times (s), and the poses; refused if they do not fit.
-
-    Raises:
-        InputError: as for `track`.
-    """
-    segments = {name: calibration.segments[name] for name in SEGMENTS}
-    filled = fill_gaps(recording, segments, longest_gap_s=longest_gap_s)
-    frames = len(next(iter(filled.markers.values())))
+    filled = fill_gaps(recording, {name: calibration.segments[name] for name in SEGMENTS}, longest_gap_s=longest_gap_s)
+    markers, frames = filled.markers, len(next(iter(filled.markers.values())))
     times = recording.marker_time_s[filled.start_frame:filled.start_frame + frames]
-    check_scale(recording, filled)
-    check_jumps(recording, filled, times)
-    poses = segment_poses(filled.segments, filled.markers)
-    check_swaps(recording, filled, poses, times)
-    check_places(recording, filled, poses)
-    return filled, times, poses
-
-
-def filtered(markers: Mapping[str, np.ndarray], *, rate_hz: float, cutoff_hz: float) -> dict[str, np.ndarray]:
-    """The markers' paths, low-passed once with zero phase."""
-    smooth = low_pass(np.hstack(list(markers.values())), rate_hz=rate_hz, cutoff_hz=cutoff_hz, order=FILTER_ORDER)
-    return dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
+    _check_scale(recording, filled)
+    _check_jumps(recording, filled, times)
+    poses = segment_poses(filled.segments, markers)
+    _check_swaps(recording, filled, poses, times)
+    _check_places(recording, filled, poses)
+    if cutoff_hz is None:
+        return filled, markers, times, poses
+    smooth = low_pass(np.hstack(list(markers.values())), rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
+    markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
+    return filled, markers, times, segment_poses(filled.segments, markers)
 
 
 def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray], times: np.ndarray,
              poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: tuple[str, ...] = ()) -> TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
-    feet: dict[str, FootTrack] = {}
-    residuals: dict[str, float] = {}
-    cluster: dict[str, float] = {}
-    gaps: dict[str, float] = {}
-    for name, segment in filled.segments.items():
-        residuals |= residual_rms(segment, filled, poses[name])
-        cluster[name] = cluster_motion(segment, markers)
-        if PARENTS[name] is not None:
-            joint, side = segment_joint(name)
-            gaps[f"{joint}_{side}"] = joint_gap(name, segment, poses)
-    for side in SIDES:
-        foot, points = poses[f"foot_{side}"], calibration.feet[side]
-        feet[side] = FootTrack(heel_W=foot.points(points.p_FHeel), toe_W=foot.points(points.p_FToe), ankle_W=foot.p_WB)
+    segments = filled.segments
+    feet = {side: FootTrack(heel_W=poses[f"foot_{side}"].points(calibration.feet[side].p_FHeel),
+                            toe_W=poses[f"foot_{side}"].points(calibration.feet[side].p_FToe),
+                            ankle_W=poses[f"foot_{side}"].p_WB) for side in SIDES}
     return TrackedMotion(
-        time_s=np.array(times), names=COORDINATES, values=values, feet=feet, residual_rms_m=residuals,
-        cluster_motion_m=cluster, joint_gap_m=gaps, gaps=filled.gaps, start_frame=filled.start_frame,
-        notes=(*filled.notes, *notes, *gimbal_notes(values)))
+        time_s=np.array(times), names=COORDINATES, values=values, feet=feet,
+        residual_rms_m={label: rms for name, segment in segments.items()
+                        for label, rms in _residual_rms(segment, filled, poses[name]).items()},
+        cluster_motion_m={name: _cluster_motion(segment, markers) for name, segment in segments.items()},
+        joint_gap_m={"_".join(segment_joint(name)): float(_rms(_joint_gaps(name, segment, poses)))
+                     for name, segment in segments.items() if PARENTS[name] is not None},
+        gaps=filled.gaps, start_frame=filled.start_frame, notes=(*filled.notes, *notes, *gimbal_notes(values)))
 
 
-def cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
+def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
     """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself best.
 
     The body is the mean shape in the walk, not the one at standing. Of markers on a line, only the variation of their
@@ -146,8 +108,104 @@ def cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -
         return 0.0
     if cluster_width(segment.p_BM) < NARROWEST_M:
         distance = np.linalg.norm(p_WM - p_WM.mean(axis=1, keepdims=True), axis=2)
-        return float(np.sqrt(np.mean((distance - distance.mean(axis=0)) ** 2)))
-    return float(np.sqrt(np.mean(rigid_poses(mean_shape(segment.p_BM, p_WM), p_WM).residual_m ** 2)))
+        return float(_rms((distance - distance.mean(axis=0)).ravel()))
+    return float(_rms(rigid_poses(mean_shape(segment.p_BM, p_WM), p_WM).residual_m.ravel()))
+
+
+def _rms(*errors: np.ndarray) -> np.ndarray:
+    """Root mean square along the last axis of arrays put side by side."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(errors, axis=-1) ** 2, axis=-1)))
+
+
+def _joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPoses]) -> np.ndarray:
+    """(n,) m, distance of a segment's origin from where its parent has it."""
+    return np.linalg.norm(poses[name].p_WB - poses[str(PARENTS[name])].points(segment.p_PB), axis=1)
+
+
+def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses) -> dict[str, float]:
+    """RMS residual (m) of each marker over the frames in which it was seen."""
+    return {label: float(_rms(poses.residual_m[filled.seen[label], k]))
+            for k, label in enumerate(segment.labels) if filled.seen[label].any()}
+
+
+# Whether the markers of a walk are those of the standing trial: same unit, same person, same places.
+#
+# A least-squares pose hides a wrong marker by sharing its error out; the distances it leaves do not. What is refused
+# here is what no skin motion explains.
+
+
+OTHER_UNIT = 5.0
+"""A person is never five times as large as another: a scale beyond this is another unit."""
+OTHER_PERSON = 0.10
+"""Skin motion changes distances of markers on one segment by some percent; a tenth over all of them is another body."""
+NEAR_M = 0.08
+"""Distances below this say little about scale."""
+LOST_JOINT_M = 0.08
+"""Two segments that place their joint this far apart (RMS), several times the worst skin motion, do not belong
+together."""
+ASTRAY_RMS_M = 0.04
+"""RMS over the trial beyond which a marker is not where the standing trial had it. Skin over the thigh moves by up to
+about 30 mm."""
+MOST_ASTRAY = 3
+"""Segments with markers astray beyond which it is not a marker that is wrong but the standing trial."""
+
+
+def _check_scale(recording: Recording, filled: FilledMarkers) -> None:
+    """Refuses a walk whose markers lie farther apart, or closer, than the calibration's: another unit or person.
+
+    The scale is the median over all pairs of markers on one segment: their distance (median over time) over that at
+    standing.
+    """
+    ratios = []
+    for segment in filled.segments.values():
+        for a, b in combinations(range(len(segment.labels)), 2):
+            standing = float(np.linalg.norm(segment.p_BM[a] - segment.p_BM[b]))
+            if standing >= NEAR_M:
+                one, other = (filled.markers[segment.labels[k]] for k in (a, b))
+                ratios.append(float(np.median(np.linalg.norm(one - other, axis=1))) / standing)
+    scale = float(np.median(ratios)) if ratios else 1.0
+    if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
+        raise InputError(f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
+                         "files is in another unit than it says", file=recording.path,
+                         right="Give laboratory.length_unit (--length-unit) where a file states the wrong one")
+    if abs(scale - 1) > OTHER_PERSON:
+        raise InputError(f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
+                         "of another person", file=recording.path, right="Give the standing trial of the same session")
+
+
+def _check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
+    """Refuses markers that are not where the calibration has them, and segments that do not meet at their joint."""
+    segments = filled.segments
+    astray = sorted(((rms, name, label) for name, segment in segments.items()
+                     for label, rms in _residual_rms(segment, filled, poses[name]).items() if rms > ASTRAY_RMS_M),
+                    reverse=True)
+    gap, apart = max((float(_rms(_joint_gaps(name, segment, poses))), name) for name, segment in segments.items()
+                     if PARENTS[name] is not None)
+    segments_astray = {name for _, name, _ in astray}
+    if len(segments_astray) > MOST_ASTRAY or (gap > LOST_JOINT_M and len(segments_astray) != 1):
+        raise InputError(
+            f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} mm from its joint): "
+            "the standing trial seems to be of another person or of another placement of the markers",
+            file=recording.path, right="Give the standing trial of the same session")
+    if not astray:
+        return
+    rms, name, _ = astray[0]
+    words, without = name.replace("_", " "), dict[str, float]()
+    for label in segments[name].labels:  # largest RMS residual of the others; infinite where too few remain
+        others = subset(segments[name], {*segments[name].labels} - {label})
+        left_out = segment_pose(name, others, filled.markers, poses) if determines(name, others.p_BM) else None
+        without[label] = max(_residual_rms(others, filled, left_out).values()) if left_out else np.inf
+    label, left = min(without.items(), key=lambda item: item[1])
+    if left > 0.5 * rms:
+        shown = ", ".join(f"{each} {1e3 * far:.0f}" for far, _, each in astray)
+        raise InputError(f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
+                         "and no single one of them, nor an exchange, explains it", file=recording.path,
+                         right="Check all labels of this segment in both files")
+    own = _residual_rms(segments[name], filled, poses[name])[label]
+    raise InputError(
+        f"marker {label} is {1e3 * own:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
+        f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
+        "the two files", file=recording.path, right="Correct its label, or leave it out of the marker map")
 
 
 # Markers that jump, and markers that exchange places, for a few frames or throughout.
@@ -174,14 +232,12 @@ SWAPPED_THROUGHOUT = 0.8
 MOST_TRIED = 25
 """Frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)."""
 RELABEL = "Correct the labels in the capture software"
+Exchange = tuple[tuple[str, str], ...]
+"""Pairs of labels, no label twice."""
 
 
-def check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) -> None:
-    """Refuses a marker that is somewhere else from one seen frame to the next.
-
-    Raises:
-        InputError: names the marker and the time, and the other one if two exchange places.
-    """
+def _check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) -> None:
+    """Refuses a marker that is somewhere else from one seen frame to the next; names two that exchange places."""
     jumps = []
     for label, path in filled.markers.items():
         frames = np.flatnonzero(filled.seen[label])
@@ -201,22 +257,17 @@ def check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) 
                      "walks", file=recording.path, right=f"{RELABEL}, or delete the marker there")
 
 
-Exchange = tuple[tuple[str, str], ...]
-"""Pairs of labels, no label twice."""
-
-
-def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
-                times: np.ndarray) -> None:
+def _check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
+                 times: np.ndarray) -> None:
     """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit.
 
     Each exchange is judged by what it leaves: distances of the markers from their segment's pose, and of segments from
     their joints, since of three markers on one segment the mirror image fits by turning over. Single exchanges are
-    tried of all markers of the segments that do not fit, two at once of neighbours and partners.
-
-    Raises:
-        InputError: names the markers and the time, residuals before and after, and an exchange that is as good.
+    tried of all markers of the segments that do not fit, two at once of neighbours and partners. The message names the
+    markers and the time, residuals before and after, and an exchange that is as good.
     """
-    errors = _errors(filled.segments, filled.markers, poses)
+    segments = filled.segments
+    errors = _errors(segments, filled.markers, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
     involved = {name for name, error in errors.items() if error[:, 1:].max() > SWAP_M} | apart
     suspect = np.flatnonzero(np.any([(error[:, 1:] > SWAP_M).any(axis=1) | (error[:, 0] > LOST_JOINT_M)
@@ -224,16 +275,15 @@ def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str,
     if not suspect.size:
         return
     involved |= {str(PARENTS[name]) for name in apart}
-    tried = suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)]
-    search = _Search(filled, tried)
-    labels = {label: name for name, segment in filled.segments.items() if name in involved for label in segment.labels}
+    search = _Search(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
+    labels = {label: name for name, segment in segments.items() if name in involved for label in segment.labels}
     singles = list(combinations(labels, 2))
     found = search.best([(pair,) for pair in singles])
     if found is not None:
         more = search.best([(*found[0], pair) for pair in singles if not {*pair} & {*found[0][0]}])
         found = more if more is not None and more[1] < SWAP_GAIN * found[1] else found
     else:
-        likely = [(a, b) for a, b in singles if labels[a] == labels[b] or _partners(filled.segments, labels, a, b)]
+        likely = [(a, b) for a, b in singles if labels[a] == labels[b] or _partners(segments, labels, a, b)]
         found = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
     if found is None:
         return
@@ -242,7 +292,17 @@ def check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str,
              and cost < AS_GOOD * left and search.explains(other).any()]
     whole = _Search(filled, suspect)
     explained = whole.explains(exchange)
-    raise _exchanged(exchange, equal, whole.residuals(exchange, explained), suspect[explained], recording, times)
+    changes = [f"{label} {1e3 * before:.0f} to {1e3 * after:.0f}"
+               for label, (before, after) in whole.residuals(exchange, explained).items()]
+    shown = f"; if undone, residuals change (mm RMS): {', '.join(changes)}"
+    if equal:
+        shown += f"; not to be told from an exchange of {' or of '.join(_words(other) for other in equal[:3])}"
+    frames = suspect[explained]
+    if frames.size > SWAPPED_THROUGHOUT * len(times):
+        raise InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
+                         file=recording.path, right="Correct the labels in one of the two files")
+    raise InputError(f"markers {_words(exchange)} exchange places at {times[frames[0]]:.3f} s (for {frames.size} "
+                     f"frames in all){shown}", file=recording.path, right=RELABEL)
 
 
 class _Search:
@@ -262,14 +322,13 @@ class _Search:
         labels = {label for pair in exchange for label in pair}
         touched = {name for name, segment in self.segments.items() if labels & {*segment.labels}}
         touched |= {name for name, parent in PARENTS.items() if parent in touched}
-        before, after = (_rms([errors[name] for name in touched]) for errors in (self.own, self.after(exchange)))
+        before, after = (_rms(*(errors[name] for name in touched)) for errors in (self.own, self.after(exchange)))
         return np.asarray((after < SWAP_GAIN * before) & (after < SWAP_M))
 
     def best(self, exchanges: list[Exchange]) -> tuple[Exchange, float] | None:
         """The exchange that leaves least (RMS over all segments, m), if made only in the frames that it helps."""
-        own = _rms(list(self.own.values()))
-        costs = {exchange: float(np.sqrt(np.mean(np.minimum(own, _rms(list(self.after(exchange).values()))) ** 2)))
-                 for exchange in exchanges}
+        own = _rms(*self.own.values())
+        costs = {exchange: float(_rms(np.minimum(own, _rms(*self.after(exchange).values())))) for exchange in exchanges}
         self.tried |= costs
         least = min(costs, key=lambda exchange: costs[exchange], default=None)
         return (least, costs[least]) if least is not None and self.explains(least).any() else None
@@ -277,7 +336,7 @@ class _Search:
     def residuals(self, exchange: Exchange, frames: np.ndarray) -> dict[str, tuple[float, float]]:
         """RMS (m) before and after, in `frames`, of the markers whose residuals change most."""
         after = self.after(exchange)
-        both = {label: (float(_rms([self.own[name][frames, 1 + k]])), float(_rms([after[name][frames, 1 + k]])))
+        both = {label: (float(_rms(self.own[name][frames, 1 + k])), float(_rms(after[name][frames, 1 + k])))
                 for name, segment in self.segments.items() for k, label in enumerate(segment.labels)}
         return dict(sorted(both.items(), key=lambda item: item[1][1] - item[1][0])[:MOST_SHOWN])
 
@@ -287,7 +346,7 @@ def _errors(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.nda
     """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its markers from its pose."""
     frames = len(next(iter(markers.values())))
     return {name: np.nan_to_num(np.column_stack([
-        joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
+        _joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
         poses[name].residual_m[:, :len(segment.labels)]]), nan=LOST_M) for name, segment in segments.items()}
 
 
@@ -302,21 +361,3 @@ def _partners(segments: Mapping[str, SegmentMarkers], labels: Mapping[str, str],
 
 def _words(exchange: Exchange) -> str:
     return ", ".join(f"{a} and {b}" for a, b in exchange)
-
-
-def _exchanged(exchange: Exchange, equal: list[Exchange], residuals: Mapping[str, tuple[float, float]],
-               frames: np.ndarray, recording: Recording, times: np.ndarray) -> InputError:
-    changes = [f"{label} {1e3 * before:.0f} to {1e3 * after:.0f}" for label, (before, after) in residuals.items()]
-    shown = f"; if undone, residuals change (mm RMS): {', '.join(changes)}"
-    if equal:
-        shown += f"; not to be told from an exchange of {' or of '.join(_words(other) for other in equal[:3])}"
-    if frames.size > SWAPPED_THROUGHOUT * len(times):
-        return InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-                          file=recording.path, right="Correct the labels in one of the two files")
-    return InputError(f"markers {_words(exchange)} exchange places at {times[frames[0]]:.3f} s (for {frames.size} "
-                      f"frames in all){shown}", file=recording.path, right=RELABEL)
-
-
-def _rms(errors: list[np.ndarray]) -> np.ndarray:
-    """Root mean square along the last axis of arrays put side by side."""
-    return np.asarray(np.sqrt(np.mean(np.concatenate(errors, axis=-1) ** 2, axis=-1)))

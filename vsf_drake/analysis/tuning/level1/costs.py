@@ -16,9 +16,9 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.plants.person import PELVIS_COORDINATES
 from vsf_drake.simulation.reactions import sum_sites
 from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.subject import PELVIS_COORDINATES
 
 CONSISTENCY, TRACKING = "consistency", "tracking"
 KINDS = {"joint_load": ("load on the prosthetic leg and residual limb", "1"),

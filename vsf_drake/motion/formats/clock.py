@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.storage import Storage
 
-GAP_S = 0.1
-GAP_STEPS = 5.0
+LONGEST_STEP_S, LONGEST_STEPS = 0.1, 5.0
+"""A step longer than this, or than so many median ones, is a gap."""
 LATEST_S = 1e7
 """Seconds; four months of recording."""
 RATE_SHARE = 2e-3
@@ -44,20 +43,14 @@ class EvenClock(NamedTuple):
 
 @np.errstate(all="ignore")
 def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None:
-    """The evenly spaced clock behind times that were rounded to so many decimals, or to so many significant digits.
+    """The evenly spaced clock behind times (n,) s that were rounded to so many decimals, or significant digits.
 
-    A clock explains the times if each lies within half a unit of its own last place. With step b, that leaves the
-    start to [max(low_i - b i), min(high_i - b i)], whose length is concave in b: tried are a whole number of rows
-    a second, the least-squares step, and then the side on which the interval grows. A time half-way between two units
-    may be rounded to either, but not now to one and now to the other where each step is a whole number of units. A
-    single row that is missing or doubled is not taken for a clock that is slow or fast by one row in all.
-
-    Args:
-        time_s: (n,) s.
-        jitter_s: how far a time may lie off the clock beside its rounding.
-
-    Returns:
-        The clock, which keeps the first time where the others allow it; None where no rounding explains the times.
+    A clock explains the times if each lies within half a unit of its own last place, or within `jitter_s`. With step
+    b, that leaves the start to [max(low_i - b i), min(high_i - b i)], whose length is concave in b: tried are a whole
+    number of rows a second, the least-squares step, and then the side on which the interval grows. A time half-way
+    between two units may be rounded to either, but not now to one and now to the other where each step is a whole
+    number of units. A single row that is missing or doubled is not taken for a clock that is slow or fast by one row in
+    all. The clock keeps the first time where the others allow it; None where no rounding explains the times.
     """
     index = np.arange(len(time_s))
     if len(time_s) < 2 or (np.diff(time_s) < 0.0).any() or not time_s[0] < time_s[-1]:
@@ -77,8 +70,7 @@ def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None
             step = (whole, fitted, 0.5 * (least + most))[min(probe, 2)]
             half = np.maximum(0.5 * unit * (1.0 + TIE * np.where(_whole(step, unit), -1.0, 1.0)),
                               max(jitter_s, FINEST_S))
-            low, high = time_s - half, time_s + half
-            first, last = low - index * step, high - index * step
+            first, last = time_s - half - index * step, time_s + half - index * step
             i, j = int(np.argmax(first)), int(np.argmin(last))
             if first[i] <= last[j]:
                 kept = first[i] <= time_s[0] <= last[j]
@@ -112,39 +104,39 @@ def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
                    np.zeros(len(time_s)))
 
 
-def check_clock(storage: Storage, *, rows: int = 2) -> tuple[np.ndarray, tuple[str, ...]]:
+def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int = 2
+                ) -> tuple[np.ndarray, tuple[str, ...]]:
     """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
 
     Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that rounding alone makes
     accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is.
 
     Args:
-        storage: the recording.
+        time_s, lines: (n,) s, and the file's line of each.
         rows: how many instants are needed.
 
     Raises:
-        InputError: there are fewer rows; time does not increase; a step is longer than 0.1 s or
-            than five times the median step. The message names the line and the time.
+        InputError: there are fewer rows; time does not increase; a step is longer than 0.1 s or five median steps.
     """
-    time, doubts = storage.time_s, tuple[str, ...]()
+    time, doubts = time_s, tuple[str, ...]()
     if len(time) < rows:
-        raise InputError(f"has {len(time)} rows", file=storage.path, right=f"At least {rows} are needed")
+        raise InputError(f"has {len(time)} rows", file=path, right=f"At least {rows} are needed")
     even = even_clock(time)
     if even is not None:
         instants = even.start_s + np.arange(len(time)) * even.step_s
         time = time if np.abs(instants - time).max() <= 1e-6 else instants
-        doubts = even.doubts(storage.path)
+        doubts = even.doubts(path)
     step = np.diff(time)
-    if (step <= 0.0).any():
-        row = int(np.argmax(step <= 0.0)) + 1
-        raise InputError(f"time does not increase: {time[row]:g} s follows {time[row - 1]:g} s",
-                         file=storage.path, where=storage.place(row))
-    longest = min(GAP_S, GAP_STEPS * float(np.median(step)))
-    gap = step > longest * (1.0 + 1e-9)
-    if gap.any():
-        row = int(np.argmax(gap)) + 1
+    back, gap = step <= 0.0, step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9)
+    wrong = back if back.any() else gap
+    if wrong.any():
+        row = int(np.argmax(wrong)) + 1
+        where = f"line {lines[row]}, time {time_s[row]:g} s"
+        if back.any():
+            raise InputError(f"time does not increase: {time[row]:g} s follows {time[row - 1]:g} s", file=path,
+                             where=where)
         raise InputError(f"there is a gap of {step[row - 1]:.4g} s after {time[row - 1]:g} s (median step "
-                         f"{np.median(step):.4g} s)", file=storage.path, where=storage.place(row),
+                         f"{np.median(step):.4g} s)", file=path, where=where,
                          right="Fill the gap in the recording, or cut it there")
     return time, doubts
 
@@ -154,9 +146,7 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
     """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
 
     Args:
-        time_s: (n,) s.
-        lines: (n,) the file's line of each.
-        path: the file, for messages.
+        time_s, lines: (n,) s, and the file's line of each.
         stated_hz: what the header says, which is returned where the times agree.
 
     Raises:
@@ -175,14 +165,13 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
     if not 0.0 < step < np.inf:
         raise InputError("the times do not increase evenly", file=path, where="column Time")
     even = even_clock(time_s)
-    if even is None:
-        if even_clock(time_s, jitter_s=STEP_SHARE * step) is None:
-            units = np.max(list(_last_places(time_s)), axis=0)
-            jump = int(np.argmax(np.abs(np.diff(time_s) - np.median(np.diff(time_s))) - (units[1:] + units[:-1]))) + 1
-            raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
-                             f"{np.median(np.diff(time_s)):.6g} s apart", file=path, where=f"line {lines[jump]}",
-                             right="Rows must be evenly spaced, without a missing one")
-        even = EvenClock(float(time_s[0]), step, 0.0)
+    if even is None and even_clock(time_s, jitter_s=STEP_SHARE * step) is None:
+        units, steps = np.max(list(_last_places(time_s)), axis=0), np.diff(time_s)
+        jump = int(np.argmax(np.abs(steps - np.median(steps)) - (units[1:] + units[:-1]))) + 1
+        raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
+                         f"{np.median(steps):.6g} s apart", file=path, where=f"line {lines[jump]}",
+                         right="Rows must be evenly spaced, without a missing one")
+    even = even or EvenClock(float(time_s[0]), step, 0.0)
     rate = 1.0 / even.step_s
     slack = RATE_SHARE + 2.0 * even.unit_s / (time_s[-1] - time_s[0])
     if stated_hz is not None and abs(stated_hz / rate - 1.0) <= slack:

@@ -1,0 +1,177 @@
+"""Which columns of a table (MOT, STO, CSV, Cortex) are which force plate, and in which unit.
+
+Columns of a plate, in any of these spellings (p a prefix, n a number or nothing):
+
+    OpenSim            p_vx p_vy p_vz  p_px p_py p_pz  and a torque named after p (ground_torque_r_x for
+                       ground_force_r)
+    OpenSim from C3D   fn_1 fn_2 fn_3  pn_1 pn_2 pn_3  mn_1 mn_2 mn_3
+    Cortex, others     FXn FYn FZn, Xn Yn Zn or COPXn COPYn COPZn or PXn PYn PZn, MXn MYn MZn or TZn
+    plate by name      FX_name, COPX_name, MX_name, or name_FX, name_COPX, name_MX
+
+The torque is that about the stated point. Where only MZ (or TZ) stands, it is the free moment about the vertical.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.motion.formats.clock import even_rate
+from vsf_drake.motion.formats.recording import RawForces, RawPlate, RawTrial
+from vsf_drake.motion.formats.tables import Storage, read_cortex, read_csv, read_storage
+from vsf_drake.motion.formats.text import wanted_length_factor
+
+FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
+FARTHEST_M = 20.0
+"""A centre of pressure under load farther from the laboratory's origin than this is in another unit."""
+NEAREST_M = 0.02
+"""One that never leaves this distance from the origin, though in millimetres, is in metres."""
+LARGEST_N = 20_000.0
+_POINTS = ("cop{a}{n}", "cop_{a}{n}", "cop{a}_{n}", "cop_{a}_{n}", "cop{n}_{a}", "cop{n}{a}", "p{a}{n}", "p{a}_{n}",
+           "{a}{n}")
+_TORQUES = ("m{a}{n}", "m{a}_{n}", "moment_{a}_{n}", "t{a}{n}", "t{a}_{n}", "torque_{a}_{n}", "m{n}{a}", "m{n}_{a}",
+            "t{n}{a}", "t{n}_{a}")
+
+
+@dataclass(frozen=True)
+class PlateColumns:
+    """The columns of one plate; None where it has none."""
+
+    name: str
+    force: tuple[str, str, str]
+    point: tuple[str | None, str | None, str | None]
+    torque: tuple[str | None, str | None, str | None]
+    twist: str | None = None
+
+
+def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
+    """Reads a force file into the laboratory frame.
+
+    Args:
+        length_unit: of positions and (times newton) moments, where the file or its format does not state it; tried
+            first.
+
+    Raises:
+        InputError: the file is damaged, has no force columns, or its positions are in another unit.
+    """
+    suffix = path.suffix.lower()
+    table = {".forces": read_cortex, ".csv": read_csv}.get(suffix, read_storage)(path)
+    notes = list(table.notes)
+    rate, start = table.rate_hz, None
+    if rate is None:
+        rate, start, doubts = even_rate(table.time_s, table.lines, path)
+        notes += doubts
+    found = _find_plates(table.names)
+    if not found:
+        raise InputError(f"has no force columns; its columns are {', '.join(table.names)[:300]}", file=path,
+                         right="Name them as OpenSim does: ground_force_r_vx, ..., ground_force_r_px, ..., "
+                               "ground_torque_r_x, ...")
+    used = {name for plate in found for name in (*plate.force, *plate.point, *plate.torque, plate.twist)}
+    unused = [name for name in table.names if name not in used]
+    if unused:
+        notes.append(f"Columns of {path.name} that belong to no plate were left out: {', '.join(unused)[:200]}.")
+    plates = _in_metres(table, found, length_unit, notes)
+    opensim = all(plate.force[0].endswith("_vx") for plate in found)
+    z_up = any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in found) or (suffix == ".csv" and not opensim)
+    return RawTrial(forces=RawForces(plates, rate, start), up_convention=None if z_up else "+y", notes=notes)
+
+
+def _in_metres(table: Storage, found: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
+    """The plates in the first unit that is believable: the user's, the stated one; refused if neither is."""
+    convention = 1.0 if table.length_m is None else table.length_m
+    units = [convention] if wanted is None else [wanted_length_factor(wanted), convention]
+    for unit in units:
+        plates = [_read_load(table, plate, unit) for plate in found]
+        wrong = _wrong_unit(plates, unit)
+        if wrong is None:
+            if unit != convention or len(set(units)) > 1:
+                notes.append(f"Positions and moments of {table.path.name} were read as multiples of {unit:g} m.")
+            return plates
+    row, name, far = wrong
+    raise InputError(f"a centre of pressure {far:.4g} m from the origin is not believable", file=table.path,
+                     where=f"line {table.lines[row]}, plate {name}",
+                     right="Give laboratory.length_unit (--length-unit), perhaps mm")
+
+
+def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] | None:
+    """Row, plate and distance of a centre of pressure under load that cannot be; None where all can."""
+    reach = []
+    for plate in plates:
+        size = np.linalg.norm(plate.force, axis=1)
+        loaded = size > max(THRESHOLD_N, 0.1 * size.max(initial=0.0))
+        if plate.point is not None and loaded.any():
+            far = np.where(loaded, np.linalg.norm(plate.point, axis=1), 0.0)
+            reach.append((float(np.median(far[loaded])), int(np.argmax(far)), plate.name))
+    if not reach:
+        return None
+    median, row, name = max(reach)
+    return (row, name, median) if median > FARTHEST_M or (unit < 1.0 and median < NEAREST_M * unit) else None
+
+
+def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate:
+    """The load of a plate, with positions and moments in multiples of `length_m`; refused if it is no number."""
+    force = np.column_stack([table.column(name) for name in plate.force])
+    size = np.linalg.norm(force, axis=1)
+    if size.max(initial=0.0) > LARGEST_N:
+        row = int(np.argmax(size))
+        raise InputError(f"a force of {size[row]:.4g} N is not believable", file=table.path,
+                         where=f"line {table.lines[row]}, plate {plate.name}", right="Newtons are needed")
+    loaded = size > THRESHOLD_N
+
+    def numbers(name: str | None) -> np.ndarray:
+        values = np.zeros(len(force)) if name is None else np.where(loaded, table.column(name, rows=loaded), 0.0)
+        return values * length_m
+
+    point, torque = (np.column_stack([numbers(name) for name in names]) for names in (plate.point, plate.torque))
+    has_point = sum(name is not None for name in plate.point) >= 2
+    return RawPlate(plate.name, force, point if has_point else None, torque, plate.twist and numbers(plate.twist))
+
+
+def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:
+    """The plates whose three force columns stand among the names, in the order of their first column."""
+    lower = {name.lower(): name for name in names}
+    for name in names:  # "plate 1.force_x" as "force_x_plate_1"
+        if found := re.fullmatch(r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower()):
+            lower.setdefault("_".join((found[2], re.sub(r"\W", "_", found[1]))), name)
+    plates: dict[str, PlateColumns | None] = {}
+    for spelling, name in lower.items():
+        if name in plates:
+            continue
+        if name.endswith("_vx") and {name[:-1] + "y", name[:-1] + "z"} <= set(names):
+            plates[name] = opensim_columns(name[:-3], names)
+        elif found := re.fullmatch(r"f(\d*)_1", spelling):
+            plates[name] = _numbered(found.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123")
+        elif found := re.fullmatch(r"(f|grf_?|force_?)x(_?)(\d*|(?<=_)\w+)", spelling):
+            plates[name] = _numbered(found[3], lower, found[1] + "{a}" + found[2] + "{n}", _POINTS, _TORQUES, "xyz")
+        elif found := re.fullmatch(r"f(\d+)(_?)x", spelling):
+            plates[name] = _numbered(found[1], lower, "f{n}" + found[2] + "{a}", _POINTS, _TORQUES, "xyz")
+    return [plate for name in names if (plate := plates.get(name)) is not None]
+
+
+def opensim_columns(prefix: str, names: tuple[str, ...]) -> PlateColumns:
+    """The columns that begin with an OpenSim prefix, and the torque's in any spelling."""
+    moment = prefix.replace("force", "moment")
+    torques = (f"{prefix.replace('force', 'torque')}_{{a}}", f"{moment}_m{{a}}", f"{moment}_{{a}}", f"{prefix}_m{{a}}")
+    return PlateColumns(
+        prefix, tuple(f"{prefix}_v{a}" for a in "xyz"),
+        tuple(name if (name := f"{prefix}_p{a}") in names else None for a in "xyz"),
+        tuple(next((name for t in torques if (name := t.format(a=a)) in names), None) for a in "xyz"))
+
+
+def _numbered(n: str, lower: dict[str, str], force: str, points: tuple[str, ...], torques: tuple[str, ...],
+              axes: str) -> PlateColumns | None:
+    def best(*patterns: str) -> tuple:
+        named = [tuple(lower.get(pattern.format(n=n, a=a)) for a in axes) for pattern in patterns]
+        return max(named, key=lambda found: sum(name is not None for name in found))
+
+    forces, torque, twist = best(force), best(*torques), None
+    if None in forces:
+        return None
+    if sum(name is not None for name in torque) == 1 and axes == "xyz":
+        torque, twist = (None, None, None), next(name for name in torque if name is not None)
+    return PlateColumns(n or "1", forces, best(*points), torque, twist)

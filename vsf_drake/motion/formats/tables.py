@@ -1,0 +1,474 @@
+"""Tables of numbers over time: OpenSim's .sto and .mot, CSV, Cortex' .forces, and the TRC format of markers.
+
+    MOT, STO  a header of `key=value` (or `key value`) lines to `endheader`, column labels of which the first is `time`,
+              rows; separated by tabs or blanks, in the OpenSim and in the older SIMM header style
+    CSV       a row of labels that begins with time, perhaps one of units; separated by comma, semicolon or tab; between
+              semicolons numbers may have decimal commas, as spreadsheets of many countries write them
+    FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No unit stands in the
+              file; this is the reading under which a walking foot has the few N m that it should have
+    TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vsf_drake.errors import InputError
+from vsf_drake.files import replaced
+from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.motion.formats.clock import even_rate
+from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawTrial, Recording, world_to_os
+from vsf_drake.motion.formats.text import (
+    as_label,
+    file_length_factor,
+    first_of_each,
+    length_factor,
+    moment_factor,
+    pieces,
+    split_row,
+    table_rows,
+    text_lines,
+    without_prefix,
+)
+
+LARGEST = 1e9
+"""No number of a recording is as large, in any unit; what programs write for a marker that was not seen is larger."""
+MOST_MARKERS = 20_000
+_HEADER_LINES = 50
+"""Lines that may stand above the labels of a CSV or Cortex file."""
+_HEADER_KEYS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
+_UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
+_FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
+
+
+@dataclass(frozen=True, eq=False)
+class Storage:
+    """One table, in its own units and frame; in SI where the file states its units.
+
+    Attributes:
+        names: the m labels, without `time`.
+        time_s: (n,) s; not yet checked for order or gaps (see `formats.clock`).
+        values: (n, m); NaN where the file has a blank, "nan" or something that is no number.
+        in_degrees: what the header says about angles; None where it says nothing.
+        lines: (n,) the line of the file on which each row stands, from 1.
+        oddities: what stands in the cells whose value is not finite, by (row, column).
+        notes: what is odd in the file but does no harm.
+        length_m: metres in the unit of positions that the file or its format states; None where none is.
+        rate_hz: of a file that states it and has no clock of its own.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    time_s: np.ndarray
+    values: np.ndarray
+    in_degrees: bool | None
+    lines: np.ndarray
+    oddities: dict[tuple[int, int], str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    length_m: float | None = None
+    rate_hz: float | None = None
+
+    def column(self, name: str, *, rows: np.ndarray | None = None, most: float = LARGEST) -> np.ndarray:
+        """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite numbers up to `most`.
+
+        Raises:
+            InputError: there is no such column, or a cell holds no finite number, with line, time and column.
+        """
+        if name not in self.names:
+            near = difflib.get_close_matches(name, self.names, n=1)
+            raise InputError("there is no such column", file=self.path, where=f"column {name}",
+                             right=f"Did you mean {near[0]}?" if near else f"Columns are: {', '.join(self.names)}")
+        index = self.names.index(name)
+        values = self.values[:, index]
+        bad = ~(np.abs(values) < most) & (True if rows is None else rows)
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = self.oddities.get((row, index), f"{values[row]:g}")
+            what = "a believable" if np.isfinite(values[row]) else "a finite"
+            raise InputError(
+                f"{text!r} is not {what} number" if text else "the cell is empty", file=self.path,
+                where=self.place(row, name), right="Numbers need a decimal point" if "," in text else None)
+        return values
+
+    def place(self, row: int, name: str) -> str:
+        """Where a cell is, for messages: line, time and column."""
+        return f"line {self.lines[row]}, time {self.time_s[row]:g} s, column {name}"
+
+
+def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray, oddities: dict[tuple[int, int], str],
+           *, notes: tuple[str, ...] = (), in_degrees: bool | None = None) -> Storage:
+    """The table of which every column stands once; the first is time."""
+    if not len(numbers):
+        raise InputError("there are no rows of numbers", file=path)
+    doubled: list[str] = []
+    first = first_of_each(labels, doubled, lambda i: not np.isfinite(numbers[:, i]).any(), what="column")
+    if len(first) < len(labels):
+        numbers = numbers[:, first]
+        oddities = {(row, first.index(i)): cell for (row, i), cell in oddities.items() if i in first}
+    odd = {(row, i - 1): cell for (row, i), cell in oddities.items() if i}
+    return Storage(path, tuple(labels[i] for i in first[1:]), numbers[:, 0], numbers[:, 1:], in_degrees, lines, odd,
+                   (*doubled, *notes))
+
+
+def read_storage(path: str | Path) -> Storage:
+    """Reads an OpenSim .sto or .mot file.
+
+    Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns nobody needs do no
+    harm. A wrong number of columns in the header is only noted where labels and rows agree: files from which columns
+    were taken out are common, and OpenSim reads them.
+
+    Raises:
+        InputError: the file is missing or no text; `endheader` or the labels are missing; the number of rows differs
+            from what the header says; a row is shorter or longer than the labels; a time is not a number.
+    """
+    path = Path(path)
+    lines = _opensim_lines(path)
+    in_degrees, counts, end = _storage_header(lines, path)
+    start, line = next(((number, line) for number, line in lines if line.strip()), (0, ""))
+    if not start:
+        raise InputError("there are no column labels after endheader", file=path, where=f"line {end}")
+    split = split_row if "\t" in line else str.split
+    labels = [as_label(cell) for cell in split(line)]
+    while labels and not labels[-1]:
+        labels.pop()
+    if not labels or labels[0].lower() != "time":
+        raise InputError(f"the first column is {labels[0] if labels else ''!r}", file=path, where=f"line {start}",
+                         right="It must be time")
+    if "" in labels:
+        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {start}")
+    oddities: dict[tuple[int, int], str] = {}
+    numbers, places, _ = table_rows(lines, labels, path, split, oddities=oddities)
+    bad = ~np.isfinite(numbers[:, 0])
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(f"the time {oddities.get((row, 0), str(numbers[row, 0]))!r} is not a number", file=path,
+                         where=f"line {places[row]}, column time")
+    for kind, stated, number in counts:
+        if kind == "rows" and stated != len(numbers):
+            raise InputError(f"the header says {stated} rows, the file has {len(numbers)}", file=path,
+                             where=f"line {number}",
+                             right="Is the file truncated?" if stated > len(numbers) else None)
+    notes = tuple(f"Line {number} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
+                  for kind, stated, number in counts if kind == "columns" and stated != len(labels))
+    return _table(path, labels, numbers, places, oddities, notes=notes, in_degrees=in_degrees)
+
+
+def _opensim_lines(path: Path) -> Iterator[tuple[int, str]]:
+    try:
+        yield from text_lines(path)
+    except InputError as error:
+        if "not a text file" not in error.what:
+            raise
+        raise InputError(error.what, file=path, right="An OpenSim .mot or .sto file is needed") from None
+
+
+def _storage_header(lines: Iterator[tuple[int, str]], path: Path
+                    ) -> tuple[bool | None, list[tuple[str, int, int]], int]:
+    """Whether angles are in degrees; "rows" or "columns", how many are stated, on which line; the line of `endheader`.
+    """
+    in_degrees, counts = None, list[tuple[str, int, int]]()
+    for number, line in lines:
+        if line.strip().lower() == "endheader":
+            return in_degrees, counts, number
+        key, _, value = (part.strip().lower() for part in line.strip().replace("=", " ", 1).partition(" "))
+        if key in _HEADER_KEYS and value.isdecimal() and value.isascii():
+            counts.append((_HEADER_KEYS[key], int(value[:18]), number))
+        elif key == "indegrees" and value in ("yes", "no"):
+            in_degrees = value == "yes"
+    raise InputError("there is no line `endheader`", file=path, where="header",
+                     right="An OpenSim .mot or .sto file has one before its column labels")
+
+
+def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
+                  in_degrees: bool = False, title: str | None = None) -> None:
+    """Writes a table that OpenSim reads, in full precision; an existing file is replaced at the end.
+
+    Args:
+        time_s, names, values: (n,) s, m labels without `time`, (n, m) in the units that the file's user expects.
+        in_degrees: whether the angles among `values` are in degrees.
+        title: first line of the file; the file's name if None.
+
+    Raises:
+        ValueError: the shapes do not fit, or a label is empty, doubled, `time` or holds a tab.
+    """
+    time_s, values = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
+    if time_s.ndim != 1 or values.shape != (len(time_s), len(names)):
+        raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} names do not fit")
+    if len({"time", *names}) != len(names) + 1 or any(not n or "\t" in n or "\n" in n for n in names):
+        raise ValueError("every column needs a name of its own, without tabs")
+    with replaced(path, "w") as stream:
+        stream.write(f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
+                     f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n")
+        stream.write("\t".join(["time", *names]) + "\n")
+        for time, row in zip(time_s, values, strict=True):
+            stream.write("\t".join(repr(float(cell)) for cell in (time, *row)) + "\n")
+
+
+def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate],
+                     title: str | None = None) -> None:
+    """Writes plates (by key, in W) as OpenSim's external loads (.mot or .sto), in N, m and N m.
+
+    Columns are ground_force_<key>_vx to _vz and _px to _pz, and ground_torque_<key>_x to _z; the key is "r" or "l", or
+    a plate's name. Where a plate is not loaded, its centre of pressure is written as 0, for OpenSim needs numbers; a
+    plate that has none under load gets no such columns.
+    """
+    blocks: dict[str, np.ndarray] = {}
+    for key, plate in plates.items():
+        blocks[f"ground_force_{key}_v"] = plate.force_n
+        if not np.isnan(plate.cop_m).all() or not (plate.force_n[:, 2] > THRESHOLD_N).any():
+            blocks[f"ground_force_{key}_p"] = plate.cop_m
+        blocks[f"ground_torque_{key}_"] = plate.free_moment_nm[:, None] * [0.0, 0.0, 1.0]
+    if not blocks:
+        raise ValueError("there are no plates")
+    values = np.concatenate([np.nan_to_num(world_to_os(vectors)) + 0.0 for vectors in blocks.values()], axis=1)
+    write_storage(path, time_s=time_s, names=[stem + axis for stem in blocks for axis in "xyz"], values=values,
+                  title=title)
+
+
+def read_csv(path: Path) -> Storage:
+    """Reads a table of forces. Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them.
+
+    Raises:
+        InputError: there is no row of labels that begins with time, a column has no label, a row does not fit, a cell
+            is no number (a decimal comma among them), or a unit is unknown.
+    """
+    lines: Iterator[tuple[int, str]] = text_lines(path)
+    labels, separator, number = _csv_labels(lines, path)
+    units = [""] * len(labels)
+    for i, label in enumerate(labels):
+        if found := _UNIT.match(label):
+            labels[i], units[i] = found.group(1).strip(), found.group(2)
+    if "" in labels:
+        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}")
+    first = next((pair for pair in lines if pair[1].strip(separator + " ")), None)
+    if first is not None:
+        cells = [cell.strip().strip('"') for cell in first[1].split(separator)]
+        if all(_is_unit(cell) for cell in cells):
+            units = [cell or unit for cell, unit in zip(cells + [""] * len(labels), units, strict=False)]
+        else:
+            lines = itertools.chain([first], lines)
+    surplus = "Numbers need a decimal point, not a comma" if separator == "," else None
+    oddities: dict[tuple[int, int], str] = {}
+    numbers, places, _ = table_rows(_with_points(lines, path) if separator == ";" else lines, labels, path,
+                                    lambda line: line.split(separator), surplus=surplus, oddities=oddities)
+    factors = [_csv_factor(unit, path, label) for unit, label in zip(units, labels, strict=True)]
+    numbers *= [factor for factor, _ in factors]
+    positions = any(length for _, length in factors)
+    return dataclasses.replace(_table(path, labels, numbers, places, oddities), length_m=1.0 if positions else None)
+
+
+def _csv_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:
+    for number, line in lines:
+        for separator in ("\t", ";", ","):
+            cells = [as_label(cell).strip('"').strip() for cell in line.split(separator)]
+            if len(cells) > 3 and _UNIT.sub(r"\1", cells[0]).lower() in ("time", "t"):
+                while not cells[-1]:
+                    cells.pop()
+                return cells, separator, number
+        if number > _HEADER_LINES:
+            break
+    raise InputError("there is no row of labels that begins with time", file=path,
+                     right="The first column must be time, the cells separated by comma, semicolon or tab")
+
+
+def _is_unit(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return len(cell) <= 12 and not any(c.isdigit() for c in cell)
+    return False
+
+
+def _csv_factor(unit: str, path: Path, label: str) -> tuple[float, bool]:
+    """SI units in the stated one, and whether it is one of length or moment."""
+    plain = unit.strip().lower()
+    if plain in _FACTORS:
+        return _FACTORS[plain], False
+    for length in (length_factor(plain), moment_factor(plain)):
+        if length is not None:
+            return length, True
+    if plain and label.lower() != "time":
+        raise InputError(f"the unit {unit!r} is unknown", file=path, where=f"column {label}",
+                         right="Use s, N, m, mm, Nm or Nmm")
+    return 1.0, False
+
+
+def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
+    """The lines with decimal points for decimal commas; refused where a file has both, so that neither is told."""
+    commas = points = False
+    for number, line in lines:
+        commas, points = commas or "," in line, points or "." in line
+        if commas and points:
+            raise InputError("numbers have commas and points", file=path, where=f"line {number}",
+                             right="Numbers need a decimal point, not a comma, and no mark at thousands")
+        yield number, line.replace(",", ".")
+
+
+def read_cortex(path: Path) -> Storage:
+    """Reads a .forces file of Cortex.
+
+    Raises:
+        InputError: labels or rate are missing, a row does not fit, samples are missing.
+    """
+    lines = text_lines(path)
+    head: dict[str, str] = {}
+    for number, line in lines:
+        if line.startswith("#") or number > _HEADER_LINES:
+            break
+        key, _, value = line.partition("=")
+        head[key.strip().lower()] = value.strip()
+    else:
+        number, line = 0, ""
+    if not line.startswith("#"):
+        raise InputError("there is no line of labels that begins with #Sample", file=path)
+    labels = [as_label(cell) for cell in line.lstrip("#").rstrip().split("\t")]
+    if len(labels) < 2 or len(set(labels)) < len(labels) or "" in labels:
+        raise InputError("a label is empty or stands twice", file=path, where=f"line {number}")
+    try:
+        rate, samples = float(head["samplerate"]), float(head.get("numberofsamples", "nan"))
+    except (KeyError, ValueError):
+        raise InputError("there is no SampleRate", file=path, where="header") from None
+    if not 0.0 < rate < 1e6:
+        raise InputError(f"a SampleRate of {rate:g} makes no sense", file=path, where="header")
+    oddities: dict[tuple[int, int], str] = {}
+    numbers, places, _ = table_rows(lines, labels, path, lambda line: line.split("\t"), oddities=oddities)
+    if samples > len(numbers):
+        raise InputError(f"the header says {samples:.0f} samples, the file has {len(numbers)}", file=path,
+                         where="NumberOfSamples", right="Is the file truncated?")
+    wrong = np.diff(numbers[:, 0]) != 1.0
+    if len(numbers) < 2 or wrong.any():
+        where = f"line {places[int(np.argmax(wrong)) + 1]}" if len(numbers) > 1 else None
+        raise InputError("samples are missing or out of order", file=path, where=where,
+                         right="Their numbers must follow each other")
+    numbers[:, 0] = np.arange(len(numbers)) / rate
+    return dataclasses.replace(_table(path, labels, numbers, places, oddities), length_m=1e-3, rate_hz=rate)
+
+
+def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
+    """Reads a TRC file into its laboratory frame (by convention y up), metres, NaN where a marker was not seen.
+
+    Raises:
+        InputError: no TRC file; fewer rows than the header says; a row or cell that is none; uneven times; an unknown
+            unit.
+    """
+    lines = text_lines(path)
+    header, labels, label_line = _trc_header(lines, path)
+    labels, notes = without_prefix(labels)
+    count, frames, stated = (_stated(header, key) for key in ("nummarkers", "numframes", "datarate"))
+    if count is not None and int(count) != len(labels):
+        notes.append(f"The header of {path.name} says {count:.0f} markers; there are {len(labels)} labels.")
+    factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
+    columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
+    table, places, cut = table_rows(
+        (pair for pair in lines if not _is_axes_line(pair[1])), columns, path, split_row, cut_by=3,
+        needs=f"; Frame#, Time and {len(labels)} markers need {len(columns)}",
+        surplus="Is there a label for every marker?")
+    if cut and cut == len(table):
+        raise InputError(f"no row has as many cells as {len(labels)} markers need", file=path,
+                         where=f"line {label_line}", right="Labels and columns must fit")
+    if cut:
+        notes.append(f"{cut} rows of {path.name} end before the last marker, which was taken as not seen there.")
+    if frames is not None and frames > len(table):
+        raise InputError(f"the header says {frames:.0f} frames, the file has {len(table)}", file=path,
+                         where="line 3, NumFrames", right="Is the file truncated?")
+    if frames is not None and frames < len(table):
+        notes.append(f"The header of {path.name} says {frames:.0f} frames; all {len(table)} were read.")
+    rate, start, doubts = even_rate(table[:, 1], places, path, stated_hz=stated)
+    notes += doubts
+    if stated is not None and rate != stated:
+        notes.append(f"The header of {path.name} says {stated:g} frames a second; the times say {rate:.6g}, which was "
+                     "used.")
+    positions = table[:, 2:].reshape(len(table), len(labels), 3)
+    for piece in pieces(len(positions), 3 * len(labels)):
+        some = positions[piece]
+        some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
+        some *= factor
+    first = first_of_each(labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all()))
+    if len(first) < len(labels):
+        labels, positions = [labels[i] for i in first], positions[:, first]
+    return RawTrial(RawMarkers(labels, positions, rate, start), up_convention="+y", notes=notes)
+
+
+def trc_labels(path: Path) -> list[str]:
+    """The labels of a TRC file, in its order."""
+    return without_prefix(_trc_header(text_lines(path), path)[1])[0]
+
+
+def _trc_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict[str, str], list[str], int]:
+    """Keys (lower case) and values of lines 2 and 3, the labels, and the line these stand on."""
+    head: list[str] = []
+    for number, line in itertools.islice(lines, 21):
+        cells = [as_label(cell) for cell in split_row(line)]
+        if not cells or cells[0].lower() not in ("frame#", "frame", "frames"):
+            head.append(line)
+            continue
+        labels = [cell for cell in cells[2:] if cell]
+        what = ("the second column is not Time" if len(cells) < 2 or cells[1].lower() not in
+                ("time", "time(s)", "time (s)", "time[s]") else "there are no marker labels" if not labels else
+                f"{len(labels)} markers are more than can be read" if len(labels) > MOST_MARKERS else "")
+        if what:
+            raise InputError(what, file=path, where=f"line {number}")
+        keys = next(((above, below) for above, below in itertools.pairwise(head)
+                     if above.strip().lower().startswith("datarate")), ("", ""))
+        return dict(zip(keys[0].lower().split(), keys[1].split(), strict=False)), labels, number
+    raise InputError("there is no line of labels that begins with Frame# and Time", file=path,
+                     right="Is it a TRC file, and complete?")
+
+
+def _stated(header: dict[str, str], key: str) -> float | None:
+    try:
+        value = float(header[key])
+    except (KeyError, ValueError):
+        return None
+    return value if math.isfinite(value) and value > 0.0 else None
+
+
+def _is_axes_line(line: str) -> bool:
+    """Whether this is the line X1 Y1 Z1 X2 ..."""
+    return line.lstrip()[:1] in ("x", "X") and all(cell[0] in "xyzXYZ" for cell in line.split())
+
+
+def write_trc(path: str | Path, markers: Recording | Mapping[str, np.ndarray], *, rate_hz: float | None = None,
+              start_s: float = 0.0, unit: str = "m") -> None:
+    """Writes markers to a TRC file in OpenSim's frame, in full precision; an existing file is replaced at the end.
+
+    Args:
+        markers: a recording, or (frames, 3) m in W by label; gaps (NaN) become blank cells.
+        rate_hz, start_s: frames per second and time of the first frame, where no recording tells them.
+        unit: "m", which reads back exactly, or "mm".
+
+    Raises:
+        ValueError: no markers, shapes that differ, no rate, a label that is empty or holds a tab, another unit.
+    """
+    if isinstance(markers, Recording):
+        rate_hz, start_s, markers = rate_hz or markers.marker_rate_hz, markers.marker_start_s, markers.markers
+    if unit not in ("m", "mm"):
+        raise ValueError(f"unit must be m or mm, not {unit!r}")
+    if not markers or not rate_hz:
+        raise ValueError("there are no markers, or no rate")
+    if any(not label.strip() or set(label) & set("\t\r\n") for label in markers):
+        raise ValueError("every marker needs a label, without tabs")
+    places = [world_to_os(place) * (1.0 if unit == "m" else 1e3) for place in markers.values()]
+    frames = len(places[0])
+    if any(place.shape != (frames, 3) for place in places):
+        raise ValueError("every marker must be (frames, 3)")
+    labels, rate = "\t\t\t".join(markers), repr(float(rate_hz))
+    axes = "\t".join(f"{axis}{k}" for k in range(1, len(places) + 1) for axis in "XYZ")
+    with replaced(path, "w") as stream:
+        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n"
+                     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\t"
+                     "OrigNumFrames\n"
+                     f"{rate}\t{rate}\t{frames}\t{len(places)}\t{unit}\t{rate}\t1\t{frames}\n"
+                     f"Frame#\tTime\t{labels}\t\t\n\t\t{axes}\n\n")
+        for i, row in enumerate(np.concatenate(places, axis=1)):
+            cells = ("" if np.isnan(cell) else repr(float(cell)) for cell in row)
+            stream.write("\t".join([str(i + 1), repr(float(start_s + i / rate_hz)), *cells]) + "\n")
