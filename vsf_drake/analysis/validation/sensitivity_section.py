@@ -33,6 +33,7 @@ from vsf_drake.analysis.validation.sensitivity_walks import (
     workers,
 )
 from vsf_drake.analysis.validation.study import HELD_OUT, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.wording import say
 from vsf_drake.parameters import GRAVITY
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
@@ -122,7 +123,11 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
             "interaction_conf": None if groups is None else float(np.linalg.norm([row["s1_conf"] for row in groups])),
             "spread": spread(grouped, i), "explained": explained(grouped, single, i)}.items():
             table.setdefault(key, {})[name] = value
-    return Section(table=table, missing=_missing(table, chosen))
+    without = [walk.label for walk in chosen if not walk.trial.prosthetic_plate.has_cop]
+    return Section(table=table, missing=tuple(say(
+        "sensitivity", "missing", quick=quick, trajectories=table["trajectories"], conditions=len(chosen),
+        without_cop=without, failed=len(walks.failures), walks=walks.walked, without_effects=[
+            name for name in OUTPUTS if morris[name] is None and not (without and name.startswith("cop_"))])))
 
 
 def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
@@ -147,25 +152,6 @@ def strongest_factors(morris: Mapping[str, Sequence[Mapping[str, Any]] | None]) 
         for row in rows if most > 0.0 else ():
             share[row["name"]] = max(share.get(row["name"], 0.0), row["mu_star"] / most)
     return sorted(share, key=lambda name: -share[name])[:STRONGEST]
-
-
-def _missing(table: Mapping[str, Any], chosen: Sequence[StudyWalk]) -> tuple[str, ...]:
-    sentences = []
-    if table["quick"]:
-        sentences.append(f"Short form: one walk, {table['trajectories']} trajectories of Morris' screening, no Sobol "
-                         "indices, no derivatives and no comparison of conditions.")
-    elif len(table["conditions"]) < 2:
-        sentences.append("One condition only: whether the ranking holds at other fulcrum positions is not known.")
-    without = [walk.label for walk in chosen if not walk.trial.prosthetic_plate.has_cop]
-    if without:
-        sentences.append(f"No centre of pressure was measured in {', '.join(without)}: there is no sensitivity of its "
-                         "error.")
-    if table["failures"]["count"]:
-        sentences.append(f"{table['failures']['count']} of {table['walks']} walks failed. What they belong to (a "
-                         "Morris trajectory, a block of Saltelli's design) was left out as a whole; where extreme "
-                         "points fail, the rest says less about extremes.")
-    return (*sentences, *(f"No effects on {name}: too few walks have it." for name in OUTPUTS
-                          if table["morris"][name] is None and not (without and name.startswith("cop_"))))
 
 
 # What each factor does about the study's values, by exact derivatives: a second way to the same, without sampling.

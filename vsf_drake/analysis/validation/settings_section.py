@@ -31,7 +31,8 @@ from vsf_drake.analysis.validation.settings_detectable import (
     walked_rows,
 )
 from vsf_drake.analysis.validation.settings_walks import NAMES, RECORDINGS, Base, NoiseSizes, Walked, base_of, walk_all
-from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study
+from vsf_drake.analysis.wording import say
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import FootParameters
@@ -51,11 +52,11 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         below) with its `fulcrum_estimate_sd_mm` beside it; `noise`, `draws` (sessions a trial), `walks`,
         `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`. `arrays`: `effects` (T, P, O) without noise.
     """
-    missing: list[str] = []
-    bases = _bases(study, missing)
+    bases, unusable, left_out = _bases(study)
     if not bases:
         return Section(table={"answer": "No walk of this study can tell.", "outcomes": [], "pairs": [], "draws": 0,
-                              "seed": study.options.seed, "fulcrum_estimate_sd_mm": None}, missing=tuple(missing))
+                              "seed": study.options.seed, "fulcrum_estimate_sd_mm": None},
+                       missing=tuple(say("settings", "unused", unusable=unusable, left_out=left_out)))
     positions = _positions(study.model.foot, quick=study.options.quick)
     positions_mm = np.round(1e3 * positions, 6)
     draws = _draws(len(bases) * len(positions), quick=study.options.quick)
@@ -75,33 +76,34 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),
         "as_walked": walked_rows(bases), "as_walked_curves": _walked_curves(bases), "inverse": inverse,
         "fulcrum_estimate_sd_mm": inverse["sd_mm"]}
-    _say_what_is_missing(study, bases, walked, inverse, missing)
+    missing = say("settings", "unused", unusable=unusable, left_out=left_out) + say(
+        "settings", "missing", held_out=table["held_out_trials"], fewest=FEWEST,
+        own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
+        has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases), conditions=len(study.conditions()),
+        interior=inverse["sd_mm"] is not None, failed=table["failed_walks"], quick=study.options.quick)
     table = plain(table)
     table["answer"] = answer(table)
     return Section(table=table, missing=tuple(missing),
                    arrays={"effects": np.array([w.alone["values"] for w in walked])})
 
 
-def _bases(study: Study, missing: list[str]) -> list[Base]:
-    """Trials that are walked, by setting and name: held-out ones first where there are too many of a setting."""
+def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
+    """Trials that are walked, by setting and name (held-out ones first where there are too many of a setting); those
+    that cannot be, and why; those that are left out."""
     most = QUICK_A_SETTING if study.options.quick else MOST_A_SETTING
     found: list[Base] = []
-    left_out: list[StudyWalk] = []
+    unusable, left_out = [], []
     for walks in study.conditions().values():
-        own: list[Base] = []
+        before = len(found)
         for walk in sorted(walks, key=lambda w: w.role != HELD_OUT):
-            if len(own) == most or len(found) + len(own) == MOST_TRIALS:
-                left_out.append(walk)
+            if len(found) - before == most or len(found) == MOST_TRIALS:
+                left_out.append(walk.label)
                 continue
             try:
-                own.append(base_of(walk))
+                found.append(base_of(walk))
             except InputError as error:
-                missing.append(f"{walk.label} is not used: {error.what}.")
-        found += own
-    if left_out:
-        missing.append(f"To keep the number of walks down, {len(left_out)} trials are not used: "
-                       + ", ".join(walk.label for walk in left_out) + ".")
-    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.walk.label))
+                unusable.append((walk.label, error.what))
+    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)), unusable, left_out
 
 
 def _positions(foot: FootParameters, *, quick: bool) -> np.ndarray:
@@ -138,108 +140,40 @@ def _walked_curves(bases: Sequence[Base]) -> list[dict[str, Any]]:
             for i, a in enumerate(settings) for b in settings[i + 1:]]
 
 
-def _say_what_is_missing(
-    study: Study, bases: Sequence[Base], walked: Sequence[Walked], inverse: dict[str, Any], missing: list[str]
-) -> None:
-    count = sum(base.walk.role == HELD_OUT for base in bases)
-    if count < FEWEST:
-        why = "the offsets of every walk were fitted to its own plate" if any(
-            base.walk.role == OFFSETS_FITTED for base in bases) else f"of held-out walks there are {count}"
-        missing.append(f"The model's error is not known ({why}; {FEWEST} held-out walks are needed): what is "
-                       "detectable is given by the noise of kinematics alone, which is a lower bound.")
-    if not any(base.walk.trial.prosthetic_plate.has_cop for base in bases):
-        missing.append("No plate tells the centre of pressure: the model's error in it is not known.")
-    missing.append("No plate measures the keel's energy: what of it is detectable is given by the noise of kinematics "
-                   "alone.")
-    if len(study.conditions()) < 2:
-        missing.append("All trials were recorded at one setting: settings cannot be compared as they were walked.")
-    if inverse["sd_mm"] is None:
-        missing.append("No trial was recorded with the fulcrum between the ends of the range: how far an estimate from "
-                       "its plate scatters is not known.")
-    failed = sum(w.failed for w in walked)
-    if failed:
-        missing.append(f"{failed} of the walks failed or have no whole stance and are left out.")
-    if study.options.quick:
-        missing.append("This is the short form: few draws at three positions, so that the limits are rough.")
-
-
 def _mean(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
 
-# The answer in words, made of the section's table.
-
-
 def answer(table: Mapping[str, Any]) -> str:
     """Two sentences: with the motion held, and as the settings were walked."""
-    prefix, error = limits_of(table)
-    low, high = table["positions_mm"][0], table["positions_mm"][-1]
-    key = f"{prefix}told_apart_same_recording"
-    ends, neighbours = told(table, [(low, high)], key), told(table, steps(table), key)
-    words = ("With the same motion, " + ("as far as noise alone goes, " if prefix else "")
-             + ("yes: " if ends[0] else "no: ")
-             + f"the model's walks at {low:g} and {high:g} mm differ by more than {error} in {ends[0]} of {ends[1]} "
-             f"outcomes, neighbouring positions in {neighbours[0]} of {neighbours[1]} comparisons")
-    sharpest = best(table, "same_recording" if prefix == "" else "same_session", prefix)
-    if sharpest is not None:
-        words += f"; the smallest detectable travel is {sharpest[1]:.0f} mm{_change(sharpest[0], prefix)}, told by " \
-                 f"the {sharpest[0]['title']}, the best of the outcomes"
-    apart = best(table, "two_sessions", prefix)
-    words += "; between two sessions without refitting it is " + (
-        f"{apart[1]:.0f} mm." if apart else "more than the range.")
-    return words + _as_walked(table)
-
-
-def limits_of(table: Mapping[str, Any]) -> tuple[str, str]:
-    """Prefix of the keys that hold the limits: with the model's error where it is known, else of the noise alone."""
     known = any(row["sdd_same_recording"] is not None for row in table["outcomes"])
-    return ("", "its error and the noise of kinematics together") if known else (
-        "noise_", "the noise of kinematics alone (the model's error is not known)")
-
-
-def steps(table: Mapping[str, Any]) -> list[tuple[float, float]]:
-    """Pairs of neighbouring positions."""
+    prefix, travel = ("", "smallest") if known else ("noise_", "noise")  # of keys: with the model's error, or without
     at = table["positions_mm"]
-    return list(pairwise(at))
 
+    def told(pairs: Sequence[tuple[float, float]]) -> tuple[int, int]:
+        found = [row[f"{prefix}told_apart_same_recording"] for row in table["pairs"]
+                 if (row["from_mm"], row["to_mm"]) in pairs]
+        return found.count(True), len(found) - found.count(None)
 
-def told(table: Mapping[str, Any], pairs: Sequence[tuple[float, float]], key: str) -> tuple[int, int]:
-    """How many rows of these pairs are told apart by `key`, and in how many it is known."""
-    known = [row[key] for row in table["pairs"] if (row["from_mm"], row["to_mm"]) in pairs and row[key] is not None]
-    return sum(known), len(known)
+    def best(design: str) -> Mapping[str, Any] | None:
+        rows = [row for row in table["outcomes"] if row[f"{travel}_travel_mm_{design}"] is not None]
+        return min(rows, key=lambda row: row[f"{travel}_travel_mm_{design}"], default=None)
 
-
-def best(table: Mapping[str, Any], design: str, prefix: str) -> tuple[Mapping[str, Any], float] | None:
-    """The outcome with the smallest detectable travel, and that travel (mm)."""
-    key = f"{'noise' if prefix else 'smallest'}_travel_mm_{design}"
-    rows = [(row, row[key]) for row in table["outcomes"] if row[key] is not None]
-    return min(rows, key=lambda item: item[1], default=None)
-
-
-def far_pair(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Rows of the two recorded settings that lie farthest apart; none where one setting was recorded."""
+    sharp = "same_recording" if known else "same_session"
+    sharpest, apart = best(sharp), best("two_sessions")
     rows = table["as_walked"]
-    far = max((row["to_mm"] - row["from_mm"] for row in rows), default=0.0)
-    return [row for row in rows if row["to_mm"] - row["from_mm"] == far]
-
-
-def _as_walked(table: Mapping[str, Any]) -> str:
-    rows = far_pair(table)
-    known = [row for row in rows if row["told_apart"] is not None]
-    if not known:
-        return ""
+    far = [row for row in rows if row["to_mm"] - row["from_mm"] == max(r["to_mm"] - r["from_mm"] for r in rows)]
+    judged = [row for row in far if row["told_apart"] is not None]
     titles = {row["name"]: row["title"] for row in table["outcomes"]}
-    names = [titles[row["outcome"]] for row in known if row["told_apart"]]
-    energy = [titles[row["outcome"]] for row in rows if row["told_apart"] is None and row["beyond_strides"]]
-    words = (f" As they were walked, each with its own motion, {known[0]['from_mm']:g} and {known[0]['to_mm']:g} mm "
-             f"are told apart in {len(names)} of {len(known)}" + (f" ({'; '.join(names)})" if names else ""))
-    return words + (f", and differ by more than strides do in {' and '.join(energy)}." if energy else ".")
-
-
-def _change(row: Mapping[str, Any], prefix: str) -> str:
-    change = row["smallest_change_n_per_mm_same_recording"]
-    return "" if prefix or change is None else f" ({change:.1f} N/mm) around the middle of the range"
+    return say(
+        "settings", "answer", low=at[0], high=at[-1], ends=told([(at[0], at[-1])]), neighbours=told(list(pairwise(at))),
+        with_error=known, sharpest=sharpest and (sharpest[f"{travel}_travel_mm_{sharp}"], sharpest["title"]),
+        change=sharpest["smallest_change_n_per_mm_same_recording"] if sharpest and known else None,
+        apart_mm=apart and apart[f"{travel}_travel_mm_two_sessions"],
+        walked=judged and {"from_mm": judged[0]["from_mm"], "to_mm": judged[0]["to_mm"], "known": len(judged)},
+        walked_names=[titles[row["outcome"]] for row in judged if row["told_apart"]],
+        energy_names=[titles[row["outcome"]] for row in far if row["told_apart"] is None and row["beyond_strides"]])[0]
 
 
 # The inverse question: where does the fulcrum seem to be, told by the force alone?
