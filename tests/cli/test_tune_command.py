@@ -214,7 +214,7 @@ MISTAKES = [
     (("--level", "2", "--method", "euler"), "--method: there is no 'euler'"),
     (("--level", "2", "--intervals", "0"), "--intervals: 0 intervals are none"),
     (("--level", "2", "--joints", "knee_angle"), "--joints: is an option of level 1"),
-    (("--joints", "elbow"), "--joints: 'elbow' is none"),
+    (("--joints", "elbow"), "--joints: 'elbow' is not known"),
     (("--pareto", "joint_load"), "--pareto: names 1 cost. Give two"),
     (("--pareto", "joint_load,comfort"), "--pareto: there is no 'comfort'"),
     (("--contact", "none.yaml"), "none.yaml: there is no such file"),

@@ -124,7 +124,7 @@ def read_warm_start(path: Path) -> Any:
 
 def print_tuning(table: Mapping[str, Any]) -> None:
     """The answer in words, the outcomes, what is not met and what one should know."""
-    from vsf_drake.report.tuning.words import answer, first_line
+    from vsf_drake.report.tuning.chapters import answer, first_line
 
     say(first_line(table))
     for sentence in answer(table):

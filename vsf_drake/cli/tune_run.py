@@ -16,7 +16,7 @@ from vsf_drake.analysis.tuning.schedule import check_steps, make_schedule, polic
 from vsf_drake.analysis.tuning.task_list import Task
 from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.words import rest_at, swept
+from vsf_drake.report.tuning.reading import rest_at, swept
 from vsf_drake.simulation.archive import provenance
 
 Show = Callable[[str, float], None]
@@ -182,17 +182,13 @@ def tune_tasks(
         x, y = swept(table)
         row |= {"trials": list(trials.labels), "recorded_mm": trials.recorded_mm,
                 "sweep": {"fulcrum_mm": x.tolist(), "cost": y.tolist()},
-                "rest": _rest(table, row["fulcrum_mm"]), "rest_common": _rest(table, policy["common_fulcrum_mm"])}
+                "rest": rest_at(table, row["fulcrum_mm"]), "rest_common": rest_at(table, policy["common_fulcrum_mm"])}
     notes = dict.fromkeys(note for trials in given for note in trials.notes)
     made = provenance({name: digest for trials in given for name, digest in trials.inputs.items()}, options.seed)
     return {**policy, "cost_name": first["cost_name"], "cost_label": first["cost_label"],
             "cost_unit": first["cost_unit"], "level": options.level, "notes": list(notes),
             "synthetic": any(trials.synthetic for trials in given), "wall_s": time.perf_counter() - began,
             "provenance": {**made, "options": {**options.told(), "resolution_mm": resolution_mm}}}, interrupted
-
-
-def _rest(table: dict[str, Any], mm: float | None) -> float | None:
-    return None if mm is None else rest_at(table, mm)
 
 
 def _reach(given: Sequence[TuningTrials], options: TuneOptions) -> tuple[float, float]:

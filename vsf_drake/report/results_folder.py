@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import UndefinedError
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256, write_text
@@ -134,7 +135,7 @@ class ResultsFolder:
         with result_folder(out, self.kind, add=True) as temporary:
             try:
                 files, missing = self._write_page(temporary, out, table, arrays, lenient=True)
-            except (LookupError, TypeError, ValueError, AttributeError) as error:
+            except (LookupError, TypeError, ValueError, AttributeError, UndefinedError) as error:
                 raise InputError(f"is damaged ({type(error).__name__}: {error})", file=out / self.table,
                                  right=f"Run `vsf-drake {self.command}` again") from None
         try:

@@ -14,9 +14,9 @@ from page_reader import Balanced
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.chapters import schedule_words
+from vsf_drake.report.tuning.figures import policy_figure, schedule_curves_figure
 from vsf_drake.report.tuning.output import SCHEDULE, write_schedule
-from vsf_drake.report.tuning.schedule_figure import policy_figure, schedule_curves_figure, telling
-from vsf_drake.report.tuning.words import HARDLY
+from vsf_drake.report.tuning.reading import telling
 from vsf_drake.simulation.archive import RECORD_FILE
 
 
@@ -82,7 +82,7 @@ def test_page_says_what_to_store_and_what_that_buys(folder):
 
 
 def test_tasks_that_need_nothing_of_their_own_are_called_so_first():
-    assert schedule_words(made_schedule(matters=False))[0].startswith(HARDLY)
+    assert schedule_words(made_schedule(matters=False))[0].startswith("THE SETTING HARDLY MATTERS")
     unknown = schedule_words(made_schedule(matters=None))
     assert "Known to need a setting of its own: none." in unknown
     assert "Not told from the one setting for all: speed 1.2." in unknown, "what lies within its interval is known"

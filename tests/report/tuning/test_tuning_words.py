@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from made_tuning import BEST_MM, cost_of, failed_table, made_arrays, made_stride_arrays, made_stride_table, made_table
 
-from vsf_drake.report.tuning.choices_figure import cost_alt, excess, outcomes_figure, tasks_words
-from vsf_drake.report.tuning.figures import cost_curve_figure, root_mean_squares
-from vsf_drake.report.tuning.words import HARDLY, alarm_of, answer, cost_at, first_line, title_of
+from vsf_drake.report.page import chapter_page
+from vsf_drake.report.tuning.chapters import answer, first_line, tasks_words, tuning_page
+from vsf_drake.report.tuning.figures import cost_curve_figure, outcomes_figure
+from vsf_drake.report.tuning.reading import cost_at, excess, root_mean_squares
+
+HARDLY = "THE SETTING HARDLY MATTERS"
 
 
 def matters(value):
@@ -96,8 +99,9 @@ def test_what_did_not_end_well_recommends_nothing():
     for table in (failed_table(), failed_table(fulcrum_mm=None, cost=None), made_table(optimal=False)):
         words = " ".join(answer(table))
         assert "least" not in words and "less than" not in words
-        assert alarm_of(table).startswith("NOT OPTIMAL") and title_of(table).startswith("NOT OPTIMAL")
-    assert alarm_of(made_table()) == ""
+        page = tuning_page(table, {}, lenient=False)
+        assert page["alarm"].startswith("NOT OPTIMAL") and page["title"].startswith("NOT OPTIMAL")
+    assert tuning_page(made_table(), {}, lenient=False)["alarm"] == ""
 
 
 def test_first_line_says_what_is_synthetic_and_what_the_model_leaves_out():
@@ -149,7 +153,8 @@ def test_outcomes_that_hardly_change_are_called_so():
 
 
 def test_alternative_text_has_the_numbers():
-    assert "least 2.001 BW near 106 mm, most 2.438 BW at 151 mm. The optimum is at 104.2 mm." in cost_alt(made_table())
+    page, _ = chapter_page(**tuning_page(made_table(), {}, lenient=False))
+    assert "least 2.001 BW near 106 mm, most 2.438 BW at 151 mm. The optimum is at 104.2 mm." in page
 
 
 def test_root_mean_square_of_a_constant_shift_is_that_shift():

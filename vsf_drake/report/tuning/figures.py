@@ -1,8 +1,10 @@
-"""What tuning found along the fulcrum, and the forces and the motion at its optimum, as figures."""
+"""What tuning found along the fulcrum, the forces and the motion at its optimum, and schedules, as figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -10,34 +12,71 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, label, new_figure, style
-from vsf_drake.report.tuning.words import NOT_OPTIMAL, recorded_positions, swept, swept_part
+from vsf_drake.report.tuning.reading import (
+    Table,
+    curved,
+    drawn_trials,
+    excess,
+    excess_unit,
+    recorded_positions,
+    shown_outcomes,
+    swept,
+)
 
-# The cost over the whole range of the fulcrum, where it is least, and what it is made of.
-
-
+Arrays = Mapping[str, Any]
+NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
+FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
+SETTINGS = ("softest", "optimum", "stiffest")
+DESCRIPTORS = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}
+LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+"""Coordinates in metres, not radians."""
 _FAILED = "#b3261e"
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
+_OWN: dict[str, Any] = {"color": "black", "linewidth": 1.5}
+_RECORDED: dict[str, Any] = {"color": "0.45", **MEASURED}
+_DIRECTIONS = ("fore-aft", "vertical")
 
 
-def cost_curve_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """Left, the cost with its optimum; right, what each of its terms adds as the fulcrum leaves the optimum."""
-    terms = [row for row in table["terms"] if len(swept_part(table, "terms", row["name"])[0])]
+@contextmanager
+def _drawn(table: Table, width: float, height: float) -> Iterator[Figure]:
+    """A figure in the common look (inches); above it that there is no optimum, that data are synthetic."""
     with style():
-        figure = new_figure(10.6 if len(terms) > 1 else 7.4, 4.3)
-        panels = figure.subplots(1, 2 if len(terms) > 1 else 1, squeeze=False)[0]
-        _cost(panels[0], table, arrays)
-        if len(terms) > 1:
-            _terms(panels[1], table, terms)
-        for axes in panels:
-            mark_positions(axes, table)
-            axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
-        mark_origin(figure, table)
+        figure = new_figure(width, height)
+        yield figure
+        said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
+                *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
+        if said:
+            figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
+                            color=_FAILED if not table["optimal"] else "black")
         figure.draw_without_rendering()
-    return figure
 
 
-def mark_positions(axes: Axes, table: Mapping[str, Any], *, named: bool = True) -> None:
+def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]:
+    """So many panels in rows of `across`, the lowest of each column labelled."""
+    panels = figure.subplots(-(-count // across), across, sharex=True, squeeze=False).ravel()
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    for axes in panels[max(count - across, 0):count]:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(x_label)
+    return list(panels[:count])
+
+
+def _legend(axes: Axes) -> None:
+    axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
+
+
+def _colour(fulcrum_mm: float | None) -> Any:
+    return NEUTRAL if fulcrum_mm is None else condition_colour(1e-3 * fulcrum_mm)
+
+
+def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> None:
+    """A point in the colour of its setting."""
+    axes.plot(x, y, **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look})
+
+
+def _mark_positions(axes: Axes, table: Table, *, named: bool = True) -> None:
     """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it ended."""
     interval = table["fulcrum_interval_mm"]
     if interval is not None and table["optimal"]:
@@ -46,212 +85,280 @@ def mark_positions(axes: Axes, table: Mapping[str, Any], *, named: bool = True) 
         axes.axvline(mm, color=NEUTRAL, linestyle=":", linewidth=1.2, zorder=1,
                      label="recorded" if named and not i else None)
     if table["fulcrum_mm"] is not None:
-        colour = condition_colour(1e-3 * table["fulcrum_mm"]) if table["optimal"] else _FAILED
-        axes.axvline(table["fulcrum_mm"], color=colour, linewidth=1.0, zorder=1)
+        axes.axvline(table["fulcrum_mm"], color=_colour(table["fulcrum_mm"]) if table["optimal"] else _FAILED,
+                     linewidth=1.0, zorder=1)
 
 
-def mark_origin(figure: Figure, table: Mapping[str, Any]) -> None:
-    """Above a figure: that there is no optimum, that data are synthetic."""
-    said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
-            *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
-    if said:
-        figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
-                        color=_FAILED if not table["optimal"] else "black")
-
-
-def every(x: np.ndarray) -> int:
+def _every(x: np.ndarray) -> int:
     """How many points of a curve share a marker, so that there are about twenty."""
     return max(1, round(len(x) / 20))
 
 
-def _cost(axes: Axes, table: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+def cost_curve_figure(table: Table, arrays: Arrays) -> Figure:
+    """Left, the cost with its optimum; right, what each of its terms adds as the fulcrum leaves the optimum."""
+    terms = [row for row in table["terms"] if len(swept(table, "terms", row["name"])[0])]
+    with _drawn(table, 10.6 if len(terms) > 1 else 7.4, 4.3) as figure:
+        panels = figure.subplots(1, 2 if len(terms) > 1 else 1, squeeze=False)[0]
+        _cost(panels[0], table, arrays)
+        if len(terms) > 1:
+            panels[1].axhline(0.0, color="0.4", linewidth=0.8)
+            for i, row in enumerate(terms):
+                x, y = swept(table, "terms", row["name"])
+                here = row["value"] if row["value"] is not None else float(y.min())
+                panels[1].plot(x, y - here, color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6,
+                               linestyle=_DASHES[i % 6], marker=MARKERS[i % len(MARKERS)], markersize=3.5,
+                               markevery=_every(x), label=row["label"])
+            label(panels[1], x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})",
+                  title="What each term adds")
+        for axes in panels:
+            _mark_positions(axes, table)
+            _legend(axes)
+    return figure
+
+
+def _cost(axes: Axes, table: Table, arrays: Arrays) -> None:
     x, y = swept(table)
-    x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
+    x_of, trials, best = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials"), table["fulcrum_mm"]
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
         own = np.asarray(trials, dtype=float).T
-        at = int(np.argmin(np.abs(np.asarray(x_of) - (table["fulcrum_mm"] or np.median(x_of)))))
-        mean = own.mean(axis=0)
+        at = int(np.argmin(np.abs(np.asarray(x_of) - (best or np.median(x_of)))))
         for i, values in enumerate(own):
-            axes.plot(x_of, values - values[at] + mean[at], color="0.75", linewidth=0.9, zorder=1,
+            axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
-    axes.plot(x, y, color="black", linewidth=1.8, marker="o", markersize=3.5, markevery=every(x), label="cost")
-    if table["fulcrum_mm"] is not None and table["cost"] is not None:
-        if table["optimal"]:
-            axes.plot(table["fulcrum_mm"], table["cost"], marker="*", markersize=15, color="white", linestyle="",
-                      markeredgecolor=condition_colour(1e-3 * table["fulcrum_mm"]), markeredgewidth=1.6, zorder=5,
-                      label=f"optimum, {table['fulcrum_mm']:.1f} mm")
-        else:
-            axes.plot(table["fulcrum_mm"], table["cost"], marker="x", markersize=11, color=_FAILED, linestyle="",
-                      markeredgewidth=2.4, zorder=5, label=f"last iterate, {NOT_OPTIMAL}")
+    axes.plot(x, y, color="black", linewidth=1.8, marker="o", markersize=3.5, markevery=_every(x), label="cost")
+    if best is not None and table["cost"] is not None:
+        look = {"marker": "*", "markersize": 15, "color": "white", "markeredgecolor": _colour(best),
+                "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table["optimal"] else {
+            "marker": "x", "markersize": 11, "color": _FAILED, "markeredgewidth": 2.4,
+            "label": f"last iterate, {NOT_OPTIMAL}"}
+        _point(axes, best, best, table["cost"], zorder=5, **look)
     label(axes, x=FULCRUM, y=f"{table['cost_label']} ({table['cost_unit']})", title="Cost over the whole range")
 
 
-def _terms(axes: Axes, table: Mapping[str, Any], terms: list[Mapping[str, Any]]) -> None:
-    axes.axhline(0.0, color="0.4", linewidth=0.8)
-    for i, row in enumerate(terms):
-        x, y = swept_part(table, "terms", row["name"])
-        here = row["value"] if row["value"] is not None else float(y.min())
-        axes.plot(x, y - here, color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
-                  marker=MARKERS[i % len(MARKERS)], markersize=3.5, markevery=every(x), label=row["label"])
-    label(axes, x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})", title="What each term adds")
-
-
-# Ground reaction forces at the optimum: against the recorded ones, and simulated again with the full keel.
-
-
-FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
-_LINES: dict[str, tuple[str, dict[str, Any]]] = {
-    "_recorded": ("recorded", {"color": "0.45", **MEASURED}),
-    "": ("optimised", {"color": "black", "linewidth": 1.5}),
-    "_resimulated_prescribed": ("simulated again, motion prescribed",
-                                {"color": "#1f6f8b", "linewidth": 1.4, "linestyle": (0, (4, 1.6))}),
-    "_resimulated_feedback": ("simulated again, torques and feedback",
-                              {"color": "#b35900", "linewidth": 1.4, "linestyle": (0, (1, 1))})}
-_DIRECTIONS = ("fore-aft", "vertical")
-SETTINGS = ("softest", "optimum", "stiffest")
-_FORCE_DASHES = {"softest": (0, (1, 1)), "optimum": "-", "stiffest": (0, (5, 2))}
-
-
-def stride_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
-    feet = [foot for foot in FEET if f"grf_{foot}" in arrays]
-    phase = 100.0 * np.asarray(arrays["phase"])
-    with style():
-        figure = new_figure(10.6, 0.7 + 2.6 * len(feet))
-        panels = figure.subplots(len(feet), 2, sharex=True, squeeze=False)
-        for row, foot in zip(panels, feet, strict=True):
-            for axes, column, direction in zip(row, range(2), _DIRECTIONS, strict=True):
-                for suffix, (name, look) in _LINES.items():
-                    known = arrays.get(f"grf_{foot}{suffix}")
-                    if known is not None:
-                        axes.plot(phase, np.asarray(known)[:, column], label=name, **look)
-                label(axes, x="gait cycle (%)", y="force (N)", title=f"{FEET[foot]}, {direction}")
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-        mark_origin(figure, table)
-        figure.draw_without_rendering()
+def outcomes_figure(table: Table) -> Figure:
+    """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
+    rows, best = shown_outcomes(table), table["fulcrum_mm"]
+    across = min(3, len(rows))
+    with _drawn(table, 10.6 if across > 1 else 6.0, 0.5 + 2.5 * -(-len(rows) // across)) as figure:
+        for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
+            x, y = swept(table, "outcomes", row["name"])
+            _mark_positions(axes, table, named=False)
+            here, error = row["optimum"], row["uncertainty"]
+            if here is not None and error is not None:
+                axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
+            axes.plot(x, y, color="black", linewidth=1.5, marker="o", markersize=3.0, markevery=_every(x))
+            if here is not None and best is not None and table["optimal"]:
+                _point(axes, best, best, here, marker="*", markersize=12, color="white", zorder=5,
+                       markeredgecolor=_colour(best), markeredgewidth=1.4)
+            if np.ptp(y) == 0.0:
+                axes.margins(y=0.5)
+            axes.set_ylabel(row["unit"] if row["unit"] not in ("", "1") else "no unit")
+            hardly = ": hardly changes" if row["matters"] is False else ""
+            axes.set_title(textwrap.fill(f"{row['label']}{hardly}", 38), loc="left")
     return figure
 
 
-def stance_force_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
+# Forces, motion and torques at the optimum: against the recorded ones, and simulated again with the full keel.
+
+
+_LINES: dict[str, dict[str, Any]] = {
+    "_recorded": {"label": "recorded", **_RECORDED},
+    "": {"label": "optimised", **_OWN},
+    "_resimulated_prescribed": {"label": "simulated again, motion prescribed", "color": "#1f6f8b", "linewidth": 1.4,
+                                "linestyle": (0, (4, 1.6))},
+    "_resimulated_feedback": {"label": "simulated again, torques and feedback", "color": "#b35900", "linewidth": 1.4,
+                              "linestyle": (0, (1, 1))}}
+
+
+def stride_force_figure(table: Table, arrays: Arrays) -> Figure:
+    """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
+    feet = [foot for foot in FEET if f"grf_{foot}" in arrays]
+    with _drawn(table, 10.6, 0.7 + 2.6 * len(feet)) as figure:
+        panels = figure.subplots(len(feet), 2, sharex=True, squeeze=False)
+        for row, foot in zip(panels, feet, strict=True):
+            for column, (axes, direction) in enumerate(zip(row, _DIRECTIONS, strict=True)):
+                for suffix, look in _LINES.items():
+                    if f"grf_{foot}{suffix}" in arrays:
+                        axes.plot(100.0 * np.asarray(arrays["phase"]),
+                                  np.asarray(arrays[f"grf_{foot}{suffix}"])[:, column], **look)
+                label(axes, x="gait cycle (%)", y="force (N)", title=f"{FEET[foot]}, {direction}")
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def stance_force_figure(table: Table, arrays: Arrays) -> Figure:
     """Level 1: the prosthetic foot's force in up to three trials, at three settings and as recorded."""
-    shown = drawn_trials(table, arrays)
-    at = dict(zip(SETTINGS, (_end(table, min), table["fulcrum_mm"], _end(table, max)), strict=True))
-    with style():
-        figure = new_figure(10.6, 0.9 + 2.7 * len(shown))
+    shown, swept_mm = drawn_trials(table, arrays), [row["fulcrum_mm"] for row in table["sweep"]]
+    looks: dict[str, dict[str, Any]] = {"recorded": {"label": "recorded", **_RECORDED}}
+    ends = (min(swept_mm, default=None), table["fulcrum_mm"], max(swept_mm, default=None))
+    for name, mm, dashes in zip(SETTINGS, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
+        called = name if table["optimal"] or name != "optimum" else "last iterate"
+        looks[name] = {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": dashes,
+                       "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
+    with _drawn(table, 10.6, 0.9 + 2.7 * len(shown)) as figure:
         panels = figure.subplots(len(shown), 2, squeeze=False)
         for row, (trial, prefix) in zip(panels, shown.items(), strict=True):
             for axes, column, direction in zip(row, (0, 2), _DIRECTIONS, strict=True):
-                for name in ("recorded", *SETTINGS):
+                for name, look in looks.items():
                     if f"{prefix}{name}" in arrays:
-                        axes.plot(arrays[f"{prefix}time"], np.asarray(arrays[f"{prefix}{name}"])[:, column],
-                                  **_look(name, at.get(name), optimal=table["optimal"]))
+                        axes.plot(arrays[f"{prefix}time"], np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
                 label(axes, x="time (s)", y="force (N)", title=f"{trial + ': ' if trial else ''}{direction}")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-        mark_origin(figure, table)
-        figure.draw_without_rendering()
     return figure
 
 
-def drawn_trials(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> dict[str, str]:
-    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label.
-
-    One without a label where the arrays do not tell trials apart.
-    """
-    found = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"])}
-    found = {name: prefix for name, prefix in found.items() if _known(arrays, prefix)}
-    if not found:
-        return {"": "grf_"} if _known(arrays, "grf_") else {}
-    names = list(found)
-    return {name: found[name] for name in dict.fromkeys((names[0], names[len(names) // 2], names[-1]))}
-
-
-def _known(arrays: Mapping[str, Any], prefix: str) -> bool:
-    return f"{prefix}time" in arrays and any(f"{prefix}{name}" in arrays for name in SETTINGS)
-
-
-def _look(name: str, mm: float | None, *, optimal: bool) -> dict[str, Any]:
-    if name == "recorded":
-        return {"color": "0.45", "label": "recorded", **MEASURED}
-    called = name if optimal or name != "optimum" else "last iterate"
-    return {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": _FORCE_DASHES[name],
-            "linewidth": 1.4,
-            "label": called if mm is None else f"{called}, {mm:.0f} mm"}
-
-
-def _end(table: Mapping[str, Any], which: Any) -> float | None:
-    return which((row["fulcrum_mm"] for row in table["sweep"]), default=None)
-
-
-# Level 2: the motion and the joint torques that go with the optimum, against the recorded ones.
-
-
-_OWN: dict[str, Any] = {"color": "black", "linewidth": 1.5}
-_RECORDED: dict[str, Any] = {"color": "0.45", **MEASURED}
-_LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-TORQUES = 5
-"""Coordinates with a torque: the last ones."""
-
-
-def motion_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """Coordinates over the gait cycle; `arrays` has `phase`, `q`, `names`, and perhaps `q_recorded`."""
-    names = [str(name) for name in arrays["names"]]
-    series = [_course(name, np.asarray(arrays[key])[:, i]) for key in ("q", "q_recorded") if key in arrays
-              for i, name in enumerate(names)]
-    count = len(names)
-    titles = [name.replace("_", " ") for name in names]
-    units = ["from its mean (mm)" if name in _LENGTHS else "angle (°)" for name in names]
-    return _small(table, arrays["phase"], series[:count], series[count:], titles, units)
-
-
-def torque_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """Joint torques over the gait cycle; `arrays` has `phase`, `torque` and perhaps `torque_recorded`."""
-    own = [np.asarray(column) for column in np.asarray(arrays["torque"]).T]
-    known = arrays.get("torque_recorded")
-    recorded = [] if known is None else [np.asarray(column) for column in np.asarray(known).T]
-    names = [str(name) for name in arrays.get("names", ())][-len(own):] or [f"torque {i + 1}" for i in range(len(own))]
-    return _small(table, arrays["phase"], own, recorded, [name.replace("_", " ") for name in names],
-                  ["torque (N m)"] * len(own))
-
-
-def root_mean_squares(arrays: Mapping[str, Any], key: str) -> np.ndarray | None:
-    """Of the differences of `key` and its recorded counterpart, column by column; None where one is missing."""
-    own, recorded = arrays.get(key), arrays.get(f"{key}_recorded")
-    if own is None or recorded is None or np.shape(own) != np.shape(recorded):
-        return None
-    found: np.ndarray = np.sqrt(np.mean((np.asarray(own) - np.asarray(recorded)) ** 2, axis=0))
-    return found
+def course_figure(table: Table, arrays: Arrays, key: str) -> Figure:
+    """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
+    own = np.asarray(arrays[key])
+    count = own.shape[1]
+    names = [str(name) for name in arrays.get("names", ())][-count:] or [f"torque {i + 1}" for i in range(count)]
+    across = 4 if count > 6 else 3
+    with _drawn(table, 10.6, 0.6 + 2.3 * -(-count // across)) as figure:
+        panels = _panels(figure, count, across, "gait cycle (%)")
+        for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+            for suffix in ("_recorded", ""):
+                if f"{key}{suffix}" in arrays:
+                    values = np.asarray(arrays[f"{key}{suffix}"])[:, i]
+                    axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _course(name, values),
+                              **_LINES[suffix])
+            axes.set_ylabel("torque (N m)" if key == "torque" else "from its mean (mm)" if name in LENGTHS else
+                            "angle (°)")
+            axes.set_title(name.replace("_", " "), loc="left")
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
 
 
 def _course(name: str, values: np.ndarray) -> np.ndarray:
     """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way is its progress."""
-    if name not in _LENGTHS:
+    if name not in LENGTHS:
         return np.degrees(values)
-    line = np.polyval(np.polyfit(np.arange(len(values)), values, 1 if name == "pelvis_tx" else 0),
-                      np.arange(len(values)))
-    found: np.ndarray = 1e3 * (values - line)
+    i = np.arange(len(values))
+    found: np.ndarray = 1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i))
     return found
 
 
-def _small(
-    table: Mapping[str, Any], phase: np.ndarray, own: Sequence[np.ndarray], recorded: Sequence[np.ndarray],
-    titles: Sequence[str], units: Sequence[str]
-) -> Figure:
-    across = 4 if len(own) > 6 else 3
-    down = -(-len(own) // across)
-    with style():
-        figure = new_figure(10.6, 0.6 + 2.3 * down)
-        panels = figure.subplots(down, across, sharex=True, squeeze=False).ravel()
-        for i, (axes, values) in enumerate(zip(panels, own, strict=False)):
-            if recorded:
-                axes.plot(100.0 * np.asarray(phase), recorded[i], label="recorded", **_RECORDED)
-            axes.plot(100.0 * np.asarray(phase), values, label="optimised", **_OWN)
-            label(axes, x="", y=units[i], title=titles[i])
-        for axes in panels[len(own):]:
-            axes.set_axis_off()
-        for axes in panels[max(len(own) - across, 0):len(own)]:
-            axes.tick_params(labelbottom=True)
-            axes.set_xlabel("gait cycle (%)")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        mark_origin(figure, table)
-        figure.draw_without_rendering()
+# Between two costs, between one setting and several, and how firm the setting is when the contact is not.
+
+
+def pareto_figure(table: Table) -> Figure:
+    """The front of two costs: each point is the best that one weight gives."""
+    rows = [row for row in table["pareto"] if row["first"] is not None and row["second"] is not None]
+    first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table["pareto_names"])
+    with _drawn(table, 7.4, 4.4) as figure:
+        axes = figure.subplots()
+        axes.plot([row["first"] for row in rows], [row["second"] for row in rows], color=NEUTRAL, linewidth=1.0)
+        for row in rows:
+            _point(axes, row["fulcrum_mm"], row["first"], row["second"], markersize=7)
+        for row in _apart(rows):
+            axes.annotate(f"{row['fulcrum_mm']:.0f} mm", (row["first"], row["second"]), xytext=(7, 5),
+                          textcoords="offset points", fontsize=8)
+        axes.margins(x=0.12, y=0.1)
+        label(axes, x=first, y=second, title="Less of one costs more of the other")
+    return figure
+
+
+def _apart(rows: Sequence[Table]) -> list[Table]:
+    """Points that are far enough from all named ones to have a name of their own."""
+    wide, tall = (max(float(np.ptp([row[key] for row in rows] or [0.0])), 1e-300) for key in ("first", "second"))
+    named: list[Table] = []
+    for row in rows:
+        if all(np.hypot((row["first"] - other["first"]) / wide, (row["second"] - other["second"]) / tall) > 0.08
+               for other in named):
+            named.append(row)
+    return named
+
+
+def tasks_figure(table: Table) -> Figure:
+    """Each task's own setting, and by how much one setting for all is worse."""
+    rows, common = table["tasks"], table["common_fulcrum_mm"]
+    with _drawn(table, 10.6, 1.5 + 0.38 * len(rows)) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        if common is not None:
+            left.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
+            left.legend(loc="best", frameon=True, facecolor="white", edgecolor="none")
+        for place, row in enumerate(rows):
+            if row.get("interval_mm") is not None:
+                left.plot(row["interval_mm"], [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt",
+                          zorder=1)
+            _point(left, row["fulcrum_mm"], row["fulcrum_mm"], place, zorder=2)
+            lost = excess(row)
+            if lost is not None:
+                right.barh(place, lost, height=0.55, color="0.55")
+                right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
+        left.set_yticks(range(len(rows)), [row["label"] for row in rows])
+        left.set_ylim(len(rows) - 0.4, -0.6)
+        right.margins(x=0.15)
+        right.set_xlim(left=0.0)
+        label(left, x=FULCRUM, y="", title="Setting of each task")
+        label(right, x=f"more {table['cost_label']} with one setting for all ({excess_unit(table)})", y="",
+              title="What adaptability buys")
+    return figure
+
+
+def robustness_figure(table: Table) -> Figure:
+    """Where the optimum goes when something that is not known exactly is changed."""
+    rows = [row for row in table["robustness"] if row["fulcrum_mm"] is not None]
+    ends = [row["fulcrum_mm"] for row in table["sweep"]]
+    with _drawn(table, 8.6, 1.4 + 0.3 * len(rows)) as figure:
+        axes = figure.subplots()
+        if table["fulcrum_interval_mm"] is not None:
+            axes.axvspan(*table["fulcrum_interval_mm"], color=SHADE, zorder=0)
+        if table["fulcrum_mm"] is not None:
+            axes.axvline(table["fulcrum_mm"], color="black", linewidth=1.0, zorder=1)
+        for place, row in enumerate(rows):
+            _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], place, markersize=7, zorder=2)
+        axes.set_yticks(range(len(rows)), [row["what"] for row in rows])
+        axes.set_ylim(len(rows) - 0.4, -0.6)
+        if ends:
+            axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
+        label(axes, x=FULCRUM, y="", title="The optimum when something is changed")
+    return figure
+
+
+# A schedule: the cost of every task over the range, and the setting over what tells the tasks apart.
+
+
+def schedule_curves_figure(table: Table) -> Figure:
+    """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
+    with _drawn(table, 8.6, 4.2) as figure:
+        axes = figure.subplots()
+        for i, row in enumerate(curved(table)):
+            x, y = (np.array(row["sweep"][key], dtype=float) for key in ("fulcrum_mm", "cost"))
+            least = row["cost_exact"] if row["cost_exact"] is not None else y.min()
+            axes.plot(x, y - least, color=_colour(row["fulcrum_mm"]), linestyle=_DASHES[i % len(_DASHES)],
+                      linewidth=1.6, label=row["label"])
+            if row["fulcrum_mm"] is not None and row["cost"] is not None:
+                _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], row["cost"] - least, markersize=7,
+                       marker="o" if row["optimal"] else "x")
+        common = table["common_fulcrum_mm"]
+        if common is not None:
+            axes.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
+        _legend(axes)
+        label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
+              title=f"Each task over the whole range: {table['cost_label']}")
+    return figure
+
+
+def policy_figure(table: Table, name: str) -> Figure:
+    """The setting over one descriptor, `name`, with its lookup between and outside of the tasks."""
+    rows = sorted((row for row in table["tasks"] if row["exact_mm"] is not None), key=lambda row: row[name])
+    x, y = ([row[key] for row in rows] for key in (name, "exact_mm"))
+    beyond = 0.15 * (max(x) - min(x) or 1.0)
+    with _drawn(table, 7.4, 3.8) as figure:
+        axes = figure.subplots()
+        axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
+                  label="lookup, before rounding")
+        for i, row in enumerate(rows):
+            at = (row[name], row["fulcrum_mm"])
+            if row["interval_mm"] is not None:
+                axes.plot([row[name]] * 2, row["interval_mm"], color="0.8", linewidth=6.0, solid_capstyle="butt",
+                          zorder=0, label="interval" if i == 0 else None)
+            _point(axes, row["fulcrum_mm"], *at, label="stored" if i == 0 else None)
+            axes.annotate(row["label"], at, xytext=(8, 6), textcoords="offset points", fontsize=8)
+        if table["common_fulcrum_mm"] is not None:
+            axes.axhline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
+        low, high = table["reach_mm"]
+        axes.set_ylim(low - 2.0, high + 2.0)
+        _legend(axes)
+        label(axes, x=DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")
     return figure

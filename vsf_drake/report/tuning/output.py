@@ -6,21 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vsf_drake.analysis.tuning.common import FORMAT, check_tuning_table
 from vsf_drake.analysis.tuning.schedule import POLICY_FORMAT, schedule_of
 from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.tuning.chapters import (
-    schedule_alarm,
-    schedule_chapters,
-    schedule_first_line,
-    schedule_title,
-    tuning_chapters,
-)
-from vsf_drake.report.tuning.words import alarm_of, first_line, title_of
+from vsf_drake.report.tuning.chapters import schedule_page, tuning_page
 
 SCHEDULE_KEYS = ("cost_name", "cost_label", "cost_unit", "level", "synthetic", "notes", "wall_s", "provenance")
 """What the table has besides the policy itself (`analysis.tuning.schedule.policy_table`)."""
@@ -29,14 +20,9 @@ _COLUMNS = ("label", *DESCRIPTORS, "fulcrum_mm", "exact_mm", "interval_low_mm", 
             "cost_common", "matters", "optimal", "status")
 
 
-def _show_tuning(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, folder: Path, lenient: bool
-                 ) -> dict[str, Any]:
-    return {"chapters": tuning_chapters(table, arrays, lenient=lenient), "title": title_of(table),
-            "first_line": first_line(table), "synthetic": bool(table["synthetic"]), "alarm": alarm_of(table)}
-
-
 TUNING = ResultsFolder(
-    kind="tuning", command="tune", table="tuning.json", arrays="tuning.npz", show=_show_tuning,
+    kind="tuning", command="tune", table="tuning.json", arrays="tuning.npz",
+    show=lambda table, arrays, *, folder, lenient: tuning_page(table, arrays, lenient=lenient),
     known=lambda table: str(table.get("format")).startswith(FORMAT.rpartition(" ")[0]),
     valid=lambda table, path: check_tuning_table(table))
 """The table is that of `analysis.tuning.common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in
@@ -54,15 +40,9 @@ def _check_schedule(table: Mapping[str, Any], path: Path) -> None:
     schedule_of(table, file=path)
 
 
-def _show_schedule(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, folder: Path, lenient: bool
-                   ) -> dict[str, Any]:
-    return {"chapters": schedule_chapters(table, lenient=lenient), "title": schedule_title(table),
-            "first_line": schedule_first_line(table), "synthetic": bool(table["synthetic"]),
-            "alarm": schedule_alarm(table)}
-
-
 SCHEDULE = ResultsFolder(
-    kind="schedule", command="schedule", table="policy.json", names=(POLICY_CSV,), show=_show_schedule,
+    kind="schedule", command="schedule", table="policy.json", names=(POLICY_CSV,),
+    show=lambda table, arrays, *, folder, lenient: schedule_page(table, lenient=lenient),
     known=lambda table: str(table.get("format")).startswith(POLICY_FORMAT.rpartition(" ")[0]), valid=_check_schedule)
 """The table is that of `policy_table`, with SCHEDULE_KEYS, and for every task `trials` (labels), `sweep` (lists of
 `fulcrum_mm` and `cost`), and if known `rest`, `rest_common`: its cost at its own setting and at the one for all,
