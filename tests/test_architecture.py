@@ -21,7 +21,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 BESIDE_LAWS = ("errors", "files", "yaml_file", "json_file", "npz_file", "schema", "subject", "ground",
                "parameters", "model_file", "bench_curves", "contact_file",
                "motion", "scenario")
-LAYERS = ("laws", "systems", "plants", "simulation", "analysis", "report", "cli")
+LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
     *(f"{name}.py" for name in ("errors", "files", "yaml_file", "json_file", "npz_file", "schema", "subject",
@@ -64,6 +64,8 @@ def test_imports_run_one_way(path):
         assert RANK[part] <= RANK[own], f"{own} imports {part}, which stands above it"
         if own == "laws":
             assert part in ("laws", "errors"), f"a law imports {part}"
+        if own == "collocation":
+            assert part in ("collocation", "errors", "schema", "files", "npz_file"), f"collocation imports {part}"
 
 
 @every_file

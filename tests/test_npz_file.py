@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import yaml
 
-from vsf_drake.analysis.collocation.solution import load_start
 from vsf_drake.analysis.validation.run import SectionStore
+from vsf_drake.collocation.solution import load_start
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.npz_file import ALWAYS_BYTES, read_npz

@@ -18,6 +18,7 @@ LAYERS = {
     "plants": "Plants: foot, socket, person; bench and gait diagrams",
     "motion": "Motion: recordings in, joint trajectories out",
     "simulation": "Simulation: the stepper, Drake's Simulator, results on disk",
+    "collocation": "Collocation: optimal control of any trajectory problem",
     "analysis": "Analysis: metrics, fits, tuning, validation",
     "report": "Report: figures and pages of saved results",
     "cli": "Command line",

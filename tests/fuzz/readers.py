@@ -31,8 +31,6 @@ from made_trial import TrialFiles
 from made_tuning import made_arrays, made_schedule, made_table, small_table
 from mutations import mutated
 
-from vsf_drake.analysis.collocation import load_start, save_start, solve
-from vsf_drake.analysis.collocation.sqp import CollocationOptions
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.run import SectionStore
@@ -40,6 +38,8 @@ from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
+from vsf_drake.collocation import load_start, save_start, solve
+from vsf_drake.collocation.sqp import CollocationOptions
 from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource, sha256

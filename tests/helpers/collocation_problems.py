@@ -6,14 +6,13 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.special import j1
 
-from vsf_drake.analysis.collocation import (
+from vsf_drake.collocation import (
     Design,
     Grid,
     Layout,
     Limits,
     Residuals,
     Start,
-    Total,
     TrajectoryProblem,
 )
 
@@ -163,7 +162,7 @@ def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parame
     inertia = inertia @ inertia.T
     pull, push = 0.3 * draw.standard_normal((k, n)), 0.5 * draw.standard_normal((n, k))
     spring, soft = np.diag(draw.uniform(2.0, 5.0, k)) + 0.1, 0.3 * draw.standard_normal((k, parameters))
-    layout = Layout([f"q{i}" for i in range(n)], [f"w{i}" for i in range(k)])
+    layout = Layout(tuple(f"q{i}" for i in range(n)), tuple(f"w{i}" for i in range(k)))
     outputs, some = k + 2 * n, np.arange
 
     def function(z, p):
@@ -195,8 +194,7 @@ def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parame
         limits=[Limits(outputs=range(k + 3, k + n), low=-most, high=most)],
         residuals=[Residuals(outputs=range(k + n, k + 2 * n), target=aim, weight=20.0, name="motion"),
                    Residuals(outputs=range(k + 3, k + n), weight=0.05, name="torque")],
-        totals=[Total(output=k + 4, weight=0.1, target=0.2)],
-        design=Design(names=[f"p{i}" for i in range(parameters)], low=-1.0, high=1.0, weight=0.01))
+        design=Design(names=[f"p{i}" for i in range(parameters)], low=-1.0, high=1.0))
     z = np.zeros((grid.instants, layout.size))
     z[:, layout.q] = 0.8 * aim
     return problem, Start(z, np.zeros(parameters))

@@ -21,10 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.grid import Grid, Layout
-from vsf_drake.analysis.collocation.problem import Convex, Curve, Residuals
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SOCKET, SagittalModel

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from vsf_drake.analysis.collocation.grid import METHODS
+from vsf_drake.collocation.problem import METHODS
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.model import DESIGN

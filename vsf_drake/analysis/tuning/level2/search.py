@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.grid import Grid
-from vsf_drake.analysis.collocation.problem import CollocationOptions
-from vsf_drake.analysis.collocation.solution import Iteration, Start, TrajectorySolution
-from vsf_drake.analysis.collocation.sqp import solve
 from vsf_drake.analysis.tuning.level2.costs import StrideCosts, Terms
 from vsf_drake.analysis.tuning.level2.options import COSTS, WEIGHTED, StrideOptions
 from vsf_drake.analysis.tuning.level2.stride import MM, Stride
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
+from vsf_drake.collocation.problem import Grid
+from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.collocation.sqp import CollocationOptions, solve
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.plants.anthropometry import scale_body

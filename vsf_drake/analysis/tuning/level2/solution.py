@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.solution import TrajectorySolution
 from vsf_drake.analysis.tuning.level2.costs import StrideCosts
 from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch, StrideTuning
 from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.errors import FitError
 
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.collocation.program import ConfirmOptions, confirm
-from vsf_drake.analysis.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.options import COSTS
@@ -22,6 +20,8 @@ from vsf_drake.analysis.tuning.resimulation import (
     resimulate_with_feedback,
     solved_trajectory,
 )
+from vsf_drake.collocation.program import confirm
+from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.json_file import plain
 from vsf_drake.schema import to_plain
@@ -203,8 +203,7 @@ def confirmed(found: StrideSolution, progress: Progress | None) -> list[dict[str
         if progress:
             progress(f"confirming with {solver}", 0.9, None)
         try:
-            again = confirm(best.problem, best.last, solver,
-                            ConfirmOptions(time_limit_s=found.tuning.options.time_limit_s))
+            again = confirm(best.problem, best.last, solver, time_limit_s=found.tuning.options.time_limit_s)
         except (InputError, RuntimeError) as error:
             rows.append({"solver": solver, "fulcrum_mm": None, "cost": None, "success": False, "start": "warm",
                          "message": str(error)})

@@ -10,12 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from vsf_drake.analysis.collocation.grid import Grid, Layout
-from vsf_drake.analysis.collocation.problem import Design, Limits, TrajectoryProblem
-from vsf_drake.analysis.collocation.solution import Start
 from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, Terms, stride_reference
 from vsf_drake.analysis.tuning.level2.options import StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.collocation.problem import Design, Grid, Layout, Limits, TrajectoryProblem
+from vsf_drake.collocation.solution import Start
 from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BPoly, CubicSpline
 
-from vsf_drake.analysis.collocation.solution import TrajectorySolution
+from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory

@@ -2,27 +2,27 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from collocation_problems import Outputs, chain
 
-from vsf_drake.analysis.collocation import (
+from vsf_drake.collocation import (
     Convex,
     Design,
     Grid,
     Layout,
     Limits,
-    LinearEquations,
     Residuals,
-    Total,
     TrajectoryProblem,
 )
-from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
-from vsf_drake.analysis.collocation.scaled import Scaled, of_instants
-from vsf_drake.analysis.collocation.step import normals, room_changes, slacks
+from vsf_drake.collocation.scaled import Scaled, instant_terms
+from vsf_drake.collocation.step import SOFT, Kkt, normals, room_changes
 
 
 def square(y):
     return np.cosh(y), np.sinh(y), np.cosh(y)
+
+
+def line(y):
+    return -0.3 * y, np.full_like(y, -0.3), np.zeros_like(y)
 
 
 def anything(seed, *, method="hermite_simpson", intervals=9, periodic=True, fixed=False):
@@ -40,16 +40,13 @@ def anything(seed, *, method="hermite_simpson", intervals=9, periodic=True, fixe
     low, high = np.full((count, 9), -np.inf), np.full((count, 9), np.inf)
     if fixed:
         low[0, :2] = high[0, :2] = 0.3
-    mean = sp.csr_matrix(np.concatenate([np.tile(np.eye(9)[2], count) / count, [0.0, 1.0]])[None])
     return TrajectoryProblem(
         Outputs(function), layout, grid, outputs=6, equations=[0], limits=[Limits(outputs=[3, 4], low=-1.0, high=2.0)],
         residuals=[Residuals(outputs=[1, 2], target=draw.standard_normal((count, 2)), weight=[1.0, 3.0]),
                    Residuals(outputs=[2], weight=draw.uniform(0.0, 1.0, (count, 1)))],
-        convex=[Convex(output=3, function=square, weight=0.2)],
-        totals=[Total(output=4, weight=0.7, target=0.1), Total(output=5, weight=-0.3),
-                Total(output=1, weight=2.0, target=1.0)],
-        design=Design(names=("m", "n"), low=-3.0, high=3.0, weight=0.4, preferred=1.0), low=low, high=high,
-        linear=LinearEquations(mean, np.array([0.2])), advance=[0.5, 0.0] if periodic else None,
+        convex=[Convex(output=3, function=square, weight=0.2), Convex(output=5, function=line)],
+        design=Design(names=("m", "n"), low=-3.0, high=3.0), low=low, high=high,
+        advance=[0.5, 0.0] if periodic else None,
         z_scale=draw.uniform(0.5, 2.0, 9), y_scale=draw.uniform(0.5, 2.0, 6), cost_scale=3.0)
 
 
@@ -72,10 +69,8 @@ def test_first_derivatives_equal_central_differences(case, seed):
     along = np.einsum("nez,nz->ne", at.by_z, z) + at.by_p @ p
     assert along[:, :1] == pytest.approx((plus.equations - minus.equations) / (2 * h), abs=1e-6)
     assert along[:, 1:] == pytest.approx((plus.limited - minus.limited) / (2 * h), abs=1e-6)
-    assert scaled.matrix @ way == pytest.approx((plus.linear - minus.linear) / (2 * h), abs=1e-8)
-    sums = {name: values.sum() for name, values in of_instants(scaled.problem, at.y).items()}
-    assert {name: value for name, value in at.terms.items() if name in sums and name != "total"} == pytest.approx(
-        {name: value for name, value in sums.items() if name != "total"})
+    assert scaled.matrix @ way[:scaled.count] == pytest.approx((plus.linear - minus.linear) / (2 * h), abs=1e-8)
+    assert at.terms == pytest.approx({name: each.sum() for name, each in instant_terms(scaled.problem, at.y).items()})
 
 
 @CASES
@@ -83,9 +78,9 @@ def test_rooms_change_as_their_normals_say(case):
     scaled = Scaled(anything(3, **case))
     draw = np.random.default_rng(4)
     at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
-    which = np.flatnonzero(np.isfinite(slacks(scaled, at)))
+    which = np.flatnonzero(np.isfinite(scaled.slacks(at)))
     way = draw.standard_normal(len(at.x)) * ~scaled.fixed
-    assert normals(scaled, at, which).T @ way == pytest.approx(room_changes(scaled, at, way[:, None])[which, 0])
+    assert normals(scaled, at, which).T @ way == pytest.approx(room_changes(scaled, at, way)[which])
 
 
 @CASES
@@ -98,15 +93,10 @@ def test_the_gauss_newton_hessian_is_that_of_the_linearised_outputs(case):
                                              np.tile(share, (len(z), 1, 1))))
     problem.convex = ()
     scaled = Scaled(problem)
-    structure, draw = KktStructure(scaled), np.random.default_rng(8)
-    structure.free[:] = 1.0
-    x, way = draw.standard_normal(structure.variables), draw.standard_normal(structure.variables)
-    at = scaled.linearised(x)
-    kkt = Kkt(structure, at, np.zeros(len(x)))
-    full = np.zeros(structure.size)
-    full[:len(x)] = way
-    full[structure.variables + structure.conditions:] = at.total_weights * (at.totals @ way)
-    curve = way @ kkt.apply(full)[:len(x)]
+    scaled.fixed[:] = False
+    draw, n = np.random.default_rng(8), problem.size
+    x, way = draw.standard_normal(n), draw.standard_normal(n)
+    curve = way @ (Kkt(scaled, scaled.linearised(x), np.zeros(n)).matrix[:n, :n] @ way)
     exact = scaled.point(x + way).cost - 2.0 * scaled.point(x).cost + scaled.point(x - way).cost
     assert curve == pytest.approx(exact, rel=1e-8)
 
@@ -114,24 +104,26 @@ def test_the_gauss_newton_hessian_is_that_of_the_linearised_outputs(case):
 @CASES
 def test_elimination_along_the_chain_solves_the_whole_system(case):
     scaled = Scaled(anything(9, **case))
-    structure, draw = KktStructure(scaled), np.random.default_rng(10)
+    draw = np.random.default_rng(10)
     at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
-    kkt = Kkt(structure, at, np.full(len(at.x), 0.1))
-    whole = kkt.matrix().toarray()
+    kkt = Kkt(scaled, at, np.full(len(at.x), 0.1))
+    whole = kkt.matrix.toarray()
     assert whole == pytest.approx(whole.T)
-    right = draw.standard_normal(structure.size)
-    found = kkt.solve(right)
-    assert kkt.apply(found) == pytest.approx(right, abs=1e-8)
-    assert whole @ found == pytest.approx(right, abs=1e-5), "but for the softening of the equations"
-    assert kkt.roughly(right[:, None])[:, 0] == pytest.approx(np.linalg.solve(whole, right), rel=1e-6, abs=1e-6)
+    assert sorted(kkt.order) == list(range(kkt.size))
+    right = draw.standard_normal(kkt.size)
+    assert kkt.matrix @ kkt.solve(right) == pytest.approx(right, abs=1e-8)
+    soft = whole - np.diag(np.where(np.arange(kkt.size) < kkt.variables, 0.0, SOFT))
+    assert kkt.roughly(right) == pytest.approx(np.linalg.solve(soft, right), rel=1e-6, abs=1e-6)
+    assert kkt.convex
+    assert (np.linalg.eigvalsh(whole) < 0.0).sum() == kkt.size - kkt.variables
 
 
-def test_the_large_problem_is_eliminated_along_the_chain_without_the_fallback():
+@pytest.mark.parametrize("damping", [1e-9, 1e-3, 1e3])
+def test_the_large_problem_is_solved_to_rounding_with_hardly_any_damping(damping):
     problem, start = chain(intervals=8)
     scaled = Scaled(problem)
     at = scaled.linearised(scaled.scaled(start.z, start.p))
-    kkt = Kkt(KktStructure(scaled), at, np.full(len(at.x), 1e-3))
-    right = np.random.default_rng(0).standard_normal(kkt.structure.size)
+    kkt = Kkt(scaled, at, np.full(len(at.x), damping))
+    right = np.random.default_rng(0).standard_normal(kkt.size)
     found = kkt.solve(right)
-    assert kkt.uses_chain
-    assert kkt.apply(found) == pytest.approx(right, abs=1e-8)
+    assert kkt.matrix @ found == pytest.approx(right, abs=1e-13 * np.abs(found).max() + 1e-8)

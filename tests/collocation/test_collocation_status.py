@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from collocation_problems import Outputs, chain, constant_outputs, ends, pendulum, rest_to_rest, spring_mass
 
-from vsf_drake.analysis.collocation import (
+from vsf_drake.collocation import (
     CollocationOptions,
-    ConfirmOptions,
     Design,
     Grid,
     Layout,
@@ -39,7 +38,7 @@ def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
 
 def test_snopt_says_so_too():
     problem, _ = rest_to_rest(3.5, as_limit=False, intervals=10)
-    found = confirm(problem, zero(problem), "snopt", ConfirmOptions(warm=False, time_limit_s=20.0))
+    found = confirm(problem, zero(problem), "snopt", warm=False, time_limit_s=20.0)
     assert found.status == "infeasible"
 
 
@@ -164,7 +163,8 @@ def test_a_start_of_another_shape_or_without_a_value_is_refused():
         solve(problem, zero(problem))
 
 
-@pytest.mark.parametrize("options", [{"iterations": 0}, {"violation": -1.0}, {"time_limit_s": 0}, {"damping": "much"}])
+@pytest.mark.parametrize("options", [
+    {"iterations": 0}, {"violation": -1.0}, {"time_limit_s": 0}, {"optimality": "much"}])
 def test_unusable_options_are_refused(options):
     with pytest.raises(InputError, match=next(iter(options))):
         CollocationOptions(**options)

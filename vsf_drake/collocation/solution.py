@@ -3,42 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from vsf_drake.analysis.collocation.grid import Grid
-from vsf_drake.analysis.collocation.problem import TrajectoryProblem
+from vsf_drake.collocation.problem import Grid, TrajectoryProblem
+from vsf_drake.collocation.scaled import Point, Scaled
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.files import replaced
 from vsf_drake.npz_file import read_npz
 
-STATUSES = {
-    "optimal": "the first-order conditions of a local optimum hold",
-    "infeasible": "no point nearby satisfies the equations and limits",
-    "stalled": "no step improves on the last point, yet the first-order conditions do not hold",
-    "iterations": "the iterations ran out",
-    "time": "the time ran out",
-    "interrupted": "it was interrupted",
-    "failed": "the solver gave up",
-}
+ON_BOUND = 1e-6
+"""So near, in its scale, a design parameter counts as on its bound."""
+FORMAT = "vsf_drake trajectory 1"
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A point to begin from.
-
-    Attributes:
-        z: (N, Z). p: (P,).
-        multipliers: (c,) scaled, of the linear equations and then the instants' equations, as the search that ended
-            here left them, for who wants to know what they press; a search does not begin with them. None if unknown.
-    """
+    """A point to begin from: z (N, Z), p (P,)."""
 
     z: np.ndarray
     p: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    multipliers: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -50,7 +38,7 @@ class Iteration:
         optimality: first-order residual, scaled; NaN before multipliers are known.
         step: largest change of a scaled variable that led here. length: part of the full step that was taken.
         damping: Levenberg damping of the next one. active: bounds and limits that hold it. exact: whether it
-        knows the outputs' curvature. evaluations: so far. wall_s: so far. p: design parameters here.
+            knows the outputs' curvature. evaluations: so far. wall_s: so far. p: design parameters here.
     """
 
     number: int
@@ -72,14 +60,18 @@ class TrajectorySolution:
     """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands an optimum.
 
     Attributes:
-        problem: that was solved. status: one of `STATUSES`. message: why it ended, in words.
+        problem: that was solved.
+        status: "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no point nearby satisfies
+            equations and limits), "stalled" (no step improves on the last point, yet the conditions do not hold),
+            "iterations" or "time" (they ran out), "interrupted", "failed" (another solver gave up).
+        message: why it ended, in words.
         last: the last iterate, whatever it is worth: to begin from again.
         last_cost: there. terms: name to value of the cost's terms there.
-        violation: largest violation of an equation, limit or bound, scaled. unscaled_violation: in its own unit.
-        worst: where the largest scaled violation is. optimality: first-order residual, scaled; NaN if unknown.
+        violation: largest violation of an equation, limit or bound, scaled. worst: where that is.
+        optimality: first-order residual, scaled; NaN if unknown.
         at_bound: names of design parameters on a bound.
-        solver: its name. iterations, evaluations, wall_s: what it took.
-        history: a line an iteration. is_unsealed: whether a point that is no optimum may be read.
+        solver: its name. evaluations, wall_s: what it took. history: a line an iteration.
+        is_unsealed: whether a point that is no optimum may be read.
     """
 
     problem: TrajectoryProblem
@@ -89,16 +81,19 @@ class TrajectorySolution:
     last_cost: float
     terms: dict[str, float]
     violation: float
-    unscaled_violation: float
     worst: str
     optimality: float
     at_bound: tuple[str, ...]
     solver: str
-    iterations: int
     evaluations: int
     wall_s: float
     history: tuple[Iteration, ...] = ()
     is_unsealed: bool = False
+
+    @property
+    def iterations(self) -> int:
+        """Steps that were taken; 0 if the solver tells no history."""
+        return max(len(self.history) - 1, 0)
 
     @property
     def success(self) -> bool:
@@ -140,24 +135,30 @@ class TrajectorySolution:
         return self.last
 
 
+def finished(scaled: Scaled, at: Point, *, status: str, message: str, optimality: float, solver: str, began: float,
+             history: tuple[Iteration, ...] = ()) -> TrajectorySolution:
+    """The solution object of a last point, whatever its worth; began: of `time.perf_counter`."""
+    problem, (violation, where) = scaled.problem, scaled.worst(at)
+    n = scaled.count
+    near = np.minimum(at.x - scaled.low, scaled.high - at.x)[n:] <= ON_BOUND
+    return TrajectorySolution(
+        problem=problem, status=status, message=message, last=Start(*scaled.unscaled(at.x)),
+        last_cost=at.cost * problem.cost_scale, terms=dict(at.terms), violation=violation, worst=where,
+        optimality=optimality, solver=solver, evaluations=scaled.evaluations, wall_s=time.perf_counter() - began,
+        at_bound=tuple(np.array(problem.design.names, dtype=object)[near & ~scaled.fixed[n:]]), history=history)
+
+
 # Starts kept in files, and carried to another grid.
-
-
-FORMAT = "vsf_drake trajectory 1"
-_SAVED = {"names", "design", "z", "p", "multipliers", "method", "intervals", "duration_s", "periodic", "advance"}
 
 
 def save_start(solution: TrajectorySolution, path: str | Path) -> None:
     """Writes a search's last iterate, whatever it is worth, as .npz with its grid, names and status."""
     problem, last = solution.problem, solution.last
-    grid = problem.grid
-    multipliers = np.zeros(0) if last.multipliers is None else last.multipliers
     with replaced(path, "wb") as stream:
         np.savez_compressed(
-            stream, format=np.array(FORMAT), z=last.z, p=last.p, multipliers=multipliers,
-            names=np.array(problem.layout.names), design=np.array([str(name) for name in problem.design.names]),
-            method=np.array(grid.method), intervals=grid.intervals, duration_s=grid.duration_s, periodic=grid.periodic,
-            advance=problem.advance, status=np.array(solution.status), cost=solution.last_cost)
+            stream, format=np.array(FORMAT), z=last.z, p=last.p, names=np.array(problem.layout.names, dtype=str),
+            design=np.array(problem.design.names, dtype=str), advance=problem.advance,
+            status=np.array(solution.status), cost=solution.last_cost, **dataclasses.asdict(problem.grid))
 
 
 def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
@@ -167,24 +168,22 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
         InputError: the file is none of these, or its variables are others.
     """
     found = read_npz(path)
-    if str(found.get("format", "")) != FORMAT or not _SAVED <= found.keys():
+    needed = {"names", "design", "z", "p", "advance", *(item.name for item in dataclasses.fields(Grid))}
+    if str(found.get("format", "")) != FORMAT or not needed <= found.keys():
         raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
     try:
-        for name, own in (("names", problem.layout.names), ("design", [str(each) for each in problem.design.names])):
+        for name, own in (("names", problem.layout.names), ("design", problem.design.names)):
             known = [str(each) for each in found[name].tolist()]
             if known != list(own):
                 raise InputError(f"is of other variables: {', '.join(known)}", where=name,
                                  right=f"This problem has {', '.join(own)}")
         grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
-        z, p, advance, multipliers = (np.asarray(found[name], dtype=float)
-                                      for name in ("z", "p", "advance", "multipliers"))
-        if z.shape != (grid.instants, problem.layout.size) or p.shape != (len(problem.design.names),):
+        z, p, advance = (np.asarray(found[name], dtype=float) for name in ("z", "p", "advance"))
+        if z.shape != (grid.instants, problem.layout.size) or p.shape != (problem.parameters,):
             raise ValueError(f"shapes {z.shape} and {p.shape}")
-        if not all(np.isfinite(array).all() for array in (z, p, advance, multipliers)):
+        if not all(np.isfinite(array).all() for array in (z, p, advance)):
             raise ValueError("a number is not finite")
-        if grid == problem.grid:
-            return Start(z, p, multipliers if multipliers.size else None)
-        return Start(carried(problem, z, grid, problem.grid, advance=advance), p)
+        return Start(z if grid == problem.grid else _carried(problem, z, grid, problem.grid, advance), p)
     except InputError as error:
         raise InputError(error.what, file=path, where=error.where, right=error.right) from None
     except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
@@ -192,33 +191,28 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
-    """A search's last iterate on another grid, to begin there."""
-    problem = solution.problem
-    return Start(carried(problem, solution.last.z, problem.grid, grid, advance=problem.advance), solution.last.p)
+    """A search's last iterate on another grid, to begin there. Raises InputError if one is periodic, the other not."""
+    problem, last = solution.problem, solution.last
+    return Start(_carried(problem, last.z, problem.grid, grid, problem.advance), last.p)
 
 
-def carried(problem: TrajectoryProblem, z: np.ndarray, old: Grid, new: Grid, *, advance: np.ndarray) -> np.ndarray:
+def _carried(problem: TrajectoryProblem, z: np.ndarray, old: Grid, new: Grid, advance: np.ndarray) -> np.ndarray:
     """Variables (N, Z) of one grid on another (M, Z): q and v as cubics with the rates they have, the rest by splines.
 
     Another duration stretches time: values stay, v and u scale with the ratio of durations, a with its square.
-
-    Raises:
-        InputError: one grid is periodic and the other is not.
     """
     if old.periodic != new.periodic:
         raise InputError("one grid is periodic and the other is not", where="grid")
-    layout, ratio = problem.layout, old.duration_s / new.duration_s
-    z, times = np.asarray(z, dtype=float), old.times_s
+    layout, ratio, times = problem.layout, old.duration_s / new.duration_s, old.times_s
     if old.periodic:
         z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
         z[-1, layout.q] += advance
     at = np.clip(new.times_s * ratio, 0.0, old.duration_s)
-    ends = "periodic" if old.periodic else "not-a-knot"
     found = np.empty((len(at), layout.size))
     found[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
     found[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
     rest = slice(layout.a.start, layout.size)
-    found[:, rest] = CubicSpline(times, z[:, rest], bc_type=ends)(at)
+    found[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
     found[:, layout.a] *= ratio**2
     found[:, layout.u] *= ratio
     return found

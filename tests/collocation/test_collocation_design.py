@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from collocation_problems import free_spring_mass, pendulum, rest_to_rest, spring_mass
 
-from vsf_drake.analysis.collocation import Start, solve
+from vsf_drake.collocation import Start, solve
 
 
 def test_the_spring_that_makes_a_prescribed_oscillation_cheapest_is_in_resonance():

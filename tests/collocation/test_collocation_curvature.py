@@ -3,26 +3,26 @@
 import numpy as np
 import pytest
 from collocation_problems import Outputs, chain, pendulum
+from scipy.linalg import null_space
 
-from vsf_drake.analysis.collocation import (
+from vsf_drake.collocation import (
     CollocationOptions,
+    Convex,
     Design,
     Grid,
     Layout,
     Start,
-    Total,
     TrajectoryProblem,
     confirm,
     solve,
 )
-from vsf_drake.analysis.collocation.kkt import Kkt, KktStructure
-from vsf_drake.analysis.collocation.scaled import Scaled
-from vsf_drake.analysis.collocation.sqp import stiffened, with_curvature
-from vsf_drake.analysis.collocation.step import find_step, slacks
+from vsf_drake.collocation.scaled import Scaled
+from vsf_drake.collocation.sqp import stiffened, with_curvature
+from vsf_drake.collocation.step import Kkt, find_step
 
 
 def swing(intervals=12):
-    """A pendulum's effort and its distance from a motion as one linear total: no squares for Gauss-Newton to see."""
+    """A pendulum's effort and its distance from a motion as a sum without squares: none for Gauss-Newton to see."""
     grid = Grid("hermite_simpson", intervals, 1.0, periodic=True)
     aim = np.cos(2.0 * np.pi * grid.times_s)
 
@@ -35,12 +35,17 @@ def swing(intervals=12):
                          0.5 * torque**2 + 300.0 * (1.0 - np.cos(q - aim))], axis=1), by_z, by_p
 
     problem = TrajectoryProblem(
-        Outputs(outputs), Layout(("q",), (), ("torque",)), grid, outputs=2, equations=[0], totals=[Total(output=1)],
+        Outputs(outputs), Layout(("q",), (), ("torque",)), grid, outputs=2, equations=[0],
+        convex=[Convex(output=1, function=lambda y: (y, np.ones_like(y), np.zeros_like(y)))],
         z_scale=[1.0, 5.0, 40.0, 20.0], y_scale=[20.0, 1.0], cost_scale=10.0,
         design=Design(names=["stiffness"], low=0.0, high=100.0))
     z = np.zeros((grid.instants, 4))
     z[:, 0] = 0.5 * aim
     return problem, Start(z, np.array([5.0]))
+
+
+def step_of(scaled, kkt):
+    return find_step(kkt, equations=kkt.at.equations, room=scaled.slacks(kkt.at), likely=np.zeros(0, dtype=int))
 
 
 @pytest.mark.parametrize("curvature", ["gauss_newton", "auto", "exact"])
@@ -65,9 +70,8 @@ def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
     problem, start = make()
     scaled, draw = Scaled(problem), np.random.default_rng(0)
     x = scaled.scaled(start.z + 0.1 * problem.z_scale * draw.standard_normal(start.z.shape), start.p + 0.1)
-    at, structure = scaled.linearised(x), KktStructure(scaled)
-    step = find_step(scaled, Kkt(structure, at, np.ones(len(x))), linear=at.linear, equations=at.equations,
-                     room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
+    at = scaled.linearised(x)
+    step = step_of(scaled, Kkt(scaled, at, np.ones(len(x))))
     own, mixed, shared = with_curvature(scaled, at, step).hessian
     pressure = np.zeros(4 * len(x) + 2 * at.limited.size)
     pressure[step.pressed] = step.pressure
@@ -80,8 +84,7 @@ def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
 
     way, h = draw.standard_normal(len(x)), 1e-4
     z, p = way[:scaled.count].reshape(scaled.shape), way[scaled.count:]
-    squares = at.total_weights @ (at.totals @ way)**2
-    curve = np.einsum("nz,nzy,ny->", z, own, z) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p) + p @ shared @ p + squares
+    curve = np.einsum("nz,nzy,ny->", z, own, z) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p) + p @ shared @ p
     exact = (lagrangian(x + h * way) - 2.0 * lagrangian(x) + lagrangian(x - h * way)) / h**2
     assert curve == pytest.approx(exact, rel=1e-4, abs=1e-6)
 
@@ -90,32 +93,23 @@ def test_an_indefinite_hessian_is_recognised_by_its_inertia():
     """At the top of a cosine the Lagrangian is concave; with enough damping it is not."""
     problem, start = swing()
     scaled = Scaled(problem)
-    structure = KktStructure(scaled)
     at = scaled.linearised(scaled.scaled(start.z + np.array([np.pi, 0.0, 0.0, 0.0]), start.p))
-    step = find_step(scaled, Kkt(structure, at, np.ones(len(at.x))), linear=at.linear, equations=at.equations,
-                     room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
-    exact = with_curvature(scaled, at, step)
-    found = {damping: Kkt(structure, exact, np.full(len(at.x), damping), checked=True) for damping in (1e-6, 1e4)}
-    assert [found[damping].convex for damping in (1e-6, 1e4)] == [False, True]
-    free = np.linalg.svd(found[1e4].matrix().toarray()[structure.variables:, :structure.variables])[2]
-    free = free[np.linalg.matrix_rank(found[1e4].matrix().toarray()[structure.variables:, :structure.variables]):].T
+    exact = with_curvature(scaled, at, step_of(scaled, Kkt(scaled, at, np.ones(len(at.x)))))
+    found = {damping: Kkt(scaled, exact, np.full(len(at.x), damping)) for damping in (1e-6, 1e4)}
+    assert [kkt.convex for kkt in found.values()] == [False, True]
     for damping, kkt in found.items():
-        reduced = free.T @ kkt.matrix().toarray()[:structure.variables, :structure.variables] @ free
-        assert (np.linalg.eigvalsh(reduced).min() > 0.0) == kkt.convex, damping
+        whole, n = kkt.matrix.toarray(), kkt.variables
+        assert (np.linalg.eigvalsh(null_space(whole[n:, :n]).T @ whole[:n, :n] @ null_space(whole[n:, :n])).min()
+                > 0.0) == kkt.convex, damping
 
 
 def test_stiffening_what_presses_leaves_the_step_as_it_is():
     problem, start = chain(intervals=4)
     scaled = Scaled(problem)
-    structure, at = KktStructure(scaled), scaled.linearised(scaled.scaled(start.z, start.p))
+    at = scaled.linearised(scaled.scaled(start.z, start.p))
     damping = np.full(len(at.x), 1e-2)
-
-    def step_of(here):
-        return find_step(scaled, Kkt(structure, here, damping), linear=at.linear, equations=at.equations,
-                         room=slacks(scaled, at), likely=np.zeros(0, dtype=int), weight=1e6)
-
-    plain = step_of(at)
+    plain = step_of(scaled, Kkt(scaled, at, damping))
     assert len(plain.pressed) > 0
-    again = step_of(stiffened(scaled, at, plain))
+    again = step_of(scaled, Kkt(scaled, stiffened(scaled, at, plain), damping))
     assert again.change == pytest.approx(plain.change, abs=1e-6)
     assert sorted(again.pressed) == sorted(plain.pressed)

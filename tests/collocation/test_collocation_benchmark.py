@@ -3,7 +3,7 @@
 import pytest
 from collocation_problems import chain
 
-from vsf_drake.analysis.collocation import solve
+from vsf_drake.collocation import solve
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from collocation_problems import pendulum, regulator, spring_mass
 
-from vsf_drake.analysis.collocation import (
+from vsf_drake.collocation import (
     CollocationOptions,
     Grid,
     Start,
@@ -14,7 +14,7 @@ from vsf_drake.analysis.collocation import (
     save_start,
     solve,
 )
-from vsf_drake.analysis.collocation.solution import FORMAT
+from vsf_drake.collocation.solution import FORMAT
 from vsf_drake.errors import InputError
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from collocation_problems import oscillator, regulator
 
-from vsf_drake.analysis.collocation import CollocationOptions, Start, solve
+from vsf_drake.collocation import CollocationOptions, Start, solve
 
-SHARP = CollocationOptions(optimality=1e-11, violation=1e-10, step=1e-9)
+SHARP = CollocationOptions(optimality=1e-11, violation=1e-10)
 ORDERS = pytest.mark.parametrize(("method", "order"), [("trapezoidal", 2), ("hermite_simpson", 4)])
 
 

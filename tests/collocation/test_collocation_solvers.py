@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from collocation_problems import chain, free_spring_mass, pendulum, rest_to_rest, spring_mass
+from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.solvers import SnoptSolver
 
-from vsf_drake.analysis.collocation import ConfirmOptions, Start, confirm, program, solve
-from vsf_drake.analysis.collocation.program import collocation_program
+from vsf_drake.collocation import Start, confirm, program, solve
+from vsf_drake.collocation.scaled import Scaled
 from vsf_drake.errors import InputError
 
 
@@ -25,7 +26,7 @@ PROBLEMS = {"spring": spring_mass, "free spring": free_spring_mass, "pendulum": 
 def compared(name, solver, *, warm):
     problem, start, _ = PROBLEMS[name]()
     ours = solve(problem, start)
-    theirs = confirm(problem, ours.last if warm else start, solver, ConfirmOptions(warm=warm, time_limit_s=60.0))
+    theirs = confirm(problem, ours.last if warm else start, solver, warm=warm, time_limit_s=60.0)
     return ours, theirs
 
 
@@ -59,7 +60,7 @@ def test_ipopt_from_afar_ends_at_the_same_optimum_or_says_that_it_does_not(name)
         assert theirs.status in ("time", "failed")
 
 
-def test_snopt_confirms_a_problem_with_totals_limits_and_five_parameters():
+def test_snopt_confirms_a_problem_with_limits_and_five_parameters():
     problem, start = chain(intervals=5)
     ours = solve(problem, start)
     theirs = confirm(problem, ours.last, "snopt")
@@ -71,14 +72,17 @@ def test_snopt_confirms_a_problem_with_totals_limits_and_five_parameters():
 @pytest.mark.parametrize("probes", [True, False])
 def test_the_program_has_the_problems_cost_and_its_gradient(probes):
     problem, start = chain(intervals=4)
-    parts = collocation_program(problem, probes=probes)
-    x = parts.scaled.scaled(start.z + 0.01, start.p + 0.1)
-    point = parts.scaled.linearised(x)
-    totals = point.y[:, problem.totals[0].output] / problem.y_scale[problem.totals[0].output]
-    made, full = parts.program, np.concatenate([x, totals])
-    cost = sum(float(made.EvalBinding(binding, full)[0]) for binding in made.GetAllCosts())
+    scaled = Scaled(problem)
+    made, x = program(problem, probes=probes), scaled.scaled(start.z + 0.01, start.p + 0.1)
+    point = scaled.linearised(x)
+    cost = sum(float(made.EvalBinding(binding, x)[0]) for binding in made.GetAllCosts())
     assert cost == pytest.approx(point.cost)
-    broken = [abs(made.EvalBinding(binding, full)) for binding in made.linear_equality_constraints()]
+    slope = np.zeros(len(x))
+    for binding in made.GetAllCosts():
+        indices = made.FindDecisionVariableIndices(binding.variables())
+        slope[indices] += ExtractGradient(binding.evaluator().Eval(InitializeAutoDiff(x[indices])))[0]
+    assert slope == pytest.approx(point.gradient)
+    broken = [abs(made.EvalBinding(binding, x)) for binding in made.linear_equality_constraints()]
     assert sum(len(part) for part in broken) == len(point.linear)
     assert len(made.generic_constraints()) == (2 if probes else 1) * problem.grid.instants
 
@@ -93,7 +97,7 @@ def test_a_program_for_drakes_solvers_comes_without_a_guess():
 def test_each_new_point_is_evaluated_once_by_either_solver():
     problem, start, _ = PROBLEMS["pendulum"]()
     for solver in ("snopt", "ipopt"):
-        found = confirm(problem, start, solver, ConfirmOptions(warm=False, time_limit_s=5.0))
+        found = confirm(problem, start, solver, warm=False, time_limit_s=5.0)
         assert found.evaluations < 3000
 
 
@@ -105,10 +109,10 @@ def test_another_solver_is_refused():
 
 def test_padding_changes_no_optimum():
     problem, start, stiffness = spring_mass(intervals=6)
-    parts = collocation_program(problem, probes=False, padding=20)
-    result = SnoptSolver().Solve(parts.program, parts.scaled.scaled(start.z, start.p), None)
+    scaled = Scaled(problem)
+    result = SnoptSolver().Solve(program(problem, probes=False, padding=20), scaled.scaled(start.z, start.p), None)
     assert result.is_success()
-    found = parts.scaled.unscaled(result.GetSolution(parts.variables))[1]
+    found = scaled.unscaled(result.get_x_val())[1]
     assert found[0] == pytest.approx(stiffness, rel=2e-2)
     assert found == pytest.approx(solve(problem, start).p, rel=1e-3)
 
@@ -132,8 +136,8 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
             return SimpleNamespace(get_x_val=found.get_x_val, is_success=lambda: False,
                                    get_solver_details=lambda: SimpleNamespace(info=83))
 
-    monkeypatch.setattr(importlib.import_module("vsf_drake.analysis.collocation.program"), "SnoptSolver", Starved)
-    found = confirm(problem, start, "snopt", ConfirmOptions(warm=False))
+    monkeypatch.setattr(importlib.import_module("vsf_drake.collocation.program"), "SnoptSolver", Starved)
+    found = confirm(problem, start, "snopt", warm=False)
     assert found.status == "optimal", found.message
     assert "1 restarts" in found.message
     assert not np.allclose(starts[0], starts[1])

@@ -1,0 +1,241 @@
+"""The same problem as a `MathematicalProgram`, for Drake's SNOPT and IPOPT, with exact, sparse gradients.
+
+Decision variables are the scaled ones, x = [z / z_scale (N Z, instant by instant), p / p_scale (P)], so that solver
+tolerances mean what they mean in `solve`. Every instant has a cost and a constraint of its own, over its Z + P
+variables; all of them read one evaluation of the whole trajectory. SNOPT shows a new point to the program's
+visualization callback before it asks for values there. IPOPT does not: for it every instant also has a cost and a free
+constraint that are always 0, come first, and note where the instant is (`probes`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.solvers import (
+    IpoptSolver,
+    LinearEqualityConstraint,
+    MathematicalProgram,
+    MathematicalProgramResult,
+    SnoptSolver,
+    SolverOptions,
+)
+
+from vsf_drake.collocation.problem import TrajectoryProblem
+from vsf_drake.collocation.scaled import Linearised, Scaled, instant_terms
+from vsf_drake.collocation.solution import Start, TrajectorySolution, finished
+from vsf_drake.collocation.step import Kkt, find_step, optimality
+from vsf_drake.errors import InputError
+
+SOLVERS = ("snopt", "ipopt")
+FEASIBILITY, OPTIMALITY = 1e-7, 1e-6
+"""Tolerances of both solvers, scaled."""
+MOST_VIOLATION = 1e-6
+"""Of what a solver calls an optimum."""
+SUPERBASICS, MINOR_ITERATIONS = 2000, 1_000_000
+"""SNOPT's limits; the first at least the number of degrees of freedom of the optimum."""
+STORAGE, TIME = 83, 34
+"""SNOPT's INFO for too little real storage and for the time limit."""
+PADDING = (0, 20, 60, 180)
+"""Rows an instant is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
+SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
+IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
+LOOSER = 100.0
+"""IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point."""
+PRESSED = 1e-6
+"""So near, in its scale, an inequality may press when a point is judged."""
+
+Evaluator = Callable[[np.ndarray], np.ndarray]
+
+
+class _Instants:
+    """One evaluation of all instants at the last point: costs, equations and limited outputs, in this order."""
+
+    def __init__(self, scaled: Scaled) -> None:
+        self.scaled, self.x = scaled, np.full(len(scaled.x_scale), np.nan)
+        self.rows: tuple[np.ndarray, np.ndarray] | None = None
+
+    def show(self, x: np.ndarray) -> None:
+        """The solver is at x."""
+        if not np.array_equal(np.ravel(x), self.x):
+            self.x, self.rows = np.array(x, dtype=float).ravel(), None
+
+    def note(self, instant: int, own: np.ndarray) -> None:
+        """One instant's variables and p are `own` (Z + P,)."""
+        size, base = self.scaled.shape[1], self.scaled.count
+        z = slice(instant * size, (instant + 1) * size)
+        if not (np.array_equal(own[:size], self.x[z]) and np.array_equal(own[size:], self.x[base:])):
+            self.rows = None
+            self.x[z], self.x[base:] = own[:size], own[size:]
+
+    def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 1 + E + C) and derivatives (N, 1 + E + C, Z + P)."""
+        if self.rows is None:
+            scaled, problem = self.scaled, self.scaled.problem
+            y, by_z, by_p = scaled.outputs(np.where(np.isfinite(self.x), self.x, 0.0))
+            by, unit = np.concatenate([by_z, by_p], axis=2), problem.y_scale[scaled.which]
+            with np.errstate(all="ignore"):
+                cost = sum(instant_terms(problem, y).values(), np.zeros(len(y))) / problem.cost_scale
+                cost_by = np.einsum("nm,nmx->nx", scaled.slope(y), by)
+            self.rows = (np.column_stack([cost, y[:, scaled.which] / unit]),
+                         np.concatenate([cost_by[:, None], by[:, scaled.which] / unit[:, None]], axis=1))
+        return self.rows
+
+    def of(self, instant: int, which: slice) -> Evaluator:
+        """Some of an instant's rows as a function of its variables and p, for floats and AutoDiffXd."""
+
+        def rows(own: np.ndarray) -> np.ndarray:
+            self.note(instant, own if own.dtype != object else ExtractValue(own).ravel())
+            values, by = (part[instant, which] for part in self.evaluated())
+            return values if own.dtype != object else _autodiff(values, by @ ExtractGradient(own))
+
+        return rows
+
+    def probe(self, instant: int) -> Evaluator:
+        """Nothing: notes where the instant is."""
+
+        def rows(own: np.ndarray) -> np.ndarray:
+            self.note(instant, own if own.dtype != object else ExtractValue(own).ravel())
+            return _nothing(1)(own)
+
+        return rows
+
+
+def _autodiff(values: np.ndarray, by: np.ndarray) -> np.ndarray:
+    return np.asarray(InitializeAutoDiff(values, by)).ravel()
+
+
+def _nothing(rows: int) -> Evaluator:
+    """Rows that are always 0."""
+    return lambda own: np.zeros(rows) if own.dtype != object else _autodiff(
+        np.zeros(rows), np.zeros((rows, ExtractGradient(own).shape[1])))
+
+
+def _first(rows: Evaluator) -> Callable[[np.ndarray], float | AutoDiffXd]:
+    """As a cost."""
+    return lambda own: rows(own)[0]
+
+
+def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0) -> MathematicalProgram:
+    """The problem for Drake's solvers, without an initial guess; its variables are x.
+
+    Args:
+        problem: the problem, or its scaled form, which then counts evaluations.
+        probes: for solvers that show no points, see the module's text.
+        padding: rows that are always 0 and free, per instant. Drake gives SNOPT storage by the number of derivatives,
+            which can be too little (INFO 83): with these it gives more.
+    """
+    scaled = problem if isinstance(problem, Scaled) else Scaled(problem)
+    instants, made, (count, size) = _Instants(scaled), MathematicalProgram(), scaled.shape
+    x = made.NewContinuousVariables(len(scaled.x_scale), "x")
+    made.AddBoundingBoxConstraint(scaled.low, scaled.high, x)
+    for rows, columns in _grouped(scaled):
+        made.AddConstraint(LinearEqualityConstraint(scaled.matrix[rows][:, columns].toarray(), scaled.right[rows]),
+                           x[columns])
+    made.AddVisualizationCallback(instants.show, x)
+    variables = [np.concatenate([x[i * size:(i + 1) * size], x[scaled.count:]]) for i in range(count)]
+    for i, own in enumerate(variables if probes else ()):
+        made.AddCost(_first(instants.probe(i)), vars=own)
+        free = made.AddConstraint(instants.probe(i), lb=[-np.inf], ub=[np.inf], vars=own)
+        free.evaluator().SetGradientSparsityPattern([])
+    low, high = (np.hstack([np.zeros((count, scaled.equations)), limit])
+                 for limit in (scaled.limit_low, scaled.limit_high))
+    for i, own in enumerate(variables):
+        if scaled.problem.residuals or scaled.problem.convex:
+            made.AddCost(_first(instants.of(i, slice(0, 1))), vars=own)
+        if low.shape[1]:
+            made.AddConstraint(instants.of(i, slice(1, None)), lb=low[i], ub=high[i], vars=own)
+        if padding:
+            made.AddConstraint(_nothing(padding), lb=np.full(padding, -np.inf), ub=np.full(padding, np.inf), vars=own)
+    return made
+
+
+def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Linear equations that touch the same instants, with the variables they touch: solvers take small ones better."""
+    matrix, size = scaled.matrix, scaled.shape[1]
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for row in range(matrix.shape[0]):
+        touched = matrix.indices[matrix.indptr[row]:matrix.indptr[row + 1]]
+        groups.setdefault(tuple(np.unique(touched // size).tolist()), []).append(row)
+    return [(np.array(rows), np.unique(matrix[rows].indices)) for rows in groups.values()]
+
+
+def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0,
+            warm: bool = True) -> TrajectorySolution:
+    """Solves the problem with SNOPT or IPOPT from a start, e.g. from a solution's `last`: a second opinion.
+
+    Their answer is judged anew: violation and first-order residual of what comes back are this package's own, whatever
+    the solver says. Drake hands IPOPT no Hessian, so that it has a limited-memory one; near a solution it creeps.
+
+    Args:
+        time_limit_s: wall time for IPOPT and processor time for SNOPT, of all restarts together.
+        warm: whether the start is near a solution (IPOPT then begins with a small barrier).
+
+    Raises:
+        InputError: there is no such solver, or the start has another shape than the problem.
+    """
+    if solver not in SOLVERS:
+        raise InputError(f"{solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
+    began, scaled = time.perf_counter(), Scaled(problem)
+    x = scaled.start(start.z, start.p).x
+    if solver == "ipopt":
+        result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s, warm=warm))
+        details = result.get_solver_details()
+        status = IPOPT_ENDS.get(int(details.status), "failed")
+        message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
+    else:
+        result, restarts = _snopt(scaled, x, time_limit_s)
+        code = int(result.get_solver_details().info)
+        status = SNOPT_ENDS.get(code, "failed")
+        message = f"SNOPT ends with INFO {code}, {restarts} restarts for storage"
+    status = "optimal" if result.is_success() else status
+    found = result.get_x_val()
+    at = scaled.linearised(np.clip(np.where(np.isfinite(found), found, x), scaled.low, scaled.high))
+    violation, where = scaled.worst(at)
+    if status == "optimal" and violation > MOST_VIOLATION:
+        status, message = "failed", f"{message}, yet {where} is broken by {violation:.2g} (scaled)"
+    return finished(scaled, at, status=status, message=message, optimality=_residual(scaled, at), solver=solver,
+                    began=began)
+
+
+def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[MathematicalProgramResult, int]:
+    """The result and the number of restarts, from where SNOPT was, with more storage."""
+    began = time.perf_counter()
+    for restarts, padding in enumerate(PADDING):  # noqa: B007 (returned below)
+        left = max(time_limit_s - (time.perf_counter() - began), 1.0)
+        settings = SolverOptions()
+        for name, value in (("Major feasibility tolerance", FEASIBILITY), ("Major optimality tolerance", OPTIMALITY),
+                            ("Time limit", left), ("Superbasics limit", SUPERBASICS),
+                            ("Major iterations limit", 10_000), ("Iterations limit", MINOR_ITERATIONS)):
+            settings.SetOption(SnoptSolver.id(), name, value)
+        result = SnoptSolver().Solve(program(scaled, probes=False, padding=padding), x, settings)
+        if result.get_solver_details().info != STORAGE or time.perf_counter() - began >= time_limit_s:
+            break
+        x = np.where(np.isfinite(result.get_x_val()), result.get_x_val(), x)
+    return result, restarts
+
+
+def _ipopt(time_limit_s: float, *, warm: bool) -> SolverOptions:
+    settings = SolverOptions()
+    chosen: dict[str, float | int | str] = {
+        "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": OPTIMALITY,
+        "constr_viol_tol": FEASIBILITY, "acceptable_tol": LOOSER * OPTIMALITY, "acceptable_iter": 5,
+        "max_wall_time": float(time_limit_s), "max_iter": MINOR_ITERATIONS, "mu_strategy": "monotone",
+        "option_file_name": ""}  # else it reads ipopt.opt of the current folder
+    if warm:
+        chosen |= {"mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7,
+                   "slack_bound_frac": 1e-7, "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10}
+    for name, value in chosen.items():
+        settings.SetOption(IpoptSolver.id(), name, value)
+    return settings
+
+
+def _residual(scaled: Scaled, at: Linearised) -> float:
+    """First-order residual at a point, with the multipliers of the step that would follow."""
+    room, (own, _, shared) = scaled.slacks(at), at.hessian
+    usual = max(float(np.mean(np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]))), 1e-8)
+    kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
+    step = find_step(kkt, equations=at.equations, room=room, likely=np.flatnonzero(room < PRESSED))
+    return optimality(scaled, at, step)

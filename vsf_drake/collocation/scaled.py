@@ -1,0 +1,210 @@
+"""The problem in its scales: values, first derivatives and the Gauss-Newton Hessian at a point.
+
+Everything here is scaled: x = [z / z_scale (N Z), p / p_scale (P)], outputs by y_scale, the cost by cost_scale, every
+linear equation by its largest coefficient. Legend: N instants, Z variables, P parameters, E equations and C limited
+outputs of an instant, L linear equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from vsf_drake.collocation.problem import TrajectoryProblem
+from vsf_drake.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Values at x.
+
+    Attributes:
+        x: (N Z + P,). y: (N, m) unscaled outputs. terms: name to value of the cost's terms, unscaled.
+        cost: scaled. linear: (L,) and equations: (N, E), 0 in a solution. limited: (N, C) outputs with limits.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    terms: dict[str, float]
+    cost: float
+    linear: np.ndarray
+    equations: np.ndarray
+    limited: np.ndarray
+
+    @property
+    def finite(self) -> bool:
+        """Whether the function could be evaluated."""
+        return bool(np.isfinite(self.cost) and np.isfinite(self.equations).all() and np.isfinite(self.limited).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised(Point):
+    """Derivatives too.
+
+    Attributes:
+        gradient: (N Z + P,) of the cost.
+        hessian: (N, Z, Z), (N, Z, P) and (P, P), Gauss-Newton.
+        by_z: (N, E + C, Z) and by_p: (N, E + C, P) of equations and limited outputs.
+    """
+
+    gradient: np.ndarray
+    hessian: tuple[np.ndarray, np.ndarray, np.ndarray]
+    by_z: np.ndarray
+    by_p: np.ndarray
+
+
+class Scaled:
+    """A problem's scaled values and derivatives; counts evaluations.
+
+    Attributes:
+        shape: (N, Z). count: N Z. parameters: P. equations: E. which: (E + C,) outputs that are equations or limited.
+        x_scale: (N Z + P,). low, high: of x. fixed: where they are equal. limit_low, limit_high: (N, C).
+        matrix: (L, N Z), right: (L,): the linear equations, each over its `row_scale` (L,).
+    """
+
+    def __init__(self, problem: TrajectoryProblem) -> None:
+        self.problem, self.evaluations = problem, 0
+        self.shape, self.count, self.parameters = problem.low.shape, problem.low.size, problem.parameters
+        self.x_scale = np.concatenate([problem.z_scale.ravel(), problem.p_scale])
+        self.low = np.concatenate([problem.low.ravel(), problem.p_low]) / self.x_scale
+        self.high = np.concatenate([problem.high.ravel(), problem.p_high]) / self.x_scale
+        self.fixed = self.low == self.high
+        which, low, high = problem.limited
+        self.which, self.equations = np.concatenate([problem.equations, which]), len(problem.equations)
+        self.limit_low, self.limit_high = low / problem.y_scale[which], high / problem.y_scale[which]
+        matrix, right = problem.grid.collocation(problem.layout, problem.advance)
+        wide = matrix @ sp.diags(self.x_scale[:self.count])
+        self.row_scale = np.maximum(abs(wide).max(axis=1).toarray().ravel(), 1e-300)
+        self.matrix, self.right = (sp.diags(1.0 / self.row_scale) @ wide).tocsr(), right / self.row_scale
+
+    def scaled(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """x, within the bounds."""
+        return np.clip(np.concatenate([np.ravel(z), np.ravel(p)]) / self.x_scale, self.low, self.high)
+
+    def unscaled(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """z (N, Z) and p (P,)."""
+        full = x * self.x_scale
+        return full[:self.count].reshape(self.shape), full[self.count:]
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, Z, ...) and (P, ...) of an array (N Z + P, ...), scaled as it is."""
+        return x[:self.count].reshape(*self.shape, *x.shape[1:]), x[self.count:]
+
+    def start(self, z: np.ndarray, p: np.ndarray) -> Linearised:
+        """The point to begin from, within the bounds.
+
+        Raises:
+            InputError: it has another shape or is not finite, or the function has no value there.
+        """
+        for name, values, shape in (("z", z, self.shape), ("p", p, (self.parameters,))):
+            if np.shape(values) != shape or not np.isfinite(values).all():
+                raise InputError(f"must be finite numbers of shape {shape}, is of {np.shape(values)}",
+                                 where=f"start.{name}")
+        at = self.linearised(self.scaled(z, p))
+        if not (at.finite and np.isfinite(at.gradient).all()):
+            instants = np.flatnonzero(~np.isfinite(at.y).all(axis=1))
+            times = ", ".join(f"{self.problem.grid.times_s[i]:.3f}" for i in instants[:5])
+            raise InputError(f"the function has no finite value at {times or 'some'} s", where="start",
+                             right="Begin from another trajectory")
+        return at
+
+    def point(self, x: np.ndarray) -> Point:
+        """Values at x."""
+        self.evaluations += 1
+        with np.errstate(all="ignore"):
+            y = np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float)
+            return Point(**self._values(x, y))
+
+    def linearised(self, x: np.ndarray) -> Linearised:
+        """Values and derivatives at x."""
+        with np.errstate(all="ignore"):
+            y, by_z, by_p = self.outputs(x)
+            return Linearised(**self._values(x, y), **self._derivatives(y, by_z, by_p))
+
+    def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled variables."""
+        self.evaluations += 1
+        with np.errstate(all="ignore"):
+            y, by_z, by_p = self.problem.function.linearise(*self.unscaled(x))
+            return y, by_z * self.problem.z_scale[:, None, :], by_p * self.problem.p_scale
+
+    def slope(self, y: np.ndarray) -> np.ndarray:
+        """(N, m) of the cost by the unscaled outputs."""
+        return slopes(self.problem, y)[0] / self.problem.cost_scale
+
+    def _values(self, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+        terms = {name: float(values.sum()) for name, values in instant_terms(self.problem, y).items()}
+        here = y[:, self.which] / self.problem.y_scale[self.which]
+        return {"x": x, "y": y, "terms": terms, "cost": sum(terms.values()) / self.problem.cost_scale,
+                "linear": self.matrix @ x[:self.count] - self.right, "equations": here[:, :self.equations],
+                "limited": here[:, self.equations:]}
+
+    def _derivatives(self, y: np.ndarray, by_z: np.ndarray, by_p: np.ndarray) -> dict[str, Any]:
+        slope, bend = (each / self.problem.cost_scale for each in slopes(self.problem, y))
+        # J' diag(bend) J, over the outputs that have any
+        used = np.flatnonzero(bend.any(axis=0))
+        root = np.sqrt(bend[:, used])[:, :, None]
+        rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
+        turned, flat_p = rows_z.transpose(0, 2, 1), rows_p.reshape(len(y) * len(used), self.parameters)
+        unit = self.problem.y_scale[self.which][:, None]
+        return {"gradient": np.concatenate([np.matmul(slope[:, None, :], by_z).ravel(),
+                                            np.einsum("nm,nmp->p", slope, by_p)]),
+                "hessian": (turned @ rows_z, turned @ rows_p, flat_p.T @ flat_p),
+                "by_z": by_z[:, self.which] / unit, "by_p": by_p[:, self.which] / unit}
+
+    def slacks(self, at: Point) -> np.ndarray:
+        """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high.
+
+        Infinite where there is no such inequality, and for fixed variables.
+        """
+        low, high = at.x - self.low, self.high - at.x
+        low[self.fixed] = high[self.fixed] = np.inf
+        limits = at.limited - self.limit_low, self.limit_high - at.limited
+        return np.concatenate([low, high, *(room.ravel() for room in limits)])
+
+    def violations(self, at: Point) -> np.ndarray:
+        """Violations >= 0 of linear equations (L), equations (N E), then all inequalities as in `slacks`."""
+        return np.concatenate([np.abs(at.linear), np.abs(at.equations).ravel(), np.maximum(-self.slacks(at), 0.0)])
+
+    def worst(self, at: Point) -> tuple[float, str]:
+        """The largest violation, and where it is, in words."""
+        found, layout, design = self.violations(at), self.problem.layout, self.problem.design
+        times = [f"{time:.3f} s" for time in self.problem.grid.times_s]
+        variables = [f"{name} at {time}" for time in times for name in layout.names]
+        of_rows = np.asarray(abs(self.matrix).argmax(axis=1)).ravel()
+        names = [f"a linear equation of {variables[i]}" for i in of_rows]
+        names += [f"output {output} at {time}, an equation" for time in times for output in self.which[:self.equations]]
+        names += [f"{side} bound of {name}" for side in ("lower", "upper") for name in (*variables, *design.names)]
+        names += 2 * [f"output {output} at {time}, a limit" for time in times for output in self.which[self.equations:]]
+        index = int(np.argmax(found))
+        return float(found[index]), names[index]
+
+
+def instant_terms(problem: TrajectoryProblem, y: np.ndarray) -> dict[str, np.ndarray]:
+    """(N,) what each instant adds to the cost's terms, by name, unscaled."""
+    weights, terms = problem.grid.weights, {}
+    for part in problem.residuals:
+        off = y[:, list(part.outputs)] - part.target
+        terms[part.name] = terms.get(part.name, 0.0) + 0.5 * weights * np.sum(part.weight * off * off, axis=1)
+    for part in problem.convex:
+        value = part.function(y[:, part.output])[0]
+        terms[part.name] = terms.get(part.name, 0.0) + weights * part.weight * value
+    return terms
+
+
+def slopes(problem: TrajectoryProblem, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivatives (N, m) of the unscaled cost by y."""
+    weights, slope, bend = problem.grid.weights, np.zeros_like(y), np.zeros_like(y)
+    for part in problem.residuals:
+        which = list(part.outputs)
+        weight = np.broadcast_to(weights[:, None] * part.weight, (len(y), len(which)))
+        np.add.at(slope, (slice(None), which), weight * (y[:, which] - part.target))
+        np.add.at(bend, (slice(None), which), weight)
+    for part in problem.convex:
+        _, first, second = part.function(y[:, part.output])
+        slope[:, part.output] += weights * part.weight * first
+        bend[:, part.output] += weights * part.weight * second
+    return slope, bend

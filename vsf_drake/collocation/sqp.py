@@ -1,0 +1,354 @@
+"""Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
+
+    step:    quadratic model of the cost (J'WJ, phi'' J'J) + Levenberg damping, subject to linearised equations, limits
+             and bounds (`step`); where that is slow, with the outputs' own curvature (the section at the end)
+    accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
+             at a shorter length; else the damping grows
+    end:     violation, first-order residual and step are below their tolerances
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.collocation.problem import TrajectoryProblem
+from vsf_drake.collocation.scaled import Linearised, Point, Scaled
+from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, finished
+from vsf_drake.collocation.step import Kkt, Step, find_step, normals, optimality, room_changes
+from vsf_drake.schema import check, choice, quantity
+
+Progress = Callable[[Iteration], None]
+ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
+STEP, GAIN = 1e-5, 1e-11
+"""At an optimum the next step would change no scaled variable by more than the first, or lower the cost by less than
+the second's part of 1 + the cost, scaled."""
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
+"""Levenberg damping of the scaled step: the first, and its range."""
+WASTED, LOST, TRADING = 30, 1e10, 1e-3
+"""A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
+as it must where it begins on the equations and trades them for the cost."""
+SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
+"""Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
+residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
+often the damping grows tenfold to make the exact Hessian convex."""
+MENDINGS = 20
+"""Steps that a search which is stuck may take toward the equations and limits alone."""
+FLAT = 1e-3
+"""Damping of a variable that hardly enters the cost, as a part of what it is for the average variable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollocationOptions:
+    """Options of the Gauss-Newton SQP; tolerances are in the problem's scales.
+
+    Attributes:
+        iterations: most iterations. time_limit_s: most wall time, checked once an iteration.
+        violation: largest violation of any equation or limit of a solution.
+        optimality: largest first-order residual, relative to 1 + the largest multiplier.
+        curvature: "gauss_newton", "exact" (Hessian of the Lagrangian by differences, Z + P more linearisations an
+            iteration) or "auto": exact once Gauss-Newton has become slow near a solution.
+    """
+
+    iterations: int = quantity(200, unit="1", low=1, source="choice")
+    time_limit_s: float = quantity(600.0, unit="s", low=1e-9, source="choice")
+    violation: float = quantity(1e-8, unit="1", low=1e-300, source="choice")
+    optimality: float = quantity(1e-6, unit="1", low=1e-300, source="choice")
+    curvature: str = choice("auto", options=("auto", "gauss_newton", "exact"), source="choice")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions | None = None,
+          progress: Progress | None = None) -> TrajectorySolution:
+    """Solves a trajectory problem from a start; an interrupt (Ctrl-C) ends it with the last iterate.
+
+    Args:
+        start: from where; it is moved into the bounds. progress: called once an iteration.
+
+    Raises:
+        InputError: the start has another shape than the problem, or the function no value there.
+    """
+    search = _Search(problem, start, options or CollocationOptions(), progress)
+    try:
+        status, message = search.run()
+    except KeyboardInterrupt:
+        status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
+    return finished(search.scaled, search.at, status=status, message=message, optimality=search.optimality,
+                    solver="gauss_newton_sqp", began=search.began, history=tuple(search.history))
+
+
+class _Merit:
+    """cost + sum of weight * violation, a weight for every equation and inequality, above its multiplier."""
+
+    def __init__(self, scaled: Scaled, at: Point) -> None:
+        self.scaled = scaled
+        self.weights = np.zeros(len(scaled.violations(at)))
+
+    def renew(self, step: Step) -> None:
+        """Raises weights to the multipliers of a step and lets those fade that were too large (Powell 1978)."""
+        size = np.zeros_like(self.weights)
+        size[:len(step.multipliers)] = np.abs(step.multipliers)
+        size[len(step.multipliers) + step.pressed] = step.pressure
+        self.weights = np.maximum(1.1 * size, 0.5 * (self.weights + size))
+
+    def value(self, at: Point) -> float:
+        """The merit there; infinite where the function has no value."""
+        return float(at.cost + self.weights @ self.scaled.violations(at)) if at.finite else np.inf
+
+    def mended(self, at: Linearised, change: np.ndarray) -> float:
+        """By how much the violations in the merit fall if the linearisation were exact."""
+        room = self.scaled.slacks(at) + room_changes(self.scaled, at, change)
+        left = self.weights[len(self.weights) - len(room):] @ np.maximum(-room, 0.0)
+        return float(self.weights @ self.scaled.violations(at) - left)
+
+
+class _Search:
+    """The state of a search."""
+
+    def __init__(self, problem: TrajectoryProblem, start: Start, options: CollocationOptions,
+                 progress: Progress | None) -> None:
+        self.problem, self.options, self.progress, self.began = problem, options, progress, time.perf_counter()
+        self.history: list[Iteration] = []
+        self.scaled = Scaled(problem)
+        self.at = self.scaled.start(start.z, start.p)
+        self.merit = _Merit(self.scaled, self.at)
+        weights = problem.grid.weights / problem.grid.duration_s
+        self.share = np.concatenate([np.repeat(weights, self.scaled.shape[1]), np.ones(problem.parameters)])
+        self.curve = np.zeros_like(self.share)
+        self.damping, self.moved, self.length, self.optimality = DAMPING, 0.0, 1.0, np.nan
+        self.step: Step | None = None
+        self.exact, self.resume, self.before = False, 0, DAMPING
+
+    def run(self) -> tuple[str, str]:
+        """Iterates; returns the status and why."""
+        options, least, since = self.options, np.inf, 0
+        for number in range(options.iterations + 1):
+            kkt, step = self._find()
+            self.optimality = optimality(self.scaled, self.at, step)
+            broken = float(self.scaled.violations(self.at).max(initial=0.0))
+            change = np.abs(step.change).max(initial=0.0)
+            self._note(number, broken, step)
+            if broken <= options.violation and self.optimality <= options.optimality and (
+                    change <= STEP or abs(step.predicted) <= GAIN * (1.0 + abs(self.at.cost))):
+                return "optimal", "first-order conditions hold"
+            least, since = (broken, 0) if broken < max(0.9 * least, TRADING) else (least, since + 1)
+            if broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST):
+                return self._stuck("the violation no longer falls")
+            if number == options.iterations:
+                return "iterations", f"{number} iterations were not enough"
+            if time.perf_counter() - self.began > options.time_limit_s:
+                return "time", f"{options.time_limit_s:g} s were not enough"
+            if not self._advance(kkt, step):
+                return self._stuck("no step lowers the merit")
+        raise AssertionError
+
+    def _find(self) -> tuple[Kkt, Step]:
+        """The step: with the outputs' curvature where that is wanted and does not mislead, else Gauss-Newton's."""
+        if self.step is not None and self._wants_curvature():
+            if not self.exact:
+                self.exact, self.before = True, self.damping
+                self.damping = min(self.damping, DAMPING)
+            at = stiffened(self.scaled, with_curvature(self.scaled, self.at, self.step), self.step)
+            for _ in range(SHIFTS):
+                kkt = self._kkt(at)
+                if kkt.convex:
+                    return kkt, self._step(kkt)
+                self.damping = min(10.0 * max(self.damping, 1e-4), MOST_DAMPING)
+            self._mislead()
+        kkt = self._kkt(self.at)
+        return kkt, self._step(kkt)
+
+    def _wants_curvature(self) -> bool:
+        past, wanted = self.history, self.options.curvature
+        if wanted == "gauss_newton" or len(past) < self.resume or past[-1].violation > NEAR:
+            return False
+        return self.exact or wanted == "exact" or (
+            len(past) > SLOW and past[-1].optimality < NEAR
+            and past[-1].optimality > 0.1 * past[-1 - SLOW].optimality)
+
+    def _mislead(self) -> None:
+        """Curvature did no good here: none for some iterations."""
+        self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
+
+    def _kkt(self, at: Linearised) -> Kkt:
+        own, _, shared = self.at.hessian  # Gauss-Newton's: never negative
+        curve = np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]) / self.share
+        self.curve = np.maximum(self.curve, curve)
+        usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
+        return Kkt(self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual))
+
+    def _step(self, kkt: Kkt) -> Step:
+        likely = np.zeros(0, dtype=int) if self.step is None else self.step.pressed
+        self.step = find_step(kkt, equations=self.at.equations, room=self.scaled.slacks(self.at), likely=likely)
+        return self.step
+
+    def _advance(self, kkt: Kkt, step: Step) -> bool:
+        """Moves to a better point, with more damping until there is one."""
+        while True:
+            self.merit.renew(step)
+            if self._try(kkt, step):
+                return True
+            if self.exact:
+                self._mislead()
+            elif self.damping >= MOST_DAMPING:
+                return False
+            else:
+                self.damping = min(30.0 * max(self.damping, 1e-4), MOST_DAMPING)
+            kkt, step = self._find()
+
+    def _try(self, kkt: Kkt, step: Step) -> bool:
+        before = self.merit.value(self.at)
+        promised = step.predicted + self.merit.mended(self.at, step.change)
+        noise = NOISE * (1.0 + abs(before))
+
+        def lowers(at: Point, length: float) -> bool:
+            after = self.merit.value(at)
+            return bool(before - after >= ENOUGH * length * promised - noise) and np.isfinite(after)
+
+        full = self.scaled.linearised(self._moved(step.change))
+        if lowers(full, 1.0):
+            gained = (before - self.merit.value(full)) / promised if promised > noise else 1.0
+            return self._take(full, 1.0, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
+        if full.finite:
+            better = self._corrected(kkt, step, full)
+            if lowers(better, 1.0):
+                return self._take(better, 1.0, 1.0)
+        length = 0.5
+        while length >= SHORTEST:
+            near = self.scaled.point(self._moved(length * step.change))
+            if lowers(near, length):
+                return self._take(self.scaled.linearised(near.x), length, 4.0)
+            length *= 0.5
+        return False
+
+    def _corrected(self, kkt: Kkt, step: Step, full: Linearised) -> Linearised:
+        """The point after a step whose linearisation is corrected by what it left (second-order correction)."""
+        scaled, at = self.scaled, self.at
+        z, p = scaled.split(step.change)
+        conditions = scaled.equations
+        bent = full.equations - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z) - at.by_p[:, :conditions] @ p
+        room = scaled.slacks(full) - room_changes(scaled, at, step.change)
+        again = find_step(kkt, equations=bent, room=room, likely=step.pressed)
+        return scaled.linearised(self._moved(again.change))
+
+    def _moved(self, change: np.ndarray) -> np.ndarray:
+        return np.clip(self.at.x + change, self.scaled.low, self.scaled.high)
+
+    def _take(self, at: Linearised, length: float, factor: float) -> bool:
+        if not at.finite:
+            return False
+        self.moved, self.length = float(np.abs(at.x - self.at.x).max(initial=0.0)), length
+        self.at = at
+        self.damping = float(np.clip(factor * self.damping, LEAST_DAMPING, MOST_DAMPING))
+        return True
+
+    def _stuck(self, why: str) -> tuple[str, str]:
+        broken, where = self.scaled.worst(self.at)
+        if broken <= self.options.violation:
+            return "stalled", f"{why}, with a first-order residual of {self.optimality:.2g}"
+        mended = self._mended()
+        if self.scaled.violations(mended).max() <= NEAR * broken:
+            return "stalled", f"{why}: {where} is broken by {broken:.2g} (scaled)"
+        self.at = mended
+        broken, where = self.scaled.worst(mended)
+        return "infeasible", f"no step mends what {where} is broken by {broken:.2g} (scaled)"
+
+    def _mended(self) -> Linearised:
+        """The point to which the shortest steps that fulfil the linearised conditions lead while violations fall."""
+        scaled, at, likely = self.scaled, self.at, np.zeros(0, dtype=int)
+        for _ in range(MENDINGS):
+            bare = dataclasses.replace(at, gradient=0.0 * at.gradient,
+                                       hessian=tuple(0.0 * part for part in at.hessian))
+            step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, room=scaled.slacks(at),
+                             likely=likely)
+            least = scaled.violations(at).sum()
+            for length in 0.25 ** np.arange(5):
+                near = scaled.linearised(np.clip(at.x + length * step.change, scaled.low, scaled.high))
+                if near.finite and scaled.violations(near).sum() < (1.0 - 0.1 * length) * least:
+                    break
+            else:
+                break
+            at, likely = near, step.pressed
+        return at
+
+    def _note(self, number: int, broken: float, step: Step) -> None:
+        line = Iteration(
+            number=number, cost=self.at.cost * self.problem.cost_scale, violation=broken, optimality=self.optimality,
+            step=self.moved, length=self.length, damping=self.damping, active=len(step.pressed), exact=self.exact,
+            evaluations=self.scaled.evaluations, wall_s=time.perf_counter() - self.began,
+            p=tuple(self.scaled.unscaled(self.at.x)[1].tolist()))
+        self.history.append(line)
+        if self.progress is not None:
+            self.progress(line)
+
+
+# What Gauss-Newton leaves out of the Hessian: the outputs' own curvature times the forces of cost and multipliers.
+#
+#     H = Gauss-Newton + sum_i sum_m c_im  d2 y_im / d(z_i, p)^2,    c = slope of the cost + multipliers of y
+#
+# An instant's outputs depend on its own variables only, so that one difference of the derivatives in one variable of
+# *all* instants gives a column for every instant: Z + P linearisations for the whole trajectory.
+
+
+DIFFERENCE = 1e-6
+"""Of the scaled variables, for forward differences of derivatives that are exact to rounding."""
+STIFF = 10.0
+"""How much stiffer than the stiffest variable a bound or limit is that presses."""
+
+
+def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
+    """The linearisation with the Hessian of the Lagrangian in place of Gauss-Newton's.
+
+    Args:
+        step: a step from about there, for its multipliers.
+    """
+    n, y_scale = len(at.x), scaled.problem.y_scale
+    pressure = np.zeros(2 * n + 2 * at.limited.size)
+    pressure[step.pressed] = step.pressure
+    low, high = pressure[2 * n:].reshape(2, *at.limited.shape)
+    multipliers = np.hstack([step.multipliers[len(at.linear):].reshape(at.equations.shape), high - low])
+    forces = scaled.slope(at.y)
+    np.add.at(forces, (slice(None), scaled.which), multipliers / y_scale[scaled.which])
+
+    def pulled(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, Z) and (N, P): forces times the derivatives of the outputs at x."""
+        _, by_z, by_p = scaled.outputs(x)
+        return np.matmul(forces[:, None, :], by_z)[:, 0], np.matmul(forces[:, None, :], by_p)[:, 0]
+
+    base_z, base_p = pulled(at.x)
+    own, mixed, shared = (part.copy() for part in at.hessian)
+    rest = np.zeros_like(own)
+    for column in range(scaled.shape[1]):
+        moved = at.x.copy()
+        moved[column:scaled.count:scaled.shape[1]] += DIFFERENCE
+        rest[:, :, column] = (pulled(moved)[0] - base_z) / DIFFERENCE
+    for column in range(scaled.parameters):
+        moved = at.x.copy()
+        moved[scaled.count + column] += DIFFERENCE
+        by_z, by_p = pulled(moved)
+        mixed[:, :, column] += (by_z - base_z) / DIFFERENCE
+        shared[:, column] += (by_p - base_p).sum(axis=0) / DIFFERENCE
+    hessian = own + 0.5 * (rest + rest.transpose(0, 2, 1)), mixed, 0.5 * (shared + shared.T)
+    return dataclasses.replace(at, hessian=hessian) if all(np.isfinite(part).all() for part in hessian) else at
+
+
+def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
+    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing.
+
+    It makes the Hessian convex across bounds and limits that hold, so that only directions that are free must be so.
+    """
+    if not len(step.pressed):
+        return at
+    own, mixed, shared = at.hessian
+    across, room = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
+    weight = STIFF * max(np.abs(np.einsum("nzz->nz", own)).max(initial=0.0), np.abs(np.diag(shared)).max(initial=0.0))
+    by_z, by_p = scaled.split(across)
+    hessian = (own + weight * (by_z @ by_z.transpose(0, 2, 1)), mixed + weight * (by_z @ by_p.T),
+               shared + weight * (by_p @ by_p.T))
+    return dataclasses.replace(at, hessian=hessian, gradient=at.gradient + weight * (across @ room))

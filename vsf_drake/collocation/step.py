@@ -1,0 +1,289 @@
+"""One step of the SQP: the convex quadratic program of a linearisation.
+
+Without inequalities it is one KKT solve. Bounds and limits that the step would break join, as many as needed, through
+their multipliers l: the step is then d0 + W l with W = KKT^-1 B, and 0 <= l, slack + B'(d0 + W l) >= 0, complementary,
+is a small quadratic program with bounds (below: projected Newton steps). Their multipliers are held below a given
+weight, which makes limits elastic: a step always exists.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse.linalg import splu
+
+from vsf_drake.collocation.scaled import Linearised, Scaled
+
+SOFT = 1e-10
+"""e: keeps dependent equations from making the matrix singular; what it changes is refined away."""
+REFINEMENTS, POOR = 5, 1e-10
+"""Most rounds of refinement, and the relative residual above which diagonal pivots have failed."""
+ROUNDS, AT_ONCE, BROKEN = 40, 200, 1e-10
+MOST_PRESSURE = 1e6
+"""Of the l1 penalty at which inequalities may be broken within a step."""
+
+
+class Kkt:
+    """The KKT system of a step, eliminated along the chain of instants.
+
+        [ H + D   A' ] [ step        ]   [ a ]
+        [ A      -e  ] [ multipliers ] = [ b ]      A: linear equations, then the instants' equations
+
+    H is one block an instant, A couples neighbours, and only the few parameters touch all. The unknowns are therefore
+    eliminated instant by instant: its variables, the linear equations that end there, its equations; parameters last.
+    As H + D is positive and -e negative (quasi-definite, Vanderbei 1995), pivots may stay on the diagonal, and their
+    signs are the matrix's inertia; iterative refinement with e = 0 makes up for what that costs in accuracy. Where it
+    does not (hardly any cost or damping, equations without derivatives), rows are exchanged after all.
+
+    Measured on a stride of 7284 unknowns (`tune --level 2`; the same iterations and optimum with each): 0.09 s a matrix
+    so; 0.10 s by dense LU of two instants at a time, the inertia by eigenvalues; 3.5 s in SuperLU's own order.
+
+    Args:
+        at: the linearisation. damping: D (N Z + P,) of the scaled variables.
+    """
+
+    def __init__(self, scaled: Scaled, at: Linearised, damping: np.ndarray) -> None:
+        self.scaled, self.at, self.variables = scaled, at, len(at.x)
+        own, mixed, shared = at.hessian
+        self.free = np.where(scaled.fixed, 0.0, 1.0)
+        free = sp.diags(self.free)
+        mixed = sp.csr_matrix(mixed.reshape(scaled.count, scaled.parameters))
+        curved = sp.bmat([[_diagonal(own), mixed], [mixed.T, sp.csr_matrix(shared)]]) + sp.diags(damping)
+        by_p = at.by_p[:, :scaled.equations].reshape(at.equations.size, scaled.parameters)
+        conditions = sp.bmat([[scaled.matrix, sp.csr_matrix((len(at.linear), scaled.parameters))],
+                              [_diagonal(at.by_z[:, :scaled.equations]), sp.csr_matrix(by_p)]]) @ free
+        self.matrix = sp.bmat([[free @ curved @ free + sp.diags(1.0 - self.free), conditions.T],
+                               [conditions, None]], format="csr")
+        self.size, self.order = self.matrix.shape[0], _order(scaled)
+        soft = np.concatenate([np.zeros(self.variables), np.full(self.size - self.variables, SOFT)])
+        self._whole = (self.matrix - sp.diags(soft)).tocsr()[self.order][:, self.order].tocsc()
+        self._is_exchanged = False
+        try:
+            self._factors = splu(self._whole, permc_spec="NATURAL", diag_pivot_thresh=0.0)
+        except RuntimeError:  # a pivot is exactly zero
+            self._exchange()
+
+    def _exchange(self) -> None:
+        """Factors with exchanged rows."""
+        self._factors, self._is_exchanged = splu(self._whole, permc_spec="NATURAL"), True
+
+    @property
+    def convex(self) -> bool:
+        """Whether H + D is positive where the linearised equations hold: as many pivots are negative as equations."""
+        negative = np.count_nonzero(self._factors.U.diagonal() < 0.0)
+        return not self._is_exchanged and negative == self.size - self.variables
+
+    def roughly(self, rights: np.ndarray) -> np.ndarray:
+        """(size, ...) unknowns for right sides of that shape, as the factors give them."""
+        found = np.empty_like(rights)
+        found[self.order] = self._factors.solve(rights[self.order])
+        return found
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """(size,) unknowns for a right side, refined until rounding is all that is left."""
+        found = self.roughly(right)
+        off = right - self.matrix @ found
+        for _ in range(REFINEMENTS):
+            better = found + self.roughly(off)
+            left = right - self.matrix @ better
+            if not np.abs(left).max() < 0.5 * np.abs(off).max():
+                break
+            found, off = better, left
+        usual = np.abs(right).max() + max(1.0, abs(self.matrix).max()) * np.abs(found).max()
+        if self._is_exchanged or np.abs(off).max() <= POOR * usual:
+            return found
+        self._exchange()
+        return self.solve(right)
+
+
+def _diagonal(blocks: np.ndarray) -> sp.csr_matrix:
+    """(N a, N b) sparse with blocks (N, a, b) on its diagonal."""
+    count, high, wide = blocks.shape
+    columns = wide * np.repeat(np.arange(count), high)[:, None] + np.arange(wide)
+    return sp.csr_matrix((blocks.ravel(), columns.ravel(), wide * np.arange(count * high + 1)),
+                         shape=(count * high, count * wide))
+
+
+def _order(scaled: Scaled) -> np.ndarray:
+    """Unknowns in the order of their elimination."""
+    count, size = scaled.shape
+    touched = scaled.matrix.tocoo()
+    last = np.zeros(scaled.matrix.shape[0], dtype=int)
+    np.maximum.at(last, touched.row, touched.col // size)
+    instants = np.arange(count)
+    place = np.concatenate([np.repeat(instants, size), np.full(scaled.parameters, count), last,
+                            np.repeat(instants, scaled.equations)])
+    return np.argsort(place, kind="stable")
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step, scaled, with the multipliers that belong to it.
+
+    Attributes:
+        change: (N Z + P,) of x. multipliers: (L + N E,) of the equations.
+        pressed: indices of inequalities (see `Scaled.slacks`) with a multiplier, and pressure: those, > 0.
+        pull: (N Z + P,) what the inequalities add to the gradient of the Lagrangian.
+        predicted: decrease of the cost in the quadratic model, without damping.
+    """
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    pressed: np.ndarray
+    pressure: np.ndarray
+    pull: np.ndarray
+    predicted: float
+
+
+def room_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
+    """By how much the linearised slacks grow with a change (N Z + P,) of x."""
+    z, p = scaled.split(change)
+    limits = np.einsum("ncz,nz->nc", at.by_z[:, scaled.equations:], z) + at.by_p[:, scaled.equations:] @ p
+    return np.concatenate([change, -change, limits.ravel(), -limits.ravel()])
+
+
+def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
+    """(N Z + P, r) derivatives of the slacks of some inequalities by x."""
+    n, cells = len(at.x), at.limited.size
+    found = np.zeros((n, len(which)))
+    bound = np.flatnonzero(which < 2 * n)
+    found[which[bound] % n, bound] = np.where(which[bound] < n, 1.0, -1.0)
+    limit = np.flatnonzero(which >= 2 * n)
+    side, cell = np.divmod(which[limit] - 2 * n, max(cells, 1))
+    instant, output = np.divmod(cell, max(at.limited.shape[1], 1))
+    sign = (1.0 - 2.0 * side)[:, None]
+    rows = instant[:, None] * scaled.shape[1] + np.arange(scaled.shape[1])
+    found[rows, limit[:, None]] = sign * at.by_z[instant, scaled.equations + output]
+    found[scaled.count:, limit] = (sign * at.by_p[instant, scaled.equations + output]).T
+    found[scaled.fixed] = 0.0
+    return found
+
+
+def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.ndarray) -> Step:
+    """The step at a linearisation.
+
+    Args:
+        kkt: its matrix. likely: indices of inequalities to begin with.
+        equations: (N, E) what the step is to bring to 0, and room: slacks; there, or after a first step.
+    """
+    scaled, at, n = kkt.scaled, kkt.at, kkt.variables
+    aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
+    base = kkt.solve(aim)
+    still = room_changes(scaled, at, base[:n])
+    which, pressure = likely[np.isfinite(room[likely])], np.zeros(0)
+    ways, lines, found = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base
+    new, after = which, room + still
+    for _ in range(ROUNDS):
+        if len(new):
+            added = normals(scaled, at, new)
+            right = np.zeros((kkt.size, len(new)))
+            right[:n] = added
+            ways, lines = np.hstack([ways, kkt.roughly(right)]), np.hstack([lines, added])
+            matrix = lines.T @ ways[:n]
+            start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
+            pressure = box_minimum(0.5 * (matrix + matrix.T), room[which] + still[which], MOST_PRESSURE, start)
+            found = base + ways @ pressure
+            after = room + room_changes(scaled, at, found[:n])
+        broken = np.setdiff1d(np.flatnonzero(np.isfinite(room) & (after < -BROKEN)), which)
+        if not len(broken):
+            break
+        new = broken[np.argsort(after[broken])[:AT_ONCE]]
+        which = np.concatenate([which, new])
+    held = pressure > 0.0
+    if held.any():
+        found, pressure = _sharpened(kkt, aim, lines, ways, pressure, room[which])
+    change = found[:n]
+    own, mixed, shared = at.hessian
+    z, p = scaled.split(change)
+    curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
+              + p @ shared @ p)
+    return Step(change=change, multipliers=found[n:], pressed=which[held], pressure=pressure[held],
+                pull=-lines[:, held] @ pressure[held], predicted=float(-at.gradient @ change - 0.5 * curved))
+
+
+def _sharpened(kkt: Kkt, aim: np.ndarray, lines: np.ndarray, ways: np.ndarray, pressure: np.ndarray,
+               room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The unknowns with the refined solve, and pressures with which what presses is held to rounding."""
+    n, tight = len(lines), (pressure > 0.0) & (pressure < MOST_PRESSURE)
+    matrix = lines[:, tight].T @ ways[:n, tight]
+    for last in (False, True):
+        right = aim.copy()
+        right[:n] += lines @ pressure
+        found = kkt.solve(right)
+        off = (room + lines.T @ found[:n])[tight]
+        if last or np.abs(off).max(initial=0.0) <= BROKEN:
+            break
+        better = pressure[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
+        if not (better > 0.0).all():
+            break
+        pressure = pressure.copy()
+        pressure[tight] = better
+    return found, pressure
+
+
+def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
+    """First-order residual at a point with a step's multipliers, relative to 1 + the largest of them.
+
+    The largest of |gradient of the Lagrangian|, |multiplier * slack| over the inequalities that press.
+    """
+    lines = len(at.linear)
+    of_instants = step.multipliers[lines:].reshape(at.equations.shape)
+    slope = at.gradient + step.pull
+    slope[:scaled.count] += scaled.matrix.T @ step.multipliers[:lines]
+    slope[:scaled.count] += np.einsum("nez,ne->nz", at.by_z[:, :scaled.equations], of_instants).ravel()
+    slope[scaled.count:] += np.einsum("nep,ne->p", at.by_p[:, :scaled.equations], of_instants)
+    slope[scaled.fixed] = 0.0
+    apart = step.pressure * scaled.slacks(at)[step.pressed]
+    largest = max(np.abs(step.multipliers).max(initial=0.0), step.pressure.max(initial=0.0))
+    return float(max(np.abs(slope).max(initial=0.0), np.abs(apart).max(initial=0.0)) / (1.0 + largest))
+
+
+BOX_ROUNDS, HALVINGS = 200, 30
+
+
+def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.ndarray) -> np.ndarray:
+    """x (n,) that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high: projected Newton steps (Bertsekas 1982).
+
+    Args:
+        matrix: (n, n) symmetric, positive semidefinite. linear: (n,).
+        high: largest entry of x. start: (n,) where to begin.
+    """
+    if not len(start):
+        return start
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled, pull, top = matrix * unit * unit[:, None], linear * unit, high / unit
+    x = np.clip(start, 0.0, high) / unit
+    tolerance = 1e-13 * max(np.abs(pull).max(), 1e-300)
+    for _ in range(BOX_ROUNDS):
+        slope = scaled @ x + pull
+        held = ((x <= 0.0) & (slope >= 0.0)) | ((x >= top) & (slope <= 0.0))
+        free = ~held
+        if not free.any() or np.abs(slope[free]).max() <= tolerance:
+            break
+        step = np.zeros_like(x)
+        step[free] = -_solved(scaled[np.ix_(free, free)], slope[free])
+        length = 1.0
+        for _ in range(HALVINGS):
+            moved = np.clip(x + length * step, 0.0, top) - x
+            if slope @ moved + 0.5 * moved @ scaled @ moved <= 1e-4 * min(slope @ moved, 0.0):
+                break
+            length *= 0.5
+        else:
+            break
+        x = x + moved
+        if np.abs(moved).max() <= 1e-15 * max(np.abs(x).max(), 1e-300):
+            break
+    return x * unit
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """matrix^-1 right, the matrix of unit diagonal and perhaps singular."""
+    for soft in (1e-14, 1e-12, 1e-10, 1e-8):
+        try:
+            return cho_solve(cho_factor(matrix + soft * np.eye(len(matrix))), right)
+        except LinAlgError:
+            continue
+    return np.linalg.lstsq(matrix, right, rcond=1e-8)[0]
