@@ -43,7 +43,7 @@ def validate(
         make_study,
     )
     from vsf_drake.analysis.validation.content import first_line, validation_content
-    from vsf_drake.analysis.validation.run import NAMES, SectionStore, failures, run_sections
+    from vsf_drake.analysis.validation.run import NAMES, SectionStore, run_sections
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
 
@@ -77,7 +77,8 @@ def validate(
     SectionStore(out / UNFINISHED, "").remove(NAMES)
     print_summary(written)
     console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False)
-    _finish(study.failed, failures(finished), study.bench_problem)
+    _finish(study.failed, {name: one.failure for name, one in finished.items() if one.section is None},
+            study.bench_problem)
 
 
 def print_summary(content: dict[str, Any]) -> None:

@@ -124,5 +124,5 @@ def test_a_section_that_fails_stops_no_other_and_is_named(monkeypatch):
         "first": (diverges, 1.0), "second": (lambda study, *, progress=None: SECTION, 1.0)})
     finished = running.run_sections(embedded_study())
     assert finished["first"].section is None
-    assert "keel gave way" in running.failures(finished)["first"]
+    assert "keel gave way" in finished["first"].failure
     assert finished["second"].section is SECTION

@@ -26,16 +26,29 @@ def validation_content(
         finished: its sections, of `run_sections`.
         exact: the same walks without errors of measurement, where there are such.
     """
-    sections = {name: _section(one) for name, one in finished.items()}
-    options = to_plain(study.options) | {"step_s": study.options.step_s}
-    inputs = dict(study.inputs) | {f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()}
-    subject = study.walks[0].trial.subject
+    tables = {name: None if one.section is None else one.section.table for name, one in finished.items()}
+    trials = [{
+        "height_mm": 1e3 * walk.trial.offsets.height_m, "fore_aft_mm": 1e3 * walk.trial.offsets.fore_aft_m,
+        "alignment_deg": math.degrees(walk.trial.offsets.alignment_rad), "label": walk.label, "name": walk.trial.name,
+        "file": walk.trial.path.name, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
+        "synthetic": walk.trial.synthetic, "doubts": " ".join(walk.doubts) or None,
+        "window_s": [walk.trial.start_s, walk.trial.end_s], "unconverged_steps": walk.result.unconverged_steps}
+        for walk in study.walks]
+    contact = study.contact
     content: dict[str, Any] = plain({
-        "title": f"Validation: {subject.name or 'a walking person'}", "first_line": first_line(study),
-        "synthetic": study.synthetic, "sections": sections, "options": options, "contact": _contact(study),
-        "failed": [list(pair) for pair in study.failed], "notes": _notes(study, finished),
-        "trials": [_trial(walk) for walk in study.walks], "provenance": provenance(inputs, seed=study.options.seed),
-        "summary": summary_rows({name: section["table"] for name, section in sections.items() if section["table"]})})
+        "title": f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
+        "first_line": first_line(study), "synthetic": study.synthetic,
+        "sections": {name: {"table": tables[name], "missing": list(one.section.missing) if one.section else [],
+                            "wall_s": one.wall_s, "failure": one.failure} for name, one in finished.items()},
+        "options": to_plain(study.options) | {"step_s": study.options.step_s},
+        "contact": "none was fitted; the offsets of the prosthesis were fitted to each trial's plate"
+        if contact is None else f"{study.contact_name}, fitted to {', '.join(trial.name for trial in contact.trials)} "
+                                f"(strategy {contact.strategy})",
+        "failed": [list(pair) for pair in study.failed], "notes": _notes(study, finished), "trials": trials,
+        "provenance": provenance(
+            dict(study.inputs) | {f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()},
+            seed=study.options.seed),
+        "summary": summary_rows({name: table for name, table in tables.items() if table})})
     arrays = {f"{name}/{key}": array for name, one in finished.items() if one.section
               for key, array in one.section.arrays.items()}
     return content, arrays
@@ -54,28 +67,6 @@ def first_line(study: Study) -> str:
         return f"{walking}; bench end points are published, no bench curves were given."
     kind = "SYNTHETIC (a virtual laboratory's bench)" if study.bench.synthetic else "measured"
     return f"{walking}; bench end points are published, bench curves are {kind}."
-
-
-def _section(one: Finished) -> dict[str, Any]:
-    table = None if one.section is None else one.section.table
-    missing = [] if one.section is None else list(one.section.missing)
-    return {"table": table, "missing": missing, "wall_s": one.wall_s, "failure": one.failure}
-
-
-def _trial(walk: Any) -> dict[str, Any]:
-    offsets = walk.trial.offsets
-    return {"height_mm": 1e3 * offsets.height_m, "fore_aft_mm": 1e3 * offsets.fore_aft_m,
-            "alignment_deg": math.degrees(offsets.alignment_rad),
-            "label": walk.label, "name": walk.trial.name, "file": walk.trial.path.name, "role": walk.role,
-            "fulcrum_mm": walk.fulcrum_mm, "synthetic": walk.trial.synthetic, "doubts": " ".join(walk.doubts) or None,
-            "window_s": [walk.trial.start_s, walk.trial.end_s], "unconverged_steps": walk.result.unconverged_steps}
-
-
-def _contact(study: Study) -> str:
-    if study.contact is None:
-        return "none was fitted; the offsets of the prosthesis were fitted to each trial's plate"
-    fitted = ", ".join(trial.name for trial in study.contact.trials)
-    return f"{study.contact_name}, fitted to {fitted} (strategy {study.contact.strategy})"
 
 
 def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
@@ -110,13 +101,8 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Line:
-    """A line of the summary.
-
-    Attributes:
-        key: where the value stands, "section/key/key". unit, form, scale: of the value as it is shown.
-        paper: the published figure in words, "" where none is published.
-        most, least: what the value may be; None where nothing is asked.
-    """
+    """A line of the summary: `key` is where the value stands, "section/key/key", `paper` the published figure in words,
+    `most` and `least` what the value may be; `form` and `scale` are of the value as it is shown."""
 
     what: str
     key: str
@@ -166,39 +152,29 @@ def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, An
     Args:
         sections: their tables by name; what is not there gives a row with an unknown value.
     """
+    def found(key: str) -> Any:
+        value: Any = sections
+        for part in key.split("/"):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        return value
+
     rows = []
-    fitted = bool(_found(sections, "bench/contact_on_bench"))
+    fitted = bool(found("bench/contact_on_bench"))
     for line in _LINES:
-        value = _found(sections, line.key)
-        limit = line.most if line.most is not None else line.least
-        relation = "at most" if line.most is not None else "at least"
+        value, what = found(line.key), line.what
+        limit, relation = (line.most, "at most") if line.most is not None else (line.least, "at least")
         met = None if value is None or limit is None else bool(
             value <= limit if line.most is not None else value >= limit)
-        asked = "" if limit is None else f"{relation} {line.scale * limit:g}"
-        what = line.what + (" (fitted to a bench)" if fitted and line.key.startswith("bench/") else "")
+        if fitted and line.key.startswith("bench/"):
+            what += " (fitted to a bench)"
         if line.key == _REMAINDER and value is not None:
             what += f" (in steps of {1e3 * sections['energy']['step_s']:g} ms)"
+        text = None if value is None else line.form.format(line.scale * value)
         rows.append({"what": what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper or None,
-                     "shown": None if value is None else _shown(line, value),
-                     "asked": asked or None, "met": met})
+                     "shown": line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
+                     "asked": None if limit is None else f"{relation} {line.scale * limit:g}", "met": met})
     for key, what in _ANSWERS:
-        value = _found(sections, key)
-        shown = None if value is None else "yes" if value else "no"
-        rows.append({"what": what, "key": key, "value": value, "unit": "", "paper": None, "shown": shown,
-                     "asked": "yes", "met": value})
+        value = found(key)
+        rows.append({"what": what, "key": key, "value": value, "unit": "", "paper": None, "asked": "yes", "met": value,
+                     "shown": None if value is None else "yes" if value else "no"})
     return rows
-
-
-def _shown(line: _Line, value: float) -> str:
-    """The value as the line shows it, without the sign of a zero."""
-    text = line.form.format(line.scale * value)
-    return text if float(text) else line.form.format(0.0)
-
-
-def _found(sections: Mapping[str, Mapping[str, Any]], key: str) -> Any:
-    found: Any = sections
-    for part in key.split("/"):
-        if not isinstance(found, Mapping) or part not in found:
-            return None
-        found = found[part]
-    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import time
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -35,6 +35,7 @@ _SECTIONS: dict[str, tuple[Callable[..., Section], float]] = {
     "sensitivity": (sensitivity_section, 180.0)}
 """By name: what computes it, and about how long that takes (s), which only the progress depends on."""
 NAMES = (*_SECTIONS, EXACT)
+_PACKAGE = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,47 +60,32 @@ def run_sections(
         folder: where finished sections are kept, so that an interrupted run of the same study goes on.
         progress: called with what is being done and the finished fraction of everything.
     """
-    plan: dict[str, tuple[Callable[..., Section], float, Study]] = {
-        name: (make, weight, study) for name, (make, weight) in _SECTIONS.items()}
+    plan = [(name, make, weight, study) for name, (make, weight) in _SECTIONS.items()]
     if exact is not None:
-        plan[EXACT] = (walking_section, _SECTIONS["walking"][1], exact)
-    total, before, finished = sum(weight for _, weight, _ in plan.values()), 0.0, {}
-    for name, (make, weight, own) in plan.items():
+        plan.append((EXACT, *_SECTIONS["walking"], exact))
+    total, before, finished = sum(weight for _, _, weight, _ in plan), 0.0, {}
+    for name, make, weight, own in plan:
         def show(what: str, fraction: float, name: str = name, before: float = before, weight: float = weight) -> None:
             if progress:
                 progress(f"{name.replace('_', ' ')}: {what}", (before + weight * min(max(fraction, 0.0), 1.0)) / total)
 
-        store = None if folder is None else SectionStore(Path(folder), study_key(own))
-        finished[name] = _one(name, make, own, store, show)
         before += weight
+        store = None if folder is None else SectionStore(Path(folder), study_key(own))
+        kept = store.read(name) if store else None
+        if kept is not None:
+            finished[name] = Finished(section=kept[0], wall_s=kept[1])
+            continue
+        show("starting", 0.0)
+        began = time.perf_counter()
+        try:
+            section = make(own, progress=show)
+        except (InputError, SimulationError, FitError) as error:
+            finished[name] = Finished(section=None, wall_s=time.perf_counter() - began, failure=str(error))
+            continue
+        finished[name] = Finished(section=section, wall_s=time.perf_counter() - began)
+        if store:
+            store.write(name, section, finished[name].wall_s)
     return finished
-
-
-def failures(finished: Mapping[str, Finished]) -> dict[str, str]:
-    """Why, by name, of the sections that failed."""
-    return {name: one.failure for name, one in finished.items() if one.section is None}
-
-
-def _one(name: str, make: Callable[..., Section], study: Study, store: SectionStore | None, show: Progress) -> Finished:
-    kept = store.read(name) if store else None
-    if kept is not None:
-        return Finished(section=kept[0], wall_s=kept[1])
-    show("starting", 0.0)
-    began = time.perf_counter()
-    try:
-        section = make(study, progress=show)
-    except (InputError, SimulationError, FitError) as error:
-        return Finished(section=None, wall_s=time.perf_counter() - began, failure=str(error))
-    took = time.perf_counter() - began
-    if store:
-        store.write(name, section, took)
-    return Finished(section=section, wall_s=took)
-
-
-# Finished sections of an unfinished validation on disk, each complete or not there.
-
-
-PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def study_key(study: Study) -> str:
@@ -107,8 +93,8 @@ def study_key(study: Study) -> str:
     options = to_plain(study.options)
     options.pop("workers", None)
     sources = hashlib.sha256()
-    for file in sorted((PACKAGE / "analysis").rglob("*.py")):
-        sources.update(f"\0{file.relative_to(PACKAGE).as_posix()}\0".encode() + file.read_bytes())
+    for file in sorted((_PACKAGE / "analysis").rglob("*.py")):
+        sources.update(f"\0{file.relative_to(_PACKAGE).as_posix()}\0".encode() + file.read_bytes())
     return digest({
         "inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
         "failed": [list(pair) for pair in study.failed], "options": options, "model": to_plain(study.model),
@@ -117,7 +103,7 @@ def study_key(study: Study) -> str:
 
 
 class SectionStore:
-    """A folder of finished sections that belong to one key.
+    """A folder of finished sections of an unfinished validation, each complete or not there.
 
     Args:
         folder: created when the first section is written.

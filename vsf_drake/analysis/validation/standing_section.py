@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
@@ -30,8 +30,8 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
 
     Table:
         rows: a position each, softest first: `fulcrum_mm`, `mass_known_kg`, `mass_predicted_kg` (mean force of both
-            feet over 9.81 m/s²), `mass_error` (share of the known one), the keys _TAKEN of `analysis.sweep_table`,
-            and `failure` (why there is nothing else; else None).
+            feet over 9.81 m/s²), `mass_error` (share of the known one), the keys _TAKEN of `standing_table`, and
+            `failure` (why there is nothing else; else None).
         worst_mass_error, paper_mass_error, duration_s, all_stand.
     Arrays of row I, 50 Hz: `standing_I_time_s`, `standing_I_prosthetic_n`, `standing_I_intact_n`,
         `standing_I_drift_mm`.
@@ -39,40 +39,31 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
     duration = QUICK_DURATION_S if study.options.quick else DURATION_S
     rows: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {}
+    missing = []
     conditions = study.conditions()
-    for i, (fulcrum, walks) in enumerate(conditions.items()):
+    for i, (fulcrum, (walk, *_)) in enumerate(conditions.items()):
         def show(fraction: float, i: int = i, fulcrum: float = fulcrum) -> None:
             if progress:
                 progress(f"standing, fulcrum at {fulcrum:g} mm", (i + fraction) / len(conditions))
-        rows.append(_stand(study, fulcrum, walks[0], duration, show, f"standing_{i}", arrays))
+
+        subject = walk.trial.subject
+        rows.append({"fulcrum_mm": fulcrum, "mass_known_kg": subject.mass_kg, "mass_predicted_kg": None,
+                     "mass_error": None, "failure": None, **dict.fromkeys(_TAKEN)})
+        try:
+            stood = standing_table(simulate_standing(
+                subject, study.model, fulcrum_m=walk.trial.fulcrum_m, duration_s=duration, progress=show))
+        except (InputError, SimulationError) as error:
+            rows[-1]["failure"] = str(error)
+            missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
+            continue
+        arrays |= {f"standing_{i}_{name}": np.asarray(stood["series"][name])
+                   for name in ("time_s", "prosthetic_n", "intact_n", "drift_mm")}
+        predicted = stood["mean_vertical_n"] / GRAVITY
+        rows[-1] |= {key: stood[key] for key in _TAKEN} | {
+            "mass_predicted_kg": predicted, "mass_error": predicted / subject.mass_kg - 1.0}
+    if study.options.quick:
+        missing.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
     errors = [row["mass_error"] for row in rows if row["mass_error"] is not None]
     table = {"rows": rows, "worst_mass_error": max(errors, key=abs, default=None), "paper_mass_error": PAPER_MASS_ERROR,
              "duration_s": duration, "all_stand": all(row["stands"] for row in rows) if errors else None}
-    return Section(table=plain(table), arrays=arrays, missing=tuple(_missing(study, rows)))
-
-
-def _stand(
-    study: Study, fulcrum_mm: float, walk: StudyWalk, duration_s: float, show: Any, prefix: str,
-    arrays: dict[str, np.ndarray]
-) -> dict[str, Any]:
-    subject = walk.trial.subject
-    row: dict[str, Any] = {"fulcrum_mm": fulcrum_mm, "mass_known_kg": subject.mass_kg, "mass_predicted_kg": None,
-                           "mass_error": None, "failure": None, **dict.fromkeys(_TAKEN)}
-    try:
-        stood = standing_table(simulate_standing(
-            subject, study.model, fulcrum_m=walk.trial.fulcrum_m, duration_s=duration_s, progress=show))
-    except (InputError, SimulationError) as error:
-        return row | {"failure": str(error)}
-    arrays |= {f"{prefix}_{name}": np.asarray(stood["series"][name])
-               for name in ("time_s", "prosthetic_n", "intact_n", "drift_mm")}
-    predicted = stood["mean_vertical_n"] / GRAVITY
-    return row | {key: stood[key] for key in _TAKEN} | {
-        "mass_predicted_kg": predicted, "mass_error": predicted / subject.mass_kg - 1.0}
-
-
-def _missing(study: Study, rows: list[dict[str, Any]]) -> list[str]:
-    found = [f"Standing with the fulcrum at {row['fulcrum_mm']:g} mm failed: {row['failure']}"
-             for row in rows if row["failure"]]
-    if study.options.quick:
-        found.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
-    return found
+    return Section(table=plain(table), arrays=arrays, missing=tuple(missing))

@@ -30,6 +30,10 @@ FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets were fitted to it."""
 Progress = Callable[[str, float], None]
 """Called with what is being done and the finished fraction of it."""
+SETTINGS, REPEATS, TIERS = ("low", "medium", "high"), 3, ("laboratory", "exact")
+"""Of the embedded trials."""
+_EMBEDDED = "data/reference_subject"
+_TYPICAL_EVALUATIONS = 25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +63,10 @@ class StudyWalk:
     """One trial of the study: what was recorded, and what was simulated.
 
     Attributes:
-        label: its name, unlike that of any other walk of the study.
-        role: FITTED, HELD_OUT or OFFSETS_FITTED.
-        recorded: the trial as it was read.
-        trial: the same as it was walked: with the fitted contact, or with the fitted offsets.
-        result: the walk, with its energy ledger.
-        comparison, metrics: of it with the plate under the prosthetic foot (`analysis.comparison`, `analysis.metrics`);
-            the null model is among the metrics where there is another trial to make it of.
+        label: its name, unlike that of any other walk of the study. role: FITTED, HELD_OUT or OFFSETS_FITTED.
+        recorded: the trial as it was read. trial: as it was walked: with the fitted contact, or with fitted offsets.
+        comparison, metrics: of the walk with the plate under the prosthetic foot (`analysis.comparison`,
+            `analysis.metrics`); with a null model where there is another trial to make it of.
         doubts: sentences on what of it is doubtful.
     """
 
@@ -133,13 +134,6 @@ class Section:
     missing: tuple[str, ...] = ()
 
 
-# Assembles a study: reads and walks the trials, one after the other, and keeps apart what cannot be used.
-
-
-EMBEDDED, TIERS = "data/reference_subject", ("laboratory", "exact")
-SETTINGS, REPEATS = ("low", "medium", "high"), 3
-
-
 def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path, ...]:
     """Manifests of the trials that ship with the package, three a setting; one a setting if `quick`.
 
@@ -148,17 +142,17 @@ def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path,
     if tier not in TIERS:
         raise ValueError(f"there is no tier {tier!r}; there are {', '.join(TIERS)}")
     numbers = range(2, 3) if quick else range(1, REPEATS + 1)
-    return tuple(resource(f"{EMBEDDED}/{tier}/{setting}_{number}.yaml") for setting in SETTINGS for number in numbers)
+    return tuple(resource(f"{_EMBEDDED}/{tier}/{setting}_{number}.yaml") for setting in SETTINGS for number in numbers)
 
 
 def embedded_contact(tier: str = TIERS[0]) -> Path:
     """The contact that was fitted to low_1 and high_1 of a tier of the embedded trials, and to their bench."""
-    return resource(f"{EMBEDDED}/{tier}/contact.yaml")
+    return resource(f"{_EMBEDDED}/{tier}/contact.yaml")
 
 
 def embedded_bench() -> Path:
     """Load-displacement curves of the embedded trials' foot: the virtual laboratory's, synthetic."""
-    return resource(f"{EMBEDDED}/bench_curves.csv")
+    return resource(f"{_EMBEDDED}/bench_curves.csv")
 
 
 def make_study(
@@ -196,34 +190,37 @@ def make_study(
         except InputError as error:
             failed.append((manifest.stem, str(error)))
     walked: list[tuple[str, Trial, ValidatedWalk]] = []
-    labels = labels_of([recorded for recorded, _ in read])
-    for i, (label, (recorded, trial)) in enumerate(zip(labels, read, strict=True)):
+    for i, (label, (recorded, trial)) in enumerate(zip(labels_of([one for one, _ in read]), read, strict=True)):
         def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
             if progress:
                 progress(f"{label}: {what}", (i + fraction) / len(read))
         try:
             walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
+            walked.append((label, recorded, walk))
         except (InputError, SimulationError) as error:
             failed.append((label, str(error)))
             if isinstance(error, SimulationError) and len(manifests) == 1:
                 raise
-        else:
-            walked.append((label, recorded, walk))
     if not walked:
         raise InputError("no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed))
-    curves, problem = _bench(bench)
-    first = walked[0][2].trial
-    named = {} if contact is None else {f"contact: {Path(contact).name}": sha256(contact)}
-    if curves is not None and bench is not None:
-        named |= {f"bench: {Path(bench).name}": sha256(bench)}
+    curves, problem = None, None
+    inputs = {} if contact is None else {f"contact: {Path(contact).name}": sha256(contact)}
+    if bench is not None:
+        try:
+            if Path(bench).suffix.lower() in (".yaml", ".yml"):
+                raise InputError("is what a fit takes of a bench; the validation compares whole curves", file=bench,
+                                 right="Give a CSV with fulcrum_mm, displacement_mm and load_n")
+            curves = load_bench_curves(bench)
+            inputs[f"bench: {Path(bench).name}"] = sha256(bench)
+        except InputError as error:
+            problem = str(error)
+    walks = [_study_walk(i, walked, fitted) for i in range(len(walked))]
     return Study(
-        walks=tuple(sorted((_study_walk(i, walked, fitted) for i in range(len(walked))),
-                           key=lambda walk: (walk.fulcrum_mm, walk.label))),
-        failed=tuple(failed), model=first.model, contact=fitted,
-        contact_name="" if contact is None else Path(contact).name, bench=curves, bench_problem=problem,
-        options=options,
-        inputs=named | {f"{label}: {file}": digest for label, trial, _ in walked
-                        for file, digest in trial.inputs.items()})
+        walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))), failed=tuple(failed),
+        model=walked[0][2].trial.model, contact=fitted, contact_name="" if contact is None else Path(contact).name,
+        bench=curves, bench_problem=problem, options=options,
+        inputs=inputs | {f"{label}: {file}": digest for label, trial, _ in walked
+                         for file, digest in trial.inputs.items()})
 
 
 def _study_walk(
@@ -234,39 +231,19 @@ def _study_walk(
     prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
     seen = [fingerprint(trial) in prints for _, trial, _ in walked]
     others = [trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))]
-    role = OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT
     plate, result = recorded.prosthetic_plate, walk.result
     comparison = compare(result, plate)
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in others]
     candidates = [walk_metrics(result, plate, comparison=comparison, null_curve=curve)
                   for curve in curves if curve is not None]
-    metrics = min(candidates, key=_null, default=walk_metrics(result, plate, comparison=comparison))
-    trial = walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets)
-    return StudyWalk(label=label, role=role, recorded=recorded, trial=trial, result=result, comparison=comparison,
-                     metrics=metrics, doubts=tuple(doubts(result, comparison, metrics, walk.fit)))
-
-
-def _null(metrics: dict) -> float:
-    error = metrics["null_model_grf_rmse_bw"]
-    return np.inf if error is None else float(error)
-
-
-def _bench(path: str | Path | None) -> tuple[BenchCurves | None, str | None]:
-    if path is None:
-        return None, None
-    if Path(path).suffix.lower() in (".yaml", ".yml"):
-        return None, str(InputError("is what a fit takes of a bench; the validation compares whole curves", file=path,
-                                    right="Give a CSV with fulcrum_mm, displacement_mm and load_n"))
-    try:
-        return load_bench_curves(path), None
-    except InputError as error:
-        return None, str(error)
-
-
-# Walks of the validation: one trial, with a fitted contact or with offsets fitted to its plate.
-
-
-_TYPICAL_EVALUATIONS = 25
+    errors = [metrics["null_model_grf_rmse_bw"] for metrics in candidates]
+    best = min(range(len(errors)), key=lambda j: np.inf if errors[j] is None else errors[j], default=None)
+    metrics = walk_metrics(result, plate, comparison=comparison) if best is None else candidates[best]
+    return StudyWalk(
+        label=label, role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT, recorded=recorded,
+        trial=walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
+        result=result, comparison=comparison, metrics=metrics,
+        doubts=tuple(doubts(result, comparison, metrics, walk.fit)))
 
 
 @dataclass(frozen=True)
@@ -280,7 +257,7 @@ class ValidatedWalk:
 
 def validate_walk(
     manifest: str | Path, *, with_fit: bool = True, contact: str | Path | None = None, step_s: float = DEFAULT_STEP_S,
-    progress: Callable[[str, float], None] | None = None
+    progress: Progress | None = None
 ) -> ValidatedWalk:
     """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
 
@@ -302,8 +279,7 @@ def validate_walk(
 
 
 def walk_trial(
-    trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S,
-    progress: Callable[[str, float], None] | None = None
+    trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S, progress: Progress | None = None
 ) -> ValidatedWalk:
     """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`.
 
