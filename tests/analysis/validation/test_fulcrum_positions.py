@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 from made_study_walk import with_walks
+from shown_chapter import Shown
 
 from vsf_drake.analysis.comparison import compare, rmse
 from vsf_drake.analysis.contact_fit.table import swept
 from vsf_drake.analysis.validation import walking_ensembles as module
 from vsf_drake.analysis.validation.walking_ensembles import QUICK_POSITIONS, sweep_entry, sweep_study
 from vsf_drake.analysis.validation.walking_section import walking_section
-from vsf_drake.report.validation import walking_chapter as walking_text
+from vsf_drake.report.validation.walking_chapter import walking_chapter
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.walk import Walker
 
@@ -89,7 +90,7 @@ def test_walks_of_a_sweep_that_failed_are_said_with_the_reason(monkeypatch):
     assert found.table["sweeps"] == 0 and found.table["rows"][0]["sweep"]["right"] is None
     said = [sentence for sentence in found.missing if "other software" in sentence]
     assert len(said) == 1 and f"of the {QUICK_POSITIONS} walks" in said[0]
-    assert "not known of low_2" in walking_text.sweep(found.table)
+    assert "not known of low_2" in Shown(walking_chapter(found.table, found.arrays)).words
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,27 +42,31 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     Raises:
         InputError: the force of the profile is no force to test a foot with.
     """
-    force, source = _force(study)
-    quick, foot = study.options.quick, study.model.foot
-    fulcrums, missing = _positions(foot, QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M)
+    given, quick, foot = study.options.iso_force_n, study.options.quick, study.model.foot
+    if given is not None and not LEAST_FORCE_N <= given <= MOST_FORCE_N:
+        raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
+                         right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N")
+    force = float(study.walks[0].recorded.subject.mass_kg * GRAVITY if given is None else given)
+    low, high = foot.fulcrum.rearmost_m - 1e-9, foot.fulcrum.foremost_m + 1e-9
+    wanted = QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M
+    fulcrums = tuple(x for x in wanted if low <= x <= high)
+    left = ", ".join(f"{1e3 * x:g}" for x in wanted if x not in fulcrums)
+    missing = [f"Not loaded: fulcrum at {left} mm, which this foot does not reach."] if left else []
 
-    def show(what: str, fraction: float) -> None:
-        if progress:
-            progress(what, fraction)
+    def part(start: float, share: float, more: str = "") -> Progress:
+        return lambda what, fraction: progress(what + more, start + share * fraction) if progress else None
 
-    inclined, curves, failed = inclined_loading(
-        foot, fulcrums, steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM,
-        progress=lambda what, f: show(what, 0.3 * f))
+    inclined, curves, failed = _inclined_loading(
+        foot, fulcrums, steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM, progress=part(0.0, 0.3))
     rolled, more, failed_rolls = iso_roll_over(
-        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
-        progress=lambda what, f: show(what, 0.3 + 0.4 * f))
+        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS if quick else ISO_STEPS, progress=part(0.3, 0.4))
     rough, _, failed_rough = iso_roll_over(
         foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS, friction=True,
-        progress=lambda what, f: show(f"{what} with friction", 0.7 + 0.1 * f))
+        progress=part(0.7, 0.1, " with friction"))
     missing += failed + failed_rolls + failed_rough
     rows: list[dict[str, Any]] = []
     for i, walk in enumerate(study.walks):
-        show("roll-over shapes", 0.8 + 0.2 * i / len(study.walks))
+        part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
         shapes, unknown = walked_shapes(walk)
         missing += unknown
         for j, shape in enumerate(shapes):
@@ -73,7 +77,8 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     return Section(
         table={
             "inclined": inclined,
-            "iso": {"force_n": force, "force_from": source, "foot_length_m": foot.length_m,
+            "iso": {"force_n": force, "force_from": "weight" if given is None else "given",
+                    "foot_length_m": foot.length_m,
                     "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
                     "with_friction": rough},
             "walks": rows, "conditions": _conditions(rows), "foot_length_m": foot.length_m,
@@ -81,42 +86,21 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         arrays={**curves, **more}, missing=tuple(missing))
 
 
-def _force(study: Study) -> tuple[float, str]:
-    """Largest force of the profile (N), and where it comes from: "given" or "weight"."""
-    given = study.options.iso_force_n
-    if given is None:
-        return float(study.walks[0].recorded.subject.mass_kg * GRAVITY), "weight"
-    if not LEAST_FORCE_N <= given <= MOST_FORCE_N:
-        raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
-                         right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N")
-    return float(given), "given"
-
-
-def _positions(foot: FootParameters, wanted: tuple[float, ...]) -> tuple[tuple[float, ...], list[str]]:
-    """The `wanted` positions (m) that the foot's carriage reaches, and a sentence on the others."""
-    low, high = foot.fulcrum.rearmost_m - 1e-9, foot.fulcrum.foremost_m + 1e-9
-    reached = tuple(x for x in wanted if low <= x <= high)
-    left = [f"{1e3 * x:g}" for x in wanted if x not in reached]
-    return reached, [f"Not loaded: fulcrum at {', '.join(left)} mm, which this foot does not reach."] if left else []
-
-
 def _conditions(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Mean, SD (None for fewer than two) and count by fulcrum position, softest first."""
     found = []
     for fulcrum in sorted({row["fulcrum_mm"] for row in rows}):
         own = [row for row in rows if row["fulcrum_mm"] == fulcrum]
-        found.append({
-            "fulcrum_mm": fulcrum, "footfalls": len(own),
-            "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in own),
-            **{side: {name: _statistics([row[side].get(name) for row in own]) for name in WALKED
-                      if name in own[0][side]} for side in ("model", "measured", "foot_alone")}})
+        found.append({"fulcrum_mm": fulcrum, "footfalls": len(own),
+                      "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in own)})
+        for side in ("model", "measured", "foot_alone"):
+            found[-1][side] = {}
+            for name in (name for name in WALKED if name in own[0][side]):
+                known = [row[side][name] for row in own if row[side].get(name) is not None]
+                found[-1][side][name] = {
+                    "mean": float(np.mean(known)) if known else None,
+                    "sd": float(np.std(known, ddof=1)) if len(known) > 1 else None, "count": len(known)}
     return found
-
-
-def _statistics(values: Sequence[float | None]) -> dict[str, Any]:
-    known = [value for value in values if value is not None]
-    return {"mean": float(np.mean(known)) if known else None,
-            "sd": float(np.std(known, ddof=1)) if len(known) > 1 else None, "count": len(known)}
 
 
 # The foot pressed at an angle, as structural tests press feet: heel at -15 degrees, forefoot at +20 degrees.
@@ -136,69 +120,45 @@ BORNE_N = 1.0
 """Load (N) from which a sphere is said to bear."""
 
 
-def inclined_loading(
-    foot: FootParameters, fulcrums_m: tuple[float, ...], *, steps_per_mm: float, friction: bool = False,
-    progress: Progress | None = None
+def _inclined_loading(
+    foot: FootParameters, fulcrums_m: tuple[float, ...], *, steps_per_mm: float, progress: Progress
 ) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
     """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at 50 mm/min.
 
-    Args:
-        friction: the foot's own friction with the platen. It hardly acts: the law's friction grows with the speed of
-            slip up to 0.1 m/s, and here a foot slips by less than 1 mm/s.
-
-    Returns:
-        Rows of the table, curves by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and
-        sentences on what failed.
+    Rows of the table, curves by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and
+    sentences on what failed.
     """
-    machine = RollOver(foot, friction=friction)
+    machine = RollOver(foot, friction=False)
+    sites = machine.machine.foot.sites
     rows, curves, missing = [], {}, []
     cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
     for i, (angle, fulcrum) in enumerate(cases):
-        if progress:
-            progress("pressing the inclined foot", i / len(cases))
+        progress("pressing the inclined foot", i / len(cases))
         try:
             run = machine.press(fulcrum_m=fulcrum, pitch_rad=-np.radians(angle), max_load_n=LARGEST_LOAD_N,
                                 speed_m_per_s=PUBLISHED_SPEED_M_PER_S, steps_per_mm=steps_per_mm)
         except SimulationError as error:
             missing.append(f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm: {error}.")
             continue
-        row, displacement, load = _row(machine, run, angle, fulcrum)
-        rows.append(row)
-        name = inclined_name(angle, 1e3 * fulcrum)
-        at = np.unique(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int))
+        displacement = np.append(0.0, float(machine.touch_height(-np.radians(angle))[0]) - run.mount[:, 1])
+        load = np.append(0.0, run.grf_W[:, 2])
         peak = int(np.argmax(load))
-        curves[f"{name}_displacement_m"] = displacement[np.union1d(at, [peak])]
-        curves[f"{name}_load_n"] = load[np.union1d(at, [peak])]
+        x, f = displacement[: peak + 1], load[: peak + 1]
+        stored = float(np.trapezoid(f, x))
+        returned = -float(np.trapezoid(load[peak:], displacement[peak:]))
+        bearing = run.sphere_normal_n[peak - 1] > BORNE_N
+        rows.append({
+            "angle_deg": angle, "fulcrum_mm": 1e3 * fulcrum, "load_n": load[peak],
+            "displacement_mm": 1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
+            "stiffness_n_per_mm": 1e-3 * stiffness(x, f), "stiffness_above_n": STIFFNESS_ABOVE_N,
+            "energy_stored_j": stored, "energy_returned_j": returned, "return_ratio": returned / stored,
+            "cop_forward_mm": 1e3 * float(in_mount_frame(run.cop_W, run.mount)[peak - 1, 0]),
+            "zones_loaded": [name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()],
+            "unconverged_steps": run.unconverged_steps})
+        at = np.union1d(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int), [peak])
+        name = f"inclined_{'minus' if angle < 0 else 'plus'}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
+        curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
     return rows, curves, missing
-
-
-def inclined_name(angle_deg: float, fulcrum_mm: float) -> str:
-    """Start of the names of a case's curves."""
-    return f"inclined_{'minus' if angle_deg < 0 else 'plus'}{abs(angle_deg):.0f}_{fulcrum_mm:.0f}"
-
-
-def _row(
-    machine: RollOver, run: RollOverRun, angle: float, fulcrum: float
-) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
-    top = float(machine.touch_height(-np.radians(angle))[0])
-    displacement = np.append(0.0, top - run.mount[:, 1])
-    load = np.append(0.0, run.grf_W[:, 2])
-    peak = int(np.argmax(load))
-    stored = float(np.trapezoid(load[: peak + 1], displacement[: peak + 1]))
-    returned = -float(np.trapezoid(load[peak:], displacement[peak:]))
-    cop = in_mount_frame(run.cop_W, run.mount)
-    sites = machine.machine.foot.sites
-    bearing = run.sphere_normal_n[peak - 1] > BORNE_N
-    return {
-        "angle_deg": angle, "fulcrum_mm": 1e3 * fulcrum, "load_n": load[peak],
-        "displacement_mm": 1e3 * float(np.interp(LARGEST_LOAD_N, load[: peak + 1], displacement[: peak + 1])),
-        "stiffness_n_per_mm": 1e-3 * stiffness(displacement[: peak + 1], load[: peak + 1]),
-        "stiffness_above_n": STIFFNESS_ABOVE_N,
-        "energy_stored_j": stored, "energy_returned_j": returned, "return_ratio": returned / stored,
-        "cop_forward_mm": 1e3 * float(cop[peak - 1, 0]),
-        "zones_loaded": [name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()],
-        "unconverged_steps": run.unconverged_steps,
-    }, displacement, load
 
 
 # The loading profile of ISO 22675: force and tilt over a stance of 600 ms.
@@ -285,58 +245,50 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
     shank, pylon, heel, leg = _frames(walk)
     shapes = []
     for item in whole:
+        start, duration = item.measured.start_s, item.measured.duration_s
         end, kind = _end(walk, item)
         if kind == TOE_OFF:
             missing.append(f"{walk.label}: opposite heel strike is not recorded; the shape ends at toe-off.")
-        instants = item.measured.start_s + PERCENT / 100.0 * item.measured.duration_s
-        rolled = instants <= end + 1e-9
-        curves, sides = {}, {}
+        instants = start + PERCENT / 100.0 * duration
+        cops, seen, sides = {}, {}, {}
         for name, time, force, cop, free in (
                 ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
                 ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
             smooth = filtered_while_loaded(cop[:, :2], time, force[:, 2], cop, instants)
-            smooth[~rolled] = np.nan
-            at = np.column_stack([smooth, np.zeros(len(smooth))])
-            curves[name] = at
-            arm = _arm(shank, item, time, force, cop, free)
-            sides[name] = shape_numbers(shank.at(instants).seen(at), heel_m=heel, foot_length_m=result.foot_length_m)
-            sides[name] |= {"mean_moment_arm_m": arm,
-                            "radius_leg_lengths": _over(sides[name]["radius_m"], leg)}
-        alone = pylon.at(instants).seen(curves["model"])
-        row = {
-            "label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "ends_at": kind,
-            "end_percent": 100.0 * (end - item.measured.start_s) / item.measured.duration_s,
-            "leg_length_m": leg, "heel_m": heel, **sides,
-            "foot_alone": shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m),
-        }
-        shapes.append(WalkedShape(
-            row, shank.at(instants).seen(curves["model"]), shank.at(instants).seen(curves["measured"]), alone))
+            smooth[instants > end + 1e-9] = np.nan
+            cops[name] = np.column_stack([smooth, np.zeros(len(smooth))])
+            seen[name] = shank.at(instants).seen(cops[name])
+            numbers = shape_numbers(seen[name], heel_m=heel, foot_length_m=result.foot_length_m)
+            radius = numbers["radius_m"]
+            sides[name] = numbers | {"mean_moment_arm_m": _arm(shank, item, time, force, cop, free),
+                                     "radius_leg_lengths": None if radius is None else radius / leg}
+        alone = pylon.at(instants).seen(cops["model"])
+        row = {"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "ends_at": kind,
+               "end_percent": 100.0 * (end - start) / duration, "leg_length_m": leg, "heel_m": heel, **sides,
+               "foot_alone": shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m)}
+        shapes.append(WalkedShape(row, seen["model"], seen["measured"], alone))
     return shapes, missing
 
 
 def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
     """Shank and pylon over the walk; where the heel is on the forward axis (m); the prosthetic leg's length (m)."""
-    trial, result = walk.trial, walk.result
+    trial, time, offsets = walk.trial, walk.result.time_s, walk.trial.offsets
     gait = make_gait(trial.subject, trial.model)
     person, plant = gait.person, gait.plant
     context = plant.CreateDefaultContext()
-    offsets = trial.offsets
     set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
               alignment=offsets.alignment_rad)
     ankle = np.array([0.0, 0.0, -person.body.residual_length - person.body.pylon_length])
     shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
     p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]
-    heel = float((plant.CalcRelativeTransform(
-        context, person.socket.distal, person.foot.frame.body_frame()) @ p_KHeel)[0])
-    poses: list[list[np.ndarray]] = [[], [], [], []]
-    for q in result.q:
+    X_PK = plant.CalcRelativeTransform(context, person.socket.distal, person.foot.frame.body_frame())
+    poses = []
+    for q in walk.result.q:
         plant.SetPositions(context, q)
         X_WS, X_WP = shank.EvalPoseInWorld(context), person.socket.distal.CalcPoseInWorld(context)
-        for column, value in zip(poses, (X_WS @ ankle, X_WS.rotation().matrix(), X_WP.translation(),
-                                         X_WP.rotation().matrix()), strict=True):
-            column.append(value)
-    arrays = [np.array(column) for column in poses]
-    return (Frames(result.time_s, arrays[0], arrays[1]), Frames(result.time_s, arrays[2], arrays[3]), heel,
+        poses.append((X_WS @ ankle, X_WS.rotation().matrix(), X_WP.translation(), X_WP.rotation().matrix()))
+    at_ankle, of_shank, at_pylon, of_pylon = (np.array(column) for column in zip(*poses, strict=True))
+    return (Frames(time, at_ankle, of_shank), Frames(time, at_pylon, of_pylon), float((X_PK @ p_KHeel)[0]),
             person.body.prosthetic_leg_length)
 
 
@@ -360,10 +312,6 @@ def _arm(
     moment = np.cross(cop[rows] - frames.origin, force[rows])
     moment[:, 2] += free[rows]
     return mean_moment_arm(time[rows], -np.einsum("ni,ni->n", moment, frames.axes[:, :, 1]), force[rows, 2])
-
-
-def _over(value: float | None, by: float) -> float | None:
-    return None if value is None else value / by
 
 
 # The foot rolled over by the loading profile of ISO 22675, at each fulcrum position.
@@ -469,15 +417,13 @@ def _iso_row(
 # (abstract of Adamczyk 2020, doi 10.1115/1.4045817); here the impulse of the vertical force is taken.
 
 
-SPACING_M = 1e-3
-STRAIGHT = 20.0
+_SPACING_M = 1e-3
+_STRAIGHT = 20.0
 """Radius in lengths of the shape beyond which it counts as straight (a choice)."""
-_FEWEST = 5
-_MOST_STEPS = 50
+_FEWEST, _MOST_STEPS = 5, 50
 
 
-@dataclass(frozen=True)
-class Arc:
+class Arc(NamedTuple):
     """A circle through points in a plane: centre (forward, up) and radius in m, and the points' RMS distance (m)."""
 
     centre_m: tuple[float, float]
@@ -510,22 +456,11 @@ def fit_arc(points_m: np.ndarray) -> Arc | None:
         centre, radius = centre + change[:2], radius + change[2]
         if np.abs(change).max() < 1e-12 * max(1.0, radius):
             break
-    if not (np.isfinite(radius) and 0.0 < radius < STRAIGHT):
+    if not (np.isfinite(radius) and 0.0 < radius < _STRAIGHT):
         return None
     error = np.linalg.norm(p - centre, axis=1) - radius
     at = origin + size * centre
     return Arc((float(at[0]), float(at[1])), float(size * radius), float(size * np.sqrt(np.mean(error**2))))
-
-
-def evenly_along(points_m: np.ndarray) -> np.ndarray:
-    """(m, 2) points every SPACING_M along the line through `points_m` (n, 2), without those that are NaN."""
-    points = np.asarray(points_m, dtype=float)
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < 2:
-        return points
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    at = np.linspace(0.0, along[-1], max(2, round(along[-1] / SPACING_M) + 1))
-    return np.column_stack([np.interp(at, along, column) for column in points.T])
 
 
 def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) -> dict[str, float | None]:
@@ -535,7 +470,13 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
         points_m: (n, 2) m, centre of pressure forward and up in the shank's frame; NaN where there is none.
         heel_m: where the rear end of the foot, from which `foot_length_m` counts, is on the forward axis.
     """
-    arc = fit_arc(evenly_along(points_m))
+    points = np.asarray(points_m, dtype=float)
+    points = points[np.isfinite(points).all(axis=1)]
+    arc = None
+    if len(points) > 1:
+        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        at = np.linspace(0.0, along[-1], max(2, round(along[-1] / _SPACING_M) + 1))
+        arc = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
     forward = np.asarray(points_m)[:, 0]
     front = float(np.nanmax(forward)) if np.isfinite(forward).any() else None
     length = None if front is None else front - heel_m

@@ -29,7 +29,7 @@ from vsf_drake.analysis.sweep_table import as_walk
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.results import WalkResult
 
 QUANTITIES = {
@@ -46,8 +46,7 @@ class Ensemble:
     """One quantity over the walks of a group.
 
     Attributes:
-        measured, model: (n, 101), a row a walk; NaN where a walk knows nothing.
-        labels: of the walks.
+        measured, model: (n, 101), a row a walk; NaN where a walk knows nothing. labels: of the walks.
     """
 
     measured: np.ndarray
@@ -88,26 +87,22 @@ def ensembles(curves: Mapping[str, Mapping[str, Pair]]) -> dict[str, Ensemble]:
 
 def _stance_curves(walk: StudyWalk, stance: StanceComparison) -> dict[str, Pair]:
     c, result, plate = walk.comparison, walk.result, walk.recorded.prosthetic_plate
-    weight, instants = result.subject_mass_kg * GRAVITY, percent_instants(stance.measured)
-
-    def at(series: np.ndarray) -> np.ndarray:
-        return np.interp(instants, c.time_s, series)
+    instants = percent_instants(stance.measured)
 
     def both(of: Sequence[np.ndarray]) -> Pair:
-        return at(of[0]), at(of[1])
+        return np.interp(instants, c.time_s, of[0]), np.interp(instants, c.time_s, of[1])
 
-    forces = c.measured / weight, c.model / weight
+    forces = [force / (result.subject_mass_kg * GRAVITY) for force in (c.measured, c.model)]
     resultants = [np.linalg.norm(force, axis=1) for force in forces]
     sums = both([cumulative_integral(resultant, c.step_s) for resultant in resultants])
     found = {"resultant": both(resultants), "impulse": (sums[0] - sums[0][0], sums[1] - sums[1][0])}
     for i, name in ((2, "vertical"), (0, "fore_aft"), (1, "medio_lateral")):
         if name != "medio_lateral" or np.any(plate.force_W[:, 1]):
             found[name] = both([force[:, i] for force in forces])
-    measured = stance.measured_cop[:, 0]
+    measured, model = stance.measured_cop[:, 0], stance.model_cop[:, 0]
     if plate.has_cop and np.isfinite(measured).any():
         origin = np.nanmin(measured)
-        found["cop"] = (measured - origin) / result.foot_length_m, (stance.model_cop[:, 0] - origin
-                                                                   ) / result.foot_length_m
+        found["cop"] = (measured - origin) / result.foot_length_m, (model - origin) / result.foot_length_m
     if has_free_moment(plate):
         found["free_moment"] = stance_free_moments(result, plate, stance)
     return found
@@ -165,9 +160,12 @@ def condition(fulcrum_mm: float, rows: Sequence[Mapping[str, Any]], roles: Seque
 
     Each of `all` and `by_role[role]` (None without such a walk) has `n` and a `spread` for each of SCORED.
     """
+    def spreads(own: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+        return {"n": len(own)} | {key: spread(own, key) for key in SCORED} if own else None
+
     name = setting_name(fulcrum_mm)
-    return {"fulcrum_mm": fulcrum_mm, "name": name, "labels": [row["label"] for row in rows], "all": _spreads(rows),
-            "by_role": {role: _spreads([row for row in rows if row["role"] == role]) for role in roles},
+    return {"fulcrum_mm": fulcrum_mm, "name": name, "labels": [row["label"] for row in rows], "all": spreads(rows),
+            "by_role": {role: spreads([row for row in rows if row["role"] == role]) for role in roles},
             "paper": PUBLISHED["conditions"][name] if name else None}
 
 
@@ -186,10 +184,6 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     found |= {"beats_null": sum(judged), "beats_null_of": len(judged)}
     found["stance_r"], found["stance_n"] = pearson(rows, "stance_measured_s", "stance_model_s")
     return found
-
-
-def _spreads(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    return {"n": len(rows)} | {key: spread(rows, key) for key in SCORED} if rows else None
 
 
 # The free moment, model beside plate: the couple about the vertical that is left at the centre of pressure.
@@ -224,15 +218,13 @@ def free_moment_scores(result: WalkResult, plate: PlateRecording, comparison: Co
 
     All None where the plate has no centre of pressure or no free moment.
     """
-    unknown = dict.fromkeys(("free_moment_rmse_nm", "free_moment_rmse_bwfl", "free_moment_r2",
-                             "free_moment_measured_peak_nm"))
-    if not has_free_moment(plate) or not comparison.stances:
-        return unknown
-    pairs = [stance_free_moments(result, plate, stance) for stance in comparison.stances]
-    measured, model = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    stances = comparison.stances if has_free_moment(plate) else ()
+    pairs = [stance_free_moments(result, plate, stance) for stance in stances]
+    measured, model = (np.concatenate(side) for side in zip(*pairs, strict=True)) if pairs else np.empty((2, 0))
     both = np.isfinite(measured) & np.isfinite(model)
     if not both.any():
-        return unknown
+        return dict.fromkeys(("free_moment_rmse_nm", "free_moment_rmse_bwfl", "free_moment_r2",
+                              "free_moment_measured_peak_nm"))
     error = rmse(model[both], measured[both])
     r2 = r_squared(model[both], measured[both])
     return {
@@ -261,12 +253,8 @@ def sweep_study(
     positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
     cases = [WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
              for walk in study.walks for x in positions[walk.label]]
-
-    def show(state: SweepProgress) -> None:
-        if progress:
-            progress("moving the fulcrum", state.done / state.total)
-
-    outcomes = iter(simulate_many(cases, workers=study.options.workers, progress=show))
+    outcomes = iter(simulate_many(cases, workers=study.options.workers, progress=progress and (
+        lambda state: progress("moving the fulcrum", state.done / state.total))))
     found = {}
     for walk in study.walks:
         own = positions[walk.label]
@@ -284,19 +272,12 @@ def sweep_entry(sweep: FulcrumSweep) -> dict[str, object]:
     are None.
     """
     errors = [float(e) if np.isfinite(e) else None for e in sweep.grf_rmse_bw]
-    best = 1e3 * sweep.best_m if _enclosed(errors) else None
+    least = min(((error, i) for i, error in enumerate(errors) if error is not None), default=None)
+    enclosed = least is not None and None not in errors[max(least[1] - 1, 0) : least[1] + 2]
+    best = 1e3 * sweep.best_m if enclosed else None
     return {"fulcrum_mm": [1e3 * x for x in sweep.fulcrum_m], "grf_rmse_bw": errors, "true_mm": 1e3 * sweep.true_m,
             "best_mm": best, "off_mm": None if best is None else best - 1e3 * sweep.true_m,
             "at_end": sweep.at_end, "right": None if best is None else sweep.right}
-
-
-def _enclosed(errors: Sequence[float | None]) -> bool:
-    """Whether the least error is known, and those beside it are."""
-    known = [(error, i) for i, error in enumerate(errors) if error is not None]
-    if not known:
-        return False
-    i = min(known)[1]
-    return None not in errors[max(i - 1, 0) : i + 2]
 
 
 def _error(outcome: WalkOutcome) -> tuple[float, str]:

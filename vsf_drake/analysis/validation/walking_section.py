@@ -38,14 +38,13 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
-POOLED = "all"
 
 
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section:
     """Every number of Table 3, per walk and per condition, and curves.
 
     Table:
-        rows: a walk each (`walk_row`), by fulcrum position.
+        rows: a walk each (`_walk_row`), by fulcrum position.
         conditions: a fulcrum position each (`walking_ensembles.condition`), softest first, with the paper's numbers.
         held_out, fitted, offsets_fitted: means and worst (`walking_ensembles.summary`) or None.
         angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`pooled`) and
@@ -64,16 +63,30 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     failures: dict[str, list[str]] = {}
     sweeps = sweep_study(study, progress=lambda what, f: say(what, 0.8 * f), failures=failures)
     say("comparing curves", 0.8)
-    rotations = {walk.label: walk_rotations(walk) for walk in study.walks}
-    rows = [walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
+    rotations = {walk.label: tracked_rotations(walk.result, walk.recorded.trajectory) for walk in study.walks}
+    rows = [_walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
     conditions = [condition(x, [row for row in rows if row["fulcrum_mm"] == x], ROLES) for x in study.conditions()]
     arrays = {f"walk_{i}_{name}_{side}": curve for i, walk in enumerate(study.walks)
               for name, pair in curves[walk.label].items()
               for side, curve in zip(("measured", "model"), pair, strict=True)}
-    differences = _differences(conditions, curves, study.options.seed, arrays)
+    groups: dict[int | str, Mapping[str, Ensemble]] = {
+        i: ensembles({label: curves[label] for label in own["labels"]}) for i, own in enumerate(conditions)}
+    if len(conditions) > 1:
+        groups["all"] = ensembles(curves)
+    differences = []
+    for i, (group, quantities) in enumerate(groups.items()):
+        for name, ensemble in quantities.items():
+            found, more = differing_regions(
+                ensemble, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
+            arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
+            differences.append({"group": group, "quantity": name, "unit": QUANTITIES[name], "labels": ensemble.labels}
+                               | found)
+    stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
     table = {
-        "rows": rows, "conditions": conditions, **_summaries(rows),
+        "rows": rows, "conditions": conditions,
+        **{role.replace(" ", "_"): summary([row for row in rows if row["role"] == role]) for role in ROLES},
+        "stance_r": stance_r, "stance_n": stance_n,
         **pooled([r for own in rotations.values() for r in own]), "angles": angle_rows(rotations),
         "sweeps": sum(row["sweep"]["right"] is not None for row in rows),
         "sweeps_right": sum(row["sweep"]["right"] is True for row in rows),
@@ -82,49 +95,24 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         "differences": differences, "units": QUANTITIES, "paper": PUBLISHED, "quick": study.options.quick,
         "synthetic": any(walk.trial.synthetic for walk in study.walks), "contact": study.contact_name or None}
     say("comparing curves", 1.0)
-    return Section(table=plain(table), arrays=arrays, missing=tuple(
-        [*_missing(study, rows, conditions, curves, table), *_failed_sweeps(failures, rows)]))
-
-
-def _summaries(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {role.replace(" ", "_"): summary([row for row in rows if row["role"] == role])
-                             for role in ROLES}
-    found["stance_r"], found["stance_n"] = pearson(rows, "stance_measured_s", "stance_model_s")
-    return found
-
-
-def _differences(
-    conditions: Sequence[Mapping[str, Any]], curves: Mapping[str, Mapping[str, Pair]], seed: int,
-    arrays: dict[str, np.ndarray]
-) -> list[dict[str, Any]]:
-    """Regions of every group and quantity; the curves of each join `arrays`."""
-    groups: dict[Any, Mapping[str, Ensemble]] = {
-        i: ensembles({label: curves[label] for label in own["labels"]}) for i, own in enumerate(conditions)}
-    if len(conditions) > 1:
-        groups[POOLED] = ensembles(curves)
-    found = []
-    for i, (group, quantities) in enumerate(groups.items()):
-        for name, ensemble in quantities.items():
-            table, more = differing_regions(ensemble, seed=(seed, i, list(QUANTITIES).index(name)))
-            arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
-            found.append({"group": group, "quantity": name, "unit": QUANTITIES[name], "labels": ensemble.labels}
-                         | table)
-    return found
+    return Section(table=plain(table), arrays=arrays,
+                   missing=tuple(_missing(study, rows, conditions, curves, table, failures)))
 
 
 def _missing(
     study: Study, rows: Sequence[Mapping[str, Any]], conditions: Sequence[Mapping[str, Any]],
-    curves: Mapping[str, Mapping[str, Pair]], table: Mapping[str, Any]
+    curves: Mapping[str, Mapping[str, Pair]], table: Mapping[str, Any], failures: Mapping[str, Sequence[str]]
 ) -> list[str]:
     found = []
-    walked = {setting_name(own["fulcrum_mm"]) for own in conditions}
+    walked = {own["name"] for own in conditions}
     gone = [f"{name} ({own['fulcrum_mm']:g} mm)" for name, own in PUBLISHED["conditions"].items()
             if name not in walked]
     if gone:
         found.append(f"No walk at the paper's setting {' or '.join(gone)}: its rows of Table 3 are not there.")
-    single = [f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] == 1]
+    single, few = (", ".join(f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] < n)
+                   for n in (2, LEAST_WALKS))
     if single:
-        found.append(f"One walk only at {', '.join(single)}: no standard deviation and no band.")
+        found.append(f"One walk only at {single}: no standard deviation and no band.")
     whole = {label: own for label, own in curves.items() if own}
     for text, names in (
             ("no stance lies inside the time window as a whole: stance time and curves over stance are not known",
@@ -141,28 +129,21 @@ def _missing(
     if table["stance_r"] is None:
         found.append(f"The correlation of stance times needs {LEAST_FOR_R} walks with a whole stance that differ; "
                      f"there {'is' if table['stance_n'] == 1 else 'are'} {table['stance_n']}.")
-    few = [f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] < LEAST_WALKS]
     if few:
-        found.append(f"Where on the curve model and measurement differ was not tested at {', '.join(few)}: that needs "
+        found.append(f"Where on the curve model and measurement differ was not tested at {few}: that needs "
                      f"{LEAST_WALKS} walks.")
     if table["difference_method"] not in (None, SPM):
         found.append("Statistical parametric mapping was not done: spm1d is not installed (`pip install "
                      "vsf-drake[spm]`). Pointwise bootstrap bands stand in.")
     if study.options.quick:
         found.append("The short form sweeps the fulcrum over six positions only, in every walk.")
+    if failures:
+        total = sum(len(row["sweep"]["fulcrum_mm"]) for row in rows)
+        lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
+        first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
+        found.append(f"{sum(map(len, failures.values()))} of the {total} walks with the fulcrum elsewhere could not be "
+                     f"scored ({lost}). The first: {first}.")
     return found
-
-
-def _failed_sweeps(failures: Mapping[str, Sequence[str]], rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What of the sweeps is not there."""
-    if not failures:
-        return []
-    total = sum(len(row["sweep"]["fulcrum_mm"]) for row in rows)
-    lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
-    first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
-    count = sum(map(len, failures.values()))
-    return [f"{count} of the {total} walks with the fulcrum elsewhere could not be scored ({lost}). The first: "
-            f"{first}."]
 
 
 # One row a walk of the validation's walking section, and the tracking of angles over all walks.
@@ -176,25 +157,19 @@ TAKEN = (
 """What a row takes from the walk's metrics as it is (`analysis.metrics` defines it)."""
 
 
-def walk_rotations(walk: StudyWalk) -> tuple[Rotation, ...]:
-    """Tracking of every prescribed rotation of a walk."""
-    return tracked_rotations(walk.result, walk.recorded.trajectory)
-
-
-def walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep | None) -> dict[str, Any]:
+def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep) -> dict[str, Any]:
     """A walk's numbers: TAKEN, times, free moment, angles, null model and sweep; None for what is unknown."""
-    metrics = walk.metrics
     row = {"label": walk.label, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
-           "setting": setting_name(walk.fulcrum_mm), **{key: metrics[key] for key in TAKEN}}
+           "setting": setting_name(walk.fulcrum_mm), **{key: walk.metrics[key] for key in TAKEN}}
     measured, model, null = row["stance_measured_s"], row["stance_model_s"], row["null_model_grf_rmse_bw"]
-    total = pooled(rotations)
+    angles = pooled(rotations)
+    del angles["angle_worst_deg"]
     return row | {
         "stances": len(walk.comparison.stances), "whole_stances": sum(s.inside for s in walk.comparison.stances),
         "stance_error_s": None if measured is None or model is None else model - measured,
         "beats_null": None if null is None or row["grf_rmse_bw"] is None else row["grf_rmse_bw"] < null,
-        **free_moment_scores(walk.result, walk.recorded.prosthetic_plate, walk.comparison),
-        **{key: total[key] for key in ("angle_rmse_deg", "angle_r2", "angle_lag_ms", "angle_recording_rmse_deg")},
-        "sweep": None if sweep is None else sweep_entry(sweep), "doubts": list(walk.doubts)}
+        **free_moment_scores(walk.result, walk.recorded.prosthetic_plate, walk.comparison), **angles,
+        "sweep": sweep_entry(sweep), "doubts": list(walk.doubts)}
 
 
 def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
@@ -203,27 +178,26 @@ def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
     None for what no rotation knows. `angle_recording_rmse_deg` is against the recording, before a fit corrected it.
     """
     weights = np.array([r.squares for r in rotations]).reshape(-1, 2).sum(axis=0)
-    lags = [r.lag_ms for r in rotations if r.lag_ms is not None]
     return {"angle_rmse_deg": _rms([r.rmse_deg for r in rotations]),
             "angle_worst_deg": max((r.rmse_deg for r in rotations), default=None),
             "angle_r2": float(1.0 - weights[0] / weights[1]) if weights[1] > 0.0 else None,
-            "angle_lag_ms": max(lags, key=abs) if lags else None,
+            "angle_lag_ms": _largest_lag(rotations),
             "angle_recording_rmse_deg": _rms([r.recording_rmse_deg for r in rotations])}
 
 
 def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[dict[str, Any]]:
     """A row a rotation, over all walks: RMS errors, least R², largest lag, mean range."""
-    names = dict.fromkeys(r.name for rotations in by_walk.values() for r in rotations)
-    rows = []
-    for name in names:
-        own = [r for rotations in by_walk.values() for r in rotations if r.name == name]
-        lags = [r.lag_ms for r in own if r.lag_ms is not None]
-        rows.append({"rotation": name, "n": len(own), "rmse_deg": _rms([r.rmse_deg for r in own]),
-                     "r2": min((r.r2 for r in own if r.r2 is not None), default=None),
-                     "lag_ms": max(lags, key=abs) if lags else None,
-                     "range_deg": float(np.mean([r.range_deg for r in own])),
-                     "recording_rmse_deg": _rms([r.recording_rmse_deg for r in own])})
-    return rows
+    by_name: dict[str, list[Rotation]] = {}
+    for r in (r for rotations in by_walk.values() for r in rotations):
+        by_name.setdefault(r.name, []).append(r)
+    return [{"rotation": name, "n": len(own), "rmse_deg": _rms([r.rmse_deg for r in own]),
+             "r2": min((r.r2 for r in own if r.r2 is not None), default=None), "lag_ms": _largest_lag(own),
+             "range_deg": float(np.mean([r.range_deg for r in own])),
+             "recording_rmse_deg": _rms([r.recording_rmse_deg for r in own])} for name, own in by_name.items()]
+
+
+def _largest_lag(rotations: Sequence[Rotation]) -> float | None:
+    return max((r.lag_ms for r in rotations if r.lag_ms is not None), key=abs, default=None)
 
 
 def _rms(values: Sequence[float | None]) -> float | None:
@@ -271,14 +245,14 @@ def tracked_rotations(result: WalkResult, recorded: CoordinateTrajectory | None 
         if coordinate_unit(name) != "rad":
             continue
         followed, commanded = result.column(name), result.prescribed_q[:, i]
-        spread, r2 = float(np.ptp(commanded)), r_squared(followed, commanded)
+        reach, r2 = float(np.ptp(commanded)), r_squared(followed, commanded)
+        late = None if reach < LEAST_RANGE_RAD else lag(result.time_s, followed, commanded)
         first = None
         if recorded is not None and name in recorded.names:
             first = float(np.degrees(rmse(followed, recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
         found.append(Rotation(
             name=name, rmse_deg=float(np.degrees(rmse(followed, commanded))), r2=r2 if np.isfinite(r2) else None,
-            lag_ms=None if spread < LEAST_RANGE_RAD else _in_ms(lag(result.time_s, followed, commanded)),
-            range_deg=float(np.degrees(spread)), recording_rmse_deg=first,
+            lag_ms=None if late is None else 1e3 * late, range_deg=float(np.degrees(reach)), recording_rmse_deg=first,
             squares=(float(np.sum((followed - commanded) ** 2)), float(np.sum((commanded - commanded.mean()) ** 2)))))
     return tuple(found)
 
@@ -316,10 +290,6 @@ def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray, *, larg
     found = minimize_scalar(unlike, bounds=(shifts[best - 1], shifts[best + 1]), method="bounded",
                             options={"xatol": 1e-9})
     return float(found.x if found.fun < unlike(shifts[best]) else shifts[best])
-
-
-def _in_ms(seconds: float | None) -> float | None:
-    return None if seconds is None else 1e3 * seconds
 
 
 # Where on the curve model and measurement differ: statistical parametric mapping, or pointwise bootstrap bands.
