@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import isotonic_regression
+from scipy.stats import linregress
 from scipy.stats import t as student
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement, published_stiffness, stiffness
@@ -360,32 +361,27 @@ def curve_errors(x: np.ndarray, load: np.ndarray, x_other: np.ndarray, load_othe
 
 def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean over the first axis and half the width of its 95 % confidence interval (Student's t); NaN for one row."""
-    values = np.asarray(values, dtype=float)
-    count = len(values)
+    count, mean = len(values), values.mean(axis=0)
     if count < 2:
-        return values.mean(axis=0), np.full(values.shape[1:], np.nan)
-    spread = values.std(axis=0, ddof=1)
-    return values.mean(axis=0), student.ppf(0.5 + 0.5 * LEVEL, count - 1) * spread / math.sqrt(count)
+        return mean, np.full_like(mean, np.nan)
+    return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(count)
 
 
 def agreement(model: np.ndarray, measured: np.ndarray) -> dict[str, float | None]:
-    """Of one number a setting, (n,) both.
+    """Of one number a setting, (n,) both, n > 0.
 
     Returns:
         n; r2, the coefficient of determination 1 - SSE / SST; correlation2, the square of Pearson's correlation, which
         forgives a wrong scale and offset; rmse; bias, the mean of model less measured, with the half-width of its 95 %
         confidence interval (Student's t). None where n is too small for it.
     """
-    model, measured = np.asarray(model, dtype=float), np.asarray(measured, dtype=float)
-    count, difference = len(model), model - measured
+    count = len(model)
     varied = count > 1 and np.ptp(measured) > 0.0 and np.ptp(model) > 0.0
-    bias, half = mean_and_half_width(difference) if count else (math.nan, math.nan)
+    bias, half = mean_and_half_width(model - measured)
     return {
         "n": count, "r2": r_squared(model, measured) if varied else None,
         "correlation2": float(np.corrcoef(model, measured)[0, 1] ** 2) if varied and count > 2 else None,
-        "rmse": rmse(model, measured) if count else None, "bias": float(bias) if count else None,
-        "bias_half_width": float(half) if count > 1 else None,
-    }
+        "rmse": rmse(model, measured), "bias": float(bias), "bias_half_width": float(half) if count > 1 else None}
 
 
 def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> dict[str, Any] | None:
@@ -400,17 +396,13 @@ def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> d
         slope and intercept with the half-widths of their intervals, n, and (m,) line, low, high; None for fewer
         than three points or measured values that do not differ.
     """
-    x, y, at = (np.asarray(values, dtype=float) for values in (measured, simulated, at))
-    count = len(x)
-    if count < 3 or np.ptp(x) == 0.0:
+    count = len(measured)
+    if count < 3 or np.ptp(measured) == 0.0:
         return None
-    centre, sxx = x.mean(), float(np.sum((x - x.mean()) ** 2))
-    slope = float(np.sum((x - centre) * (y - y.mean())) / sxx)
-    intercept = float(y.mean() - slope * centre)
-    s = math.sqrt(float(np.sum((y - intercept - slope * x) ** 2)) / (count - 2))
-    quantile = float(student.ppf(0.5 + 0.5 * LEVEL, count - 2))
-    line = intercept + slope * at
-    half = quantile * s * np.sqrt(1.0 / count + (at - centre) ** 2 / sxx)
-    return {"n": count, "slope": slope, "slope_half_width": quantile * s / math.sqrt(sxx), "intercept": intercept,
-            "intercept_half_width": quantile * s * math.sqrt(1.0 / count + centre**2 / sxx),
+    fit, quantile = linregress(measured, simulated), float(student.ppf(0.5 + 0.5 * LEVEL, count - 2))
+    line = fit.intercept + fit.slope * at
+    in_middle = fit.stderr * np.std(measured)  # s / sqrt(n)
+    half = quantile * np.hypot(in_middle, fit.stderr * (at - np.mean(measured)))
+    return {"n": count, "slope": float(fit.slope), "slope_half_width": quantile * float(fit.stderr),
+            "intercept": float(fit.intercept), "intercept_half_width": quantile * float(fit.intercept_stderr),
             "line": line, "low": line - half, "high": line + half}
