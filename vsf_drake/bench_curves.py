@@ -2,6 +2,8 @@
 
     # name: subject 3's foot
     # synthetic: false
+    # stiffness_uncertainty_n_per_mm: 0.5
+    # displacement_uncertainty_mm: 0.5
     fulcrum_mm,displacement_mm,load_n,repeat
     66,0.00,0,1
     66,0.52,4.1,1
@@ -11,7 +13,8 @@
 One row a sample, in the order of loading, compression positive. Columns in any order, each with its unit in its name:
 fulcrum in mm or m from the keel's posterior end (an empty cell is the heel), displacement in mm or m, load in n or kn,
 and `repeat` (1, 2, ...) where a setting was pressed more than once. Cells are separated by commas, semicolons or
-tabs; between the latter two numbers may have decimal commas. Lines that begin with # are comments.
+tabs; between the latter two numbers may have decimal commas. Lines that begin with # are comments; they may say the
+name, whether it is synthetic, and the standard deviations that a fit takes (else those above, which are choices).
 
 Touch-down, from which displacement counts, is where the load is zero: interpolated after the last sample at or below
 0 N; for a pass that begins loaded, at most at 5 % of its largest load, on the straight line through its first samples.
@@ -20,7 +23,8 @@ Touch-down, from which displacement counts, is where the load is zero: interpola
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -28,7 +32,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.text import as_label, cell_number, text_lines
+from vsf_drake.motion.formats.text import as_label, table_rows, text_lines
 from vsf_drake.schema import load_yaml, quantity
 
 FEWEST_SAMPLES = 5
@@ -45,6 +49,9 @@ _COLUMNS = {
     "fulcrum_mm": ("fulcrum", 1e-3), "fulcrum_m": ("fulcrum", 1.0), "displacement_mm": ("displacement", 1e-3),
     "displacement_m": ("displacement", 1.0), "load_n": ("load", 1.0), "load_kn": ("load", 1e3),
     "repeat": ("repeat", 1.0)}
+_UNCERTAINTIES = {"stiffness_uncertainty_n_per_mm": (1e-4, 1000.0, "N/mm"),
+                  "displacement_uncertainty_mm": (1e-4, 300.0, "mm")}
+"""Comments that say them: what is possible."""
 _UNITS = {"fulcrum": "mm or m", "displacement": "mm or m", "load": "n or kn"}
 _FULCRUM_M, _TRAVEL_M, _LOAD_N = (0.010, 1.0), (1e-4, 0.3), (5.0, 2e4)
 """What a position, the travel of a pass and its largest load can be: beyond, the unit is wrong."""
@@ -76,11 +83,14 @@ class BenchCurves:
     Attributes:
         name: whose foot, or the file's name. synthetic: whether nobody measured it.
         curves: at least one, by fulcrum position and repeat, the heel last.
+        stiffness_sd_n_per_m, displacement_sd_m: standard deviations of a stiffness and of a displacement.
     """
 
     name: str
     synthetic: bool
     curves: tuple[MeasuredCurve, ...]
+    stiffness_sd_n_per_m: float = 500.0
+    displacement_sd_m: float = 5e-4
 
 
 def load_bench_curves(path: str | Path) -> BenchCurves:
@@ -91,34 +101,79 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
             cell holds no finite number; a number cannot be of its unit; within a pass the displacement falls or the
             load falls by more than noise; a pass has too few samples, begins too late or is never loaded.
     """
-    path = Path(path)
-    notes: dict[str, str] = {}
-    head: tuple[list[str], list[float], str] | None = None
-    passes: dict[tuple[float, int], list[tuple[float, float, int]]] = {}
-    for number, raw in text_lines(path):
-        line = as_label(raw)
-        if line.startswith(("#", '"#')):
-            key, colon, value = line.strip('",;\t ').lstrip("# ").partition(":")
-            if colon and key.strip().lower() in ("name", "synthetic"):
-                notes.setdefault(key.strip().lower(), value.strip())
-        elif head is None and line.strip(",;\t "):
-            head = _header(line, path, number)
-        elif head is not None and line.strip(",;\t "):
-            fulcrum, repeat, x, load = _row(line, head, path, number)
-            passes.setdefault((fulcrum, repeat), []).append((x, load, number))
-    if head is None:
+    path, notes = Path(path), dict[str, str]()
+    lines, oddities = _samples(path, notes), dict[tuple[int, int], str]()
+    number, line = next(lines, (0, ""))
+    if not number:
         raise InputError("is empty", file=path, right=_NEEDED)
-    if not passes:
+    kinds, factors, separator = _header(line, path, number)
+    fulcrum = kinds.index("fulcrum")
+
+    def split(line: str) -> list[str]:
+        cells = line.split(separator)
+        if separator != ",":
+            cells = [cell if "." in cell else cell.replace(",", ".") for cell in cells]
+        if len(cells) > fulcrum and not cells[fulcrum].strip():
+            cells[fulcrum] = "inf"  # the heel, behind all positions
+        return cells
+
+    cells, places, _ = table_rows(
+        lines, kinds, path, split, needs=f", there are {len(kinds)} columns", oddities=oddities,
+        surplus="Numbers need a decimal point, not a comma" if separator == "," else None)
+    if not len(cells):
         raise InputError("there are no rows of numbers", file=path, right="One row a sample of each pass")
-    curves = tuple(_curve(key, passes[key], path) for key in sorted(passes))
-    return BenchCurves(name=notes.get("name") or path.stem, synthetic=_synthetic(notes, path), curves=curves)
-
-
-def _synthetic(notes: dict[str, str], path: Path) -> bool:
+    for row, column in np.argwhere(~np.isfinite(cells)):
+        if column != fulcrum or cells[row, column] != math.inf:
+            raise InputError(f"{oddities.get((row, column), '')[:40]!r} is not a finite number", file=path,
+                             where=f"line {places[row]}, column {kinds[column]}")
+    found = dict(zip(kinds, (cells * factors).T, strict=True))
+    position, repeat = np.round(found["fulcrum"], 9), found.get("repeat", np.ones(len(cells)))
+    outside = np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1]))
+    for wrong, kind, what, right in (
+        (outside, "fulcrum", "{:g} mm is no fulcrum position",
+         "It counts from the keel's posterior end; is it in the unit of its column?"),
+        ((repeat != np.round(repeat)) | (repeat < 1.0), "repeat", "{:g} is no number of a pass", "Passes count from 1"),
+    ):
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise InputError(what.format(1e3 * position[row] if kind == "fulcrum" else repeat[row]), file=path,
+                             where=f"line {places[row]}, column {kind}", right=right)
+    curves = []
+    for key in sorted(set(zip(position.tolist(), repeat.tolist(), strict=True))):
+        own = (position == key[0]) & (repeat == key[1])
+        curves.append(_curve(key, found["displacement"][own], found["load"][own], places[own], path))
     word = notes.get("synthetic", "false").lower()
     if word not in ("true", "false"):
         raise InputError(f"{word!r} is neither true nor false", file=path, where="# synthetic")
-    return word == "true"
+    return BenchCurves(
+        name=notes.get("name") or path.stem, synthetic=word == "true", curves=tuple(curves),
+        stiffness_sd_n_per_m=1e3 * float(notes.get("stiffness_uncertainty_n_per_mm", 0.5)),
+        displacement_sd_m=1e-3 * float(notes.get("displacement_uncertainty_mm", 0.5)))
+
+
+def _samples(path: Path, notes: dict[str, str]) -> Iterator[tuple[int, str]]:
+    """Numbered lines that are neither empty nor comments; `notes` takes what comments say."""
+    for number, raw in text_lines(path):
+        line = as_label(raw)
+        if not line.startswith(("#", '"#')):
+            if line.strip(",;\t "):
+                yield number, line
+            continue
+        key, colon, value = (part.strip() for part in line.strip('",;\t ').lstrip("# ").partition(":"))
+        key, where = key.lower(), f"line {number}, # {key.lower()}"
+        if colon and key in ("name", "synthetic"):
+            notes.setdefault(key, value)
+        elif colon and key.startswith(("stiffness_uncertainty", "displacement_uncertainty")):
+            low, high, unit = _UNCERTAINTIES.get(key, (1.0, 0.0, ""))
+            if key not in _UNCERTAINTIES:
+                raise InputError("is no uncertainty that is known", file=path, where=where,
+                                 right=f"There are: {', '.join(_UNCERTAINTIES)}")
+            if key in notes:
+                raise InputError("stands twice", file=path, where=where)
+            if not (_is_number(value) and low <= float(value) <= high):
+                raise InputError(f"{value[:40]!r} is not usable", file=path, where=where,
+                                 right=f"It must be a number between {low:g} and {high:g} {unit}")
+            notes[key] = value
 
 
 def _header(line: str, path: Path, number: int) -> tuple[list[str], list[float], str]:
@@ -146,49 +201,13 @@ def _header(line: str, path: Path, number: int) -> tuple[list[str], list[float],
     return kinds, [_COLUMNS[cell][1] for cell in cells], separator
 
 
-def _row(
-    line: str, head: tuple[list[str], list[float], str], path: Path, number: int
-) -> tuple[float, int, float, float]:
-    """Fulcrum (m, infinite for the heel), repeat, displacement (m) and load (N)."""
-    kinds, factors, separator = head
-    cells = [cell.strip().strip('"').strip() for cell in line.split(separator)]
-    if len(cells) != len(kinds):
-        commas = separator == "," and len(cells) > len(kinds)
-        raise InputError(f"the row has {len(cells)} cells, there are {len(kinds)} columns", file=path,
-                         where=f"line {number}",
-                         right="Numbers need a decimal point, not a comma" if commas else "Is the file cut short?")
-    found = {"repeat": 1.0}
-    for kind, factor, cell in zip(kinds, factors, cells, strict=True):
-        where = f"line {number}, column {kind}"
-        if kind == "fulcrum" and not cell:
-            found[kind] = math.inf
-            continue
-        text = cell if separator == "," or "." in cell else cell.replace(",", ".")
-        try:
-            value = factor * cell_number(text)
-        except ValueError:
-            raise InputError(f"{cell[:40]!r} is not a number", file=path, where=where) from None
-        if not math.isfinite(value):
-            raise InputError(f"{cell[:40]!r} is not a finite number", file=path, where=where)
-        found[kind] = value
-    fulcrum, repeat = round(found["fulcrum"], 9), found["repeat"]
-    if not (fulcrum == math.inf or _FULCRUM_M[0] <= fulcrum <= _FULCRUM_M[1]):
-        raise InputError(f"{1e3 * fulcrum:g} mm is no fulcrum position", file=path, where=f"line {number}",
-                         right="It counts from the keel's posterior end; is it in the unit of its column?")
-    if repeat != round(repeat) or repeat < 1:
-        raise InputError(f"{repeat:g} is no number of a pass", file=path, where=f"line {number}, column repeat",
-                         right="Passes count from 1")
-    return fulcrum, int(repeat), found["displacement"], found["load"]
-
-
-def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: Path) -> MeasuredCurve:
-    fulcrum, repeat = key
+def _curve(key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.ndarray, path: Path) -> MeasuredCurve:
+    fulcrum, repeat = key[0], int(key[1])
     setting = "the heel" if fulcrum == math.inf else f"fulcrum at {1e3 * fulcrum:g} mm"
     where = f"{setting}, pass {repeat}"
-    x, load, line = (np.array(column, dtype=float) for column in zip(*rows, strict=True))
 
     def refuse(what: str, right: str, row: int | None = None) -> InputError:
-        place = where if row is None else f"line {line[row]:.0f}: {where}"
+        place = where if row is None else f"line {line[row]}: {where}"
         return InputError(what, file=path, where=place, right=right)
 
     largest = float(load.max())
@@ -208,7 +227,9 @@ def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: P
         raise refuse(f"the load falls by {below[row]:.3g} N to {load[row]:g} N", "A pass rises up to noise: end it "
                      "before it unloads, slips or breaks", row)
     first = float(load[0]) if load.min() > 0.0 else 0.0
-    x, load = _merged(x, load)
+    # Samples at one displacement (a slow machine, a fast clock) count as one, with their mean load.
+    x, which, count = np.unique(x, return_inverse=True, return_counts=True)
+    load = np.bincount(which, weights=load) / count
     x, load = _from_touch_down(x, load, refuse)
     if len(x) < FEWEST_SAMPLES:
         raise refuse(f"has {len(x)} samples from touch-down on", f"At least {FEWEST_SAMPLES} are needed")
@@ -216,12 +237,6 @@ def _curve(key: tuple[float, int], rows: list[tuple[float, float, int]], path: P
         raise refuse(f"the platen travels {1e3 * x[-1]:g} mm", "Is it in the unit of its column?")
     return MeasuredCurve(fulcrum_m=None if fulcrum == math.inf else fulcrum, repeat=repeat, displacement_m=x,
                          load_n=load, first_load_n=first)
-
-
-def _merged(x: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Samples at one displacement (a slow machine, a fast clock) as one, with their mean load."""
-    places, which, count = np.unique(x, return_inverse=True, return_counts=True)
-    return places, np.bincount(which, weights=load) / count
 
 
 def _from_touch_down(
@@ -250,11 +265,7 @@ def _from_touch_down(
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return re.fullmatch(r"[-+]?[0-9]*[.,]?[0-9]+([eE][-+]?[0-9]+)?", cell) is not None
 
 
 # What a materials testing machine told of a foot, as a file: stiffness and displacement by fulcrum position.

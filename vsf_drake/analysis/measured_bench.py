@@ -2,27 +2,19 @@
 
 A file of curves (`bench_curves`, .csv) tells of each setting, as the mean over its passes, the stiffness above 200 N
 and the mid-range displacement. All passes are cut to the smallest of their largest loads, so that there is one largest
-load and one half of it. How uncertain that is, comment lines may say; 0.5 N/mm and 0.5 mm else (choices):
-
-    # stiffness_uncertainty_n_per_mm: 0.5
-    # displacement_uncertainty_mm: 0.5
+load and one half of it.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from pathlib import Path
 
 from vsf_drake.analysis.validation.bench_lines import Setting, settings_of, up_to
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchMeasurement, load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.text import as_label, text_lines
 
 CURVES = ".csv"
-_UNCERTAINTIES = {
-    "stiffness_uncertainty_n_per_mm": (0.5, 1e-4, 1000.0), "displacement_uncertainty_mm": (0.5, 1e-4, 300.0)}
-"""Default, and what is possible."""
 
 
 def load_measured_bench(path: str | Path) -> BenchMeasurement:
@@ -37,7 +29,7 @@ def load_measured_bench(path: str | Path) -> BenchMeasurement:
 
 
 def _from_curves(path: Path) -> BenchMeasurement:
-    curves, uncertainty = load_bench_curves(path), _uncertainties(path)
+    curves = load_bench_curves(path)
     settings = [setting for setting in settings_of(curves, ()) if setting.passes]
     if all(setting.fulcrum_m is None for setting in settings):
         raise InputError("holds the heel only", file=path, where="column fulcrum",
@@ -54,9 +46,9 @@ def _from_curves(path: Path) -> BenchMeasurement:
         name=curves.name, synthetic=curves.synthetic, fulcrum_m=positions,
         stiffness_n_per_m=tuple(told[x][0] for x in positions),
         heel_stiffness_n_per_m=None if heel is None else heel[0],
-        uncertainty_n_per_m=1e3 * uncertainty["stiffness_uncertainty_n_per_mm"], max_load_n=load,
+        uncertainty_n_per_m=curves.stiffness_sd_n_per_m, max_load_n=load,
         mid_range_m=tuple(told[x][1] for x in positions), heel_mid_range_m=None if heel is None else heel[1],
-        mid_range_uncertainty_m=1e-3 * uncertainty["displacement_uncertainty_mm"])
+        mid_range_uncertainty_m=curves.displacement_sd_m)
 
 
 def _told(setting: Setting, load_n: float, path: Path) -> tuple[float, float]:
@@ -67,36 +59,3 @@ def _told(setting: Setting, load_n: float, path: Path) -> tuple[float, float]:
     except InputError as error:
         raise InputError(error.what, file=path, where=setting.where, right=error.right) from None
     return 1e3 * measured["stiffness_n_per_mm"], 1e-3 * measured["mid_range_mm"]
-
-
-def _uncertainties(path: Path) -> dict[str, float]:
-    """What the comment lines say, and the defaults for the rest."""
-    found = {}
-    for number, raw in text_lines(path):
-        line = as_label(raw)
-        if not line.startswith(("#", '"#')):
-            continue
-        key, colon, text = (part.strip() for part in line.strip('",;\t ').lstrip("# ").partition(":"))
-        key = key.lower()
-        where = f"line {number}, # {key}"
-        if not colon or not key.startswith(("stiffness_uncertainty", "displacement_uncertainty")):
-            continue
-        if key not in _UNCERTAINTIES:
-            raise InputError("is no uncertainty that is known", file=path, where=where,
-                             right=f"There are: {', '.join(_UNCERTAINTIES)}")
-        if key in found:
-            raise InputError("stands twice", file=path, where=where)
-        _, low, high = _UNCERTAINTIES[key]
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise InputError(f"{text[:40]!r} is not usable", file=path, where=where,
-                             right=f"It must be a number between {low:g} and {high:g} {_unit(key)}")
-        found[key] = value
-    return {key: found.get(key, default) for key, (default, _, _) in _UNCERTAINTIES.items()}
-
-
-def _unit(key: str) -> str:
-    return "N/mm" if key.startswith("stiffness") else "mm"
