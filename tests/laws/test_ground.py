@@ -8,42 +8,40 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vsf_drake.laws.ground import foam_depth, patch_below, patch_height, patch_normal
+from vsf_drake.laws.ground import foam_depth, patch_under
 
 FLOOR = [-9.0, 9.0, -9.0, 9.0]
 
 
+STRIP = [0.3, 0.6, -1.0, 1.0]
+
+
+def level(*heights):
+    return np.array([[0.0, height, 0.0, 0.0] for height in heights])
+
+
+def carrying(x, y, patches):
+    """Which of the floor and a strip on it carries at each x."""
+    return [patch_under(each, y, np.array([FLOOR, STRIP]), patches)[0] for each in x]
+
+
 def test_plane_rises_along_x_by_its_slope_and_along_y_by_its_bank():
-    plane = {"reference_x": 1.0, "height": 0.2, "slope": math.tan(0.1), "bank": math.tan(0.05)}
-    assert patch_height(1.0, 0.0, **plane) == 0.2
-    assert patch_height(3.0, 0.0, **plane) == pytest.approx(0.2 + 2.0 * math.tan(0.1))
-    assert patch_height(1.0, 2.0, **plane) == pytest.approx(0.2 + 2.0 * math.tan(0.05))
-
-
-def test_normal_is_a_unit_vector_across_the_plane():
-    slope, bank = np.array([0.0, 0.3, -0.2]), np.array([0.0, 0.0, 0.4])
-    n = patch_normal(slope, bank)
-    np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0, rtol=1e-15)
-    np.testing.assert_array_equal(n[0], [0.0, 0.0, 1.0])
-    np.testing.assert_allclose(n[:, 0] + slope * n[:, 2], 0.0, atol=1e-16)  # across (1, 0, slope)
-    np.testing.assert_allclose(n[:, 1] + bank * n[:, 2], 0.0, atol=1e-16)
-    assert np.all(n[:, 2] > 0)
+    plane = np.array([[1.0, 0.2, math.tan(0.1), math.tan(0.05)]])
+    for x, y, rise in ((1.0, 0.0, 0.0), (3.0, 0.0, 2.0 * math.tan(0.1)), (1.0, 2.0, 2.0 * math.tan(0.05))):
+        assert patch_under(x, y, np.array([FLOOR]), plane) == (0, pytest.approx(0.2 + rise))
 
 
 def test_highest_patch_under_a_point_carries_and_outside_all_there_is_none():
-    bounds = np.array([FLOOR, [0.3, 0.6, -1.0, 1.0]])
-    x = np.array([0.0, 0.3, 0.45, 0.6, 20.0])
-    heights = np.tile([0.0, 0.05], (5, 1))
-    np.testing.assert_array_equal(patch_below(x, 0.0 * x, heights, bounds), [0, 1, 1, 0, -1])
-    np.testing.assert_array_equal(patch_below(x, 0.0 * x, -heights, bounds), [0, 0, 0, 0, -1])
-    np.testing.assert_array_equal(patch_below(x, 0.0 * x + 5.0, heights, bounds), [0, 0, 0, 0, -1])
+    x = [0.0, 0.3, 0.45, 0.6, 20.0]
+    assert carrying(x, 0.0, level(0.0, 0.05)) == [0, 1, 1, 0, -1]
+    assert carrying(x, 0.0, level(0.0, -0.05)) == [0, 0, 0, 0, -1]
+    assert carrying(x, 5.0, level(0.0, 0.05)) == [0, 0, 0, 0, -1]
+    assert patch_under(20.0, 0.0, np.array([FLOOR]), level(0.0)) == (-1, -np.inf)
 
 
 def test_of_equally_high_patches_the_last_carries_whatever_rounding_says():
-    bounds = np.array([FLOOR, [0.3, 0.6, -1.0, 1.0]])
-    x = np.array([0.0, 0.45])
     for less in (0.0, 1e-16, 1e-12):
-        np.testing.assert_array_equal(patch_below(x, 0.0 * x, np.tile([1.0, 1.0 - less], (2, 1)), bounds), [0, 1])
+        assert carrying([0.0, 0.45], 0.0, level(1.0, 1.0 - less)) == [0, 1]
 
 
 def test_linear_foam_and_ground_are_springs_in_series():

@@ -125,7 +125,7 @@ def test_one_system_does_what_the_separate_ones_do(feet, apart, seed):
 @pytest.mark.parametrize("contact", CONTACT_LAWS)
 @pytest.mark.parametrize("ground", [LEVEL, UNEVEN], ids=["level", "uneven"])
 def test_compiled_forces_equal_those_of_the_array_laws(feet, contact, ground):
-    """The array laws are what AutoDiffXd takes."""
+    """AutoDiffXd takes the array laws."""
     foot = feet(contact, ground)
     general = foot.diagram.ToAutoDiffXd()
     context = general.CreateDefaultContext()

@@ -28,7 +28,7 @@ from typing import Any
 import numba
 import numpy as np
 
-COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_compiled.py",
+COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_kernel.py",
             "analysis/validation/energy_ledger.py", "motion/events.py")
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4

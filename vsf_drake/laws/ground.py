@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.laws._elementwise import Array, Values, positive_part, power
+from vsf_drake.laws.compiled import compiled
 
 SAME_HEIGHT_M = 1e-9
 """Patches whose heights differ by no more are equally high: rounding must not choose between them."""
@@ -18,32 +19,21 @@ SERIES_ITERATIONS = 10
 """Newton steps of `foam_depth`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
 
-def patch_height(x: Values, y: Values, *, reference_x: Values, height: Values, slope: Values, bank: Values) -> Array:
-    """z (m) of a patch's plane at x, y (m)."""
-    z: Array = height + slope * (x - reference_x) + bank * y
-    return z
-
-
-def patch_normal(slope: Values, bank: Values) -> Array:
-    """(..., 3) upward unit normal of a plane with dz/dx = slope and dz/dy = bank."""
-    slope, bank = np.asarray(slope), np.asarray(bank)
-    length = np.sqrt(1.0 + slope * slope + bank * bank)
-    return np.stack([-slope / length, -bank / length, 1.0 / length], axis=-1)
-
-
-def patch_below(x: Array, y: Array, heights: Array, bounds: Array) -> Array:
-    """Index (N,) of the patch that carries at x, y (N,): the highest, of equally high ones the last; -1 without any.
+@compiled
+def patch_under(x, y, bounds, patches):
+    """Index of the patch that carries at x, y (m), and its height (m) there; -1 and -inf without any.
 
     Args:
-        heights: (N, M) z of every patch there.
-        bounds: (M, 4) from x, to x, from y, to y.
+        bounds: (M, 4) from x, to x, from y, to y (m).
+        patches: (M, 4 or more) reference x, height (m), slope, bank.
     """
-    inside = ((x[:, None] >= bounds[:, 0]) & (x[:, None] < bounds[:, 1])
-              & (y[:, None] >= bounds[:, 2]) & (y[:, None] < bounds[:, 3]))
-    reached = np.where(inside, heights, -np.inf)
-    highest = inside & (reached >= reached.max(axis=1, keepdims=True) - SAME_HEIGHT_M)
-    last: Array = heights.shape[1] - 1 - np.argmax(highest[:, ::-1], axis=1)
-    return np.where(inside.any(axis=1), last, -1)
+    best, top, height = -1, -np.inf, -np.inf
+    for i in range(len(patches)):
+        if bounds[i, 0] <= x < bounds[i, 1] and bounds[i, 2] <= y < bounds[i, 3]:
+            z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
+            if z >= top - SAME_HEIGHT_M:
+                best, top, height = i, max(top, z), z
+    return best, height
 
 
 def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance: Values) -> tuple[Array, Array]:

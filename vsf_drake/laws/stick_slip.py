@@ -43,18 +43,34 @@ def smooth_friction_coefficient(
     return mu
 
 
+def coefficient_per_speed(
+    squared: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values, smooth: bool = False
+) -> Array:
+    """mu(V) / V (s/m) of V² (m²/s²).
+
+    Below the threshold velocity it is formed without dividing by V, so that the gradient of mu(V) / V · slip at zero
+    slip is finite: mu_static / threshold_velocity (1.5 times that if smooth).
+    """
+    constants = {"mu_static": mu_static, "mu_kinetic": mu_kinetic, "threshold_velocity": threshold_velocity}
+    u_squared = np.asarray(squared / (threshold_velocity * threshold_velocity))
+    sticks = u_squared < 1.0
+    speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
+    law = smooth_friction_coefficient if smooth else friction_coefficient
+    ratio = law(speed, **constants) / speed
+    if smooth:
+        ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
+    return np.asarray(ratio)
+
+
 def friction_force(
     slip: Values, normal_force: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values,
     smooth: bool = False
 ) -> Array:
     """Friction -mu(V) · normal_force · slip / V on the sphere, V = |slip|.
 
-    Below the threshold velocity mu(V) / V is formed without dividing by V, so that the gradient
-    at zero slip is finite: -mu_static / threshold_velocity · normal_force (1.5 times that if smooth).
-
     Args:
-        slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the
-            centre, relative to the ground.
+        slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the centre, relative to
+            the ground.
         normal_force: (...) N, >= 0.
         mu_static, mu_kinetic: coefficients.
         threshold_velocity: speed (m/s) at which the coefficient reaches mu_static, > 0.
@@ -65,13 +81,7 @@ def friction_force(
     """
     slip = np.asarray(slip)
     x, y = slip[..., 0], slip[..., 1]
-    constants = {"mu_static": mu_static, "mu_kinetic": mu_kinetic, "threshold_velocity": threshold_velocity}
-    u_squared = (x * x + y * y) / (threshold_velocity * threshold_velocity)
-    sticks = u_squared < 1.0
-    speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
-    law = smooth_friction_coefficient if smooth else friction_coefficient
-    ratio = law(speed, **constants) / speed
-    if smooth:
-        ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
+    ratio = coefficient_per_speed(x * x + y * y, mu_static=mu_static, mu_kinetic=mu_kinetic,
+                                  threshold_velocity=threshold_velocity, smooth=smooth)
     force: Array = -np.asarray(ratio * normal_force)[..., None] * slip
     return force

@@ -1,4 +1,10 @@
-"""`foot_forces.foot_values` for float, compiled: the same numbers in a hundredth of the time.
+"""What acts on a foot at one instant: compiled for float, and the same code over the array laws for AutoDiffXd.
+
+    K (= body frame F of the rigid frame), z up, x to the toe; keel body i turns about -y_K at its joint
+      o-------o----o----o----        joint i at `starts[i]` from A on the straight keel, its body behind it
+
+The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole foot are one spatial
+force on F beside moments in the keel's joints: a body that turns about joint j moves with every force beyond j.
 
 Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vector that `slices` cuts up.
 """
@@ -6,18 +12,25 @@ Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vect
 from __future__ import annotations
 
 import math
+from types import FunctionType
+from typing import Any
 
 import numpy as np
+import pydrake.math
 
+from vsf_drake.laws import hunt_crossley, kelvin_voigt, smooth_contact
+from vsf_drake.laws._elementwise import positive_part
 from vsf_drake.laws.compiled import compiled, internal
-from vsf_drake.laws.ground import SAME_HEIGHT_M, SERIES_ITERATIONS
+from vsf_drake.laws.ground import SERIES_ITERATIONS, foam_depth, patch_under
 from vsf_drake.laws.scalar import friction_per_speed, normal_force
+from vsf_drake.laws.stick_slip import coefficient_per_speed
 
 SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness", "fulcrum_damping", "carriage_gain",
            "carriage_rate_gain")
 SITE_COLUMNS = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "dissipation")
 PATCH_COLUMNS = ("ground_reference_x", "ground_height", "ground_slope", "ground_bank", "ground_compliance",
                  "mu_static", "mu_kinetic")
+CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
 SMOOTH, HUNT_CROSSLEY = 1, 2
 HEAD = 15
 """Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
@@ -72,8 +85,9 @@ def _press(law, signed, rate, site, compliance, depth_width, rate_width):
 
 
 @internal
-def _stick(law, speed, mu_static, mu_kinetic, threshold):
-    """mu(V) / V (s/m)."""
+def _stick(law, squared, mu_static, mu_kinetic, threshold):
+    """mu(V) / V (s/m), of V^2."""
+    speed = math.sqrt(squared)
     if law != SMOOTH:
         return friction_per_speed(speed, mu_static, mu_kinetic, threshold)[0]
     u = speed / threshold
@@ -83,33 +97,23 @@ def _stick(law, speed, mu_static, mu_kinetic, threshold):
     return (mu_static - (mu_static - mu_kinetic) * w * w * (3.0 - 2.0 * w)) / speed
 
 
-@internal
-def _patch(x, y, bounds, patches):
-    """The patch that carries at x, y (see `laws.ground.patch_below`) and its height; -1 where there is none."""
-    best, top, height = -1, -math.inf, -math.inf
-    for i in range(len(patches)):
-        if bounds[i, 0] <= x < bounds[i, 1] and bounds[i, 2] <= y < bounds[i, 3]:
-            z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
-            if z >= top - SAME_HEIGHT_M:
-                best, top, height = i, max(top, z), z
-    return best, height
-
-
 @compiled
 def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, scalars, at, velocities, X, V, state,
                 position):
     """All outputs of one foot, see `slices`.
 
     Args:
-        law: index into CONTACT_LAWS. starts, site_keel: see `FootLayout`. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
+        law: index into CONTACT_LAWS. starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1
+            for the frame. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
         patches: (M, PATCH_COLUMNS). bounds: (M, 4). joints: (m, 2) stiffness and damping. scalars: SCALARS.
         at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the plant has.
         X, V: (3, 4) and (6,) of the frame. state: of the plant. position: of the fulcrum (m from A).
     """
     m, count = len(starts), len(site_keel)
-    out = np.zeros(HEAD + 2 * m + 6 * count + velocities)
-    sin, cos, rates = np.empty(m), np.empty(m), np.empty(m)
-    place, moving = np.zeros((m, 2)), np.zeros((m, 2))  # x and z in K of the joints, and their velocities
+    kind = state.dtype
+    out = np.zeros(HEAD + 2 * m + 6 * count + velocities, kind)
+    sin, cos, rates = np.zeros(m, kind), np.zeros(m, kind), np.zeros(m, kind)
+    place, moving = np.zeros((m, 2), kind), np.zeros((m, 2), kind)  # x and z in K of the joints, and their velocities
     moment, spring = out[HEAD:HEAD + m], out[HEAD + m:HEAD + 2 * m]
     angle = rate = 0.0
     for i in range(m):
@@ -125,7 +129,9 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         sin[i], cos[i], rates[i] = math.sin(angle), math.cos(angle), rate
         spring[i] = -(joints[i, 0] * q + joints[i, 1] * v)
         moment[i] = spring[i]
-    i = min(max(np.searchsorted(starts, position, side="right") - 1, 0), m - 1)
+    i = 0
+    while i + 1 < m and starts[i + 1] <= position:
+        i += 1
     arm = position - starts[i]
     height, rise = place[i, 1] + arm * sin[i], moving[i, 1] + arm * rates[i] * cos[i]
     support = -(scalars[3] * height + scalars[4] * rise)
@@ -145,14 +151,14 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         rx = X[0, 0] * px + X[0, 1] * py + X[0, 2] * pz
         ry = X[1, 0] * px + X[1, 1] * py + X[1, 2] * pz
         rz = X[2, 0] * px + X[2, 1] * py + X[2, 2] * pz
-        patch, ground = _patch(X[0, 3] + rx, X[1, 3] + ry, bounds, patches)
+        patch, ground = patch_under(X[0, 3] + rx, X[1, 3] + ry, bounds, patches)
         if patch < 0:
-            patch, ground = len(patches) - 1, -math.inf
+            patch, ground = len(patches) - 1, -np.inf
         slope, bank = patches[patch, 2], patches[patch, 3]
         nz = 1.0 / math.sqrt(1.0 + slope * slope + bank * bank)
         nx, ny = -slope * nz, -bank * nz
         radius = sites[s, 0]
-        signed = radius - (X[2, 3] + rz - ground) * nz if ground > -math.inf else -1.0
+        signed = radius - (X[2, 3] + rz - ground) * nz if ground > -np.inf else -1.0
         wfx = V[3] + V[1] * rz - V[2] * ry + X[0, 0] * vx + X[0, 2] * vz
         wfy = V[4] + V[2] * rx - V[0] * rz + X[1, 0] * vx + X[1, 2] * vz
         wfz = V[5] + V[0] * ry - V[1] * rx + X[2, 0] * vx + X[2, 2] * vz
@@ -168,8 +174,7 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         cz = wfz - radius * (ox * ny - oy * nx)
         lift = nx * cx + ny * cy + nz * cz
         cx, cy, cz = cx - lift * nx, cy - lift * ny, cz - lift * nz
-        grip = -force * _stick(law, math.sqrt(cx * cx + cy * cy + cz * cz), patches[patch, 5], patches[patch, 6],
-                               scalars[0])
+        grip = -force * _stick(law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0])
         f = out[first + 3 * count + 3 * s:first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
         fx, fy, fz = f[0] + force * nx, f[1] + force * ny, f[2] + force * nz
@@ -199,7 +204,7 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
 
 @internal
 def _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz):
-    """Centre of pressure and free moment, see `foot_forces.foot_values`, from sums weighted by the normal forces."""
+    """Centre of pressure and free moment, see `FootForces`, from sums weighted by the normal forces."""
     px, py, pz = mx / load, my / load, mz / load
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux / size, uy / size, uz / size
@@ -209,3 +214,38 @@ def _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz):
     tx, ty, tz = (uy * az - uz * ay) / across, (uz * ax - ux * az) / across, (ux * ay - uy * ax) / across
     out[11], out[12], out[13] = X[0, 3] + px + tx, X[1, 3] + py + ty, X[2, 3] + pz + tz
     out[14] = ux * (ax - (ty * fz - tz * fy)) + uy * (ay - (tz * fx - tx * fz)) + uz * (az - (tx * fy - ty * fx))
+
+
+# The same for AutoDiffXd: the functions above in Python, with the array laws, which are the definition, in place of
+# their scalar forms.
+
+
+def _press_by_law(law: int, signed: Any, rate: Any, site: np.ndarray, compliance: Any, depth_width: Any,
+                  rate_width: Any) -> Any:
+    _, k, n, damping, full_depth, dissipation = site
+    elastic, damped = {"stiffness": k, "exponent": n}, {"damping": damping, "full_damping_depth": full_depth}
+    depth, share = foam_depth(positive_part(signed), **elastic, compliance=compliance)
+    if law == SMOOTH:
+        force = smooth_contact.normal_force(signed, rate, **elastic, **damped, depth_width=depth_width,
+                                            rate_width=rate_width, compliance=compliance)
+    elif law == HUNT_CROSSLEY:
+        force = hunt_crossley.normal_force(depth, share * rate, **elastic, dissipation=dissipation)
+    else:
+        force = kelvin_voigt.normal_force(depth, share * rate, **elastic, **damped)
+    return np.asarray(force).item()
+
+
+def _stick_by_law(law: int, squared: Any, mu_static: Any, mu_kinetic: Any, threshold: Any) -> Any:
+    return coefficient_per_speed(squared, mu_static=mu_static, mu_kinetic=mu_kinetic, threshold_velocity=threshold,
+                                 smooth=law == SMOOTH).item()
+
+
+def _in_python(function: Any, **names: Any) -> Any:
+    """The function that was compiled, with `names` in place of what it calls."""
+    python = function.py_func
+    return FunctionType(python.__code__, {**python.__globals__, "math": pydrake.math, **names}, python.__name__)
+
+
+foot_vector_in_python = _in_python(foot_vector, _press=_press_by_law, _stick=_stick_by_law,
+                                   patch_under=_in_python(patch_under), _pressure_centre=_in_python(_pressure_centre))
+"""`foot_vector` of arrays of AutoDiffXd."""
