@@ -15,7 +15,18 @@ import numpy as np
 from vsf_drake.laws.compiled import internal
 from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.stepping.dynamics import Motion, chains, work_space
-from vsf_drake.simulation.stepping.tree import Tree, add, cross_motion, dot, plus, put, six
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    Tree,
+    add,
+    add_column,
+    cross_motion,
+    dot,
+    plus,
+    put,
+    six,
+    wrench,
+)
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")
@@ -26,57 +37,39 @@ SITE_RECORD = ("depth", "normal_force", "friction_x", "friction_y", "depth_rate"
 """Columns of a site's record at the end of a step; x, y place the contact point in W."""
 MAX_APPROACH = 5.0
 """Sites further above the ground than this speed (m/s) could close within a step are left out."""
+TOLERANCE = 1e-7
+"""Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""
 
 
 class Forces(NamedTuple):
-    """What acts on the tree.
+    """What acts on the tree: S sites, k springs, K bodies of the keel from A to the toe."""
 
-    sites (S, 11), site_bodies (S,). springs (k, 6), spring_index (k,): coordinates. fulcrum (2,): stiffness
-    (N/m), damping (N s/m); zero for none. keel_bodies, keel_coordinates, keel_starts (K,): from A to the toe.
-    frame_body: what the fulcrum stands on. support_width: m on either side of a joint, see the fulcrum's section.
-    """
-
-    sites: np.ndarray
-    site_bodies: np.ndarray
-    springs: np.ndarray
-    spring_index: np.ndarray
-    fulcrum: np.ndarray
+    sites: np.ndarray  # (S, 11) SITE_COLUMNS
+    site_bodies: np.ndarray  # (S,)
+    springs: np.ndarray  # (k, 6) SPRING_COLUMNS
+    spring_index: np.ndarray  # (k,) coordinates
+    fulcrum: np.ndarray  # (2,) stiffness (N/m), damping (N s/m); zero for none
     keel_bodies: np.ndarray
     keel_coordinates: np.ndarray
-    keel_starts: np.ndarray
-    frame_body: int
-    support_width: float
+    keel_starts: np.ndarray  # (K,) m from A
+    frame_body: int  # what the fulcrum stands on
+    support_width: float  # m on either side of a joint, see the fulcrum's section
 
 
 class Contact(NamedTuple):
-    """Work space of S sites on B bodies.
+    """Work space of S sites on B bodies with n coordinates."""
 
-    near: (S + 1,) sites near the ground, their number last. center (S, 3), depth0 (S,): at the start of the step.
-    gain, elastic (S,): derivatives of the normal force by -v_z at the end (N s/m) and by depth (N/m).
-    V, F (B, 6): velocities at the end; wrench of the ground. K (B, 6, 6): -dF/dV. loaded: (B,) whether K is not zero.
-    W (1, 6), row (n,): unit wrench of the support, and its power on each coordinate.
-    """
-
-    near: np.ndarray
-    center: np.ndarray
-    depth0: np.ndarray
-    gain: np.ndarray
-    elastic: np.ndarray
-    V: np.ndarray
-    F: np.ndarray
-    K: np.ndarray
-    loaded: np.ndarray
-    W: np.ndarray
-    row: np.ndarray
-
-
-def contact_space(sites: int, bodies: int, coordinates: int) -> Contact:
-    """Room for one step."""
-    return Contact(
-        near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), depth0=np.zeros(sites),
-        gain=np.zeros(sites), elastic=np.zeros(sites), V=np.zeros((bodies, 6)), F=np.zeros((bodies, 6)),
-        K=np.zeros((bodies, 6, 6)), loaded=np.zeros(bodies, dtype=np.bool_), W=np.zeros((1, 6)),
-        row=np.zeros(coordinates))
+    near: np.ndarray  # (S + 1,) sites near the ground, their number last
+    center: np.ndarray  # (S, 3) at the start of the step
+    depth0: np.ndarray  # (S,) likewise
+    gain: np.ndarray  # (S,) derivative of the normal force by -v_z at the end (N s/m)
+    elastic: np.ndarray  # (S,) by depth (N/m)
+    V: np.ndarray  # (B, 6) velocities at the end
+    F: np.ndarray  # (B, 6) wrench of the ground
+    K: np.ndarray  # (B, 6, 6) -dF/dV
+    loaded: np.ndarray  # (B,) whether K is not zero
+    W: np.ndarray  # (1, 6) unit wrench of the support
+    row: np.ndarray  # (n,) its power on each coordinate
 
 
 @internal
@@ -119,7 +112,7 @@ def add_sites(h, forces, contact, ground_rate, wanted, which, record):
         if fn > 0.0:
             ratio, _ = friction_per_speed(math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
             fx, fy = -ratio * fn * vx, -ratio * fn * vy
-            add(contact.F, b, (y * fn - z * fy, z * fx - x * fn, x * fy - y * fx, fx, fy, fn))
+            add(contact.F, b, wrench(x, y, z, fx, fy, fn))
         contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
         record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, fn, fx, fy
         record[s, 4], record[s, 5], record[s, 6] = ground_rate - vz, vx, vy
@@ -161,13 +154,7 @@ def tangents(forces, contact, links, split, least_slope, record):
                 (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
                 (zz * y, -zz * x, 0.0, 0.0, 0.0, zz))
         for k in range(6):
-            kx, ky, kz = rows[0][k], rows[1][k], rows[2][k]
-            K[b, 0, k] += y * kz - z * ky
-            K[b, 1, k] += z * kx - x * kz
-            K[b, 2, k] += x * ky - y * kx
-            K[b, 3, k] += kx
-            K[b, 4, k] += ky
-            K[b, 5, k] += kz
+            add_column(K, b, k, wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b = links[moving[k], 1], links[moving[k], 2]
         if contact.loaded[b] and split.body_moves[parent]:
@@ -191,56 +178,42 @@ def add_springs(h, v, q0, forces, tau, record):
 # What a step works on beside its numbers: which coordinates are free, and room so that nothing is allocated in it.
 
 
-TOLERANCE = 1e-7
-"""Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""
-
-
 class Split(NamedTuple):
-    """Which coordinates are free and what they move.
+    """Which of n coordinates are free and what they move."""
 
-    prescribed, free: indices. above (f, f), counts (f,): see `dynamics.chains`, over the free ones. place: (n,)
-    place among the free ones, or -1. body_moves (B,), site_moves (S,): whether a free coordinate moves it.
-    moving, still: links whose body one moves, parents first, and the others.
-    """
-
-    prescribed: np.ndarray
-    free: np.ndarray
-    above: np.ndarray
+    prescribed: np.ndarray  # indices
+    free: np.ndarray  # (f,) indices
+    above: np.ndarray  # (f, f) and counts (f,): see `dynamics.chains`, over the free ones
     counts: np.ndarray
-    place: np.ndarray
-    body_moves: np.ndarray
-    site_moves: np.ndarray
-    moving: np.ndarray
-    still: np.ndarray
+    place: np.ndarray  # (n,) place among the free ones, or -1
+    body_moves: np.ndarray  # (B,) whether a free coordinate moves it
+    site_moves: np.ndarray  # (S,) likewise
+    moving: np.ndarray  # links whose body one moves, parents first
+    still: np.ndarray  # the other links
 
 
 class Room(NamedTuple):
-    """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs.
-
-    tolerance: a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s. fulcrum (3,), keel (1,): where
-    the support is (m from A), and of the foremost of the keel's bodies that bear it the weight, the derivative of that
-    by the place (1/m), and which it is. applied: (n,) torques on free coordinates.
-    """
+    """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs."""
 
     motion: Motion
     contact: Contact
-    v0: np.ndarray
+    v0: np.ndarray  # (n,) here and below
     acceleration: np.ndarray
     bias: np.ndarray
-    applied: np.ndarray
+    applied: np.ndarray  # torques on free coordinates
     tau: np.ndarray
     trial: np.ndarray
-    delta: np.ndarray
-    r: np.ndarray
-    dx: np.ndarray
-    y: np.ndarray
-    M: np.ndarray
+    delta: np.ndarray  # (B, 6)
+    r: np.ndarray  # (f,)
+    dx: np.ndarray  # (f, 1)
+    y: np.ndarray  # (f,)
+    M: np.ndarray  # (f, f) here and below
     L: np.ndarray
     A: np.ndarray
-    springs: np.ndarray
-    fulcrum: np.ndarray
-    keel: np.ndarray
-    tolerance: float
+    springs: np.ndarray  # (k,)
+    fulcrum: np.ndarray  # (3,) where the support is (m from A), the weight of the foremost body under it, its slope
+    keel: np.ndarray  # (1,) which of the keel's bodies that is
+    tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
 
 def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Split:
@@ -257,13 +230,17 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Spl
 
 def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLERANCE) -> Room:
     """Room for a step of this tree."""
-    n, f = tree.num_coordinates, len(split.free)
-    vectors = {name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")}
+    n, f, sites, bodies = tree.num_coordinates, len(split.free), len(forces.sites), len(tree.body_names)
+    contact = Contact(
+        near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), loaded=np.zeros(bodies, dtype=np.bool_),
+        **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")}, V=np.zeros((bodies, 6)),
+        F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), row=np.zeros(n))
     return Room(
-        motion=work_space(tree), contact=contact_space(len(forces.sites), len(tree.body_names), n), **vectors,
-        delta=np.zeros((len(tree.body_names), 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f),
-        M=np.zeros((f, f)), L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)),
-        fulcrum=np.zeros(3), keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
+        motion=work_space(tree), contact=contact,
+        **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
+        delta=np.zeros((bodies, 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
+        L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(3),
+        keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
 
 
 # The fulcrum under the keel in one step, and its derivatives, compiled.
@@ -279,9 +256,6 @@ def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLER
 # keel gives way as if the support did by up to 0.175 w times the turn of the joint.
 
 
-NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 @internal
 def _point(forces, motion, piece, position):
     """Where the support is on the straight line of a piece of the keel."""
@@ -294,8 +268,7 @@ def _point(forces, motion, piece, position):
 def _unit_wrench(forces, motion, x, y, z):
     """Of a force along z of the foot's frame at a point."""
     F, R = forces.frame_body, motion.R
-    ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
-    return y * uz - z * uy, z * ux - x * uz, x * uy - y * ux, ux, uy, uz
+    return wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
 
 
 @internal
@@ -350,7 +323,7 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
     """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them."""
     motion, V, keel, row, front = room.motion, room.contact.V, forces.keel_coordinates, room.contact.row, room.keel[0]
     weight, slope, d_row = room.fulcrum[1], room.fulcrum[2], tangent.d_row
-    for column in range(front + 2 if _slides(ways.slide) else front + 1):
+    for column in range(front + 2 if ways.slides else front + 1):
         sliding = column > front
         d_deflection, d_rate = 0.0, 0.0
         d_row[:] = 0.0
@@ -384,14 +357,6 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
 
 
 @internal
-def _slides(slide):
-    for p in range(slide.shape[0]):
-        if slide[p] != 0.0:
-            return True
-    return False
-
-
-@internal
 def _piece_change(forces, motion, V, piece, position, column, front, share, turn, d_row):
     """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
 
@@ -408,7 +373,7 @@ def _piece_change(forces, motion, V, piece, position, column, front, share, turn
     W = _unit_wrench(forces, motion, x, y, z)
     V_keel = six(V, b)
     relative = plus(V_keel, six(V, F), -1.0)
-    S_j, by_motion, rise = NONE, NONE, 0.0
+    S_j, by_motion, rise = REST, REST, 0.0
     dx, dy, dz = 0.0, 0.0, 0.0
     if column > front:
         dx, dy, dz = R[b, 0, 0], R[b, 1, 0], R[b, 2, 0]

@@ -13,6 +13,7 @@ import numpy as np
 
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.simulation.stepping.tree import (
+    REST,
     REVOLUTE,
     WELD,
     Tree,
@@ -40,24 +41,18 @@ class TreeArrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Work space for one state of a tree with B bodies and n coordinates, in W and about its origin.
+    """Work space for one state of a tree with B bodies and n coordinates, in W and about its origin."""
 
-    R (B, 3, 3), p (B, 3): poses. axes, origins (n, 3): joint axes, points on them. S (n, 6): motion of a unit
-    rate of each coordinate. V, A (B, 6): velocities; accelerations with gravity's as an upward one of the world.
-    own, composite (B, 10): inertias of bodies; of everything that they carry. f (B, 6): force that the joint
-    under a body transmits (its own share before `gather`).
-    """
-
-    R: np.ndarray
+    R: np.ndarray  # (B, 3, 3) and p (B, 3): poses
     p: np.ndarray
-    axes: np.ndarray
+    axes: np.ndarray  # (n, 3) joint axes, and origins (n, 3), points on them
     origins: np.ndarray
-    S: np.ndarray
-    V: np.ndarray
-    A: np.ndarray
-    own: np.ndarray
-    composite: np.ndarray
-    f: np.ndarray
+    S: np.ndarray  # (n, 6) motion of a unit rate of each coordinate
+    V: np.ndarray  # (B, 6) velocities
+    A: np.ndarray  # (B, 6) accelerations, with gravity's as an upward one of the world
+    own: np.ndarray  # (B, 10) inertias of bodies
+    composite: np.ndarray  # (B, 10) inertias of everything that they carry
+    f: np.ndarray  # (B, 6) force that the joint under a body transmits
 
 
 def tree_arrays(tree: Tree) -> TreeArrays:
@@ -99,10 +94,9 @@ def inverse_dynamics(tree, v, a, motion, tau):
     Leaves V, A, own and composite inertias and transmitted forces in `motion`.
     """
     S, V, A, own, composite, f = motion.S, motion.V, motion.A, motion.own, motion.composite, motion.f
-    rest = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    put(V, 0, rest)
+    put(V, 0, REST)
     put(A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
-    put(f, 0, rest)
+    put(f, 0, REST)
     composite[0, :] = 0.0
     for m in range(tree.links.shape[0]):
         parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
@@ -117,7 +111,7 @@ def inverse_dynamics(tree, v, a, motion, tau):
             inertia_in_world(tree.inertias, b, motion.R, motion.p, own)
             put(f, b, plus(inertia_times(own, b, A_b), cross_force(V_b, inertia_times(own, b, V_b)), 1.0))
         else:
-            put(f, b, rest)
+            put(f, b, REST)
             for i in range(10):
                 own[b, i] = 0.0
         for i in range(10):
@@ -138,7 +132,7 @@ def energies(tree, q, v, motion, potential, kinetic):
     for k in range(q.shape[0]):
         place(tree, q[k], motion)
         potential[k] = kinetic[k] = 0.0
-        put(motion.V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        put(motion.V, 0, REST)
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
             V_b = six(motion.V, parent)
@@ -185,17 +179,13 @@ def chains(tree: Tree, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 class Torques(NamedTuple):
-    """Of n steps, on c coordinates, from s sensed ones; c = 0 for none, s = 0 without feedback.
+    """Of n steps, on c coordinates, from s sensed ones, in N m, rad, s (N, m, s)."""
 
-    coordinates (c,), sensed (s,): indices. feedforward (n, c), gain (n, c, 2 s), reference (n, 2 s), in N m, rad, s
-    (N, m, s).
-    """
-
-    coordinates: np.ndarray
-    sensed: np.ndarray
-    feedforward: np.ndarray
-    gain: np.ndarray
-    reference: np.ndarray
+    coordinates: np.ndarray  # (c,) indices, 0 of them for none
+    sensed: np.ndarray  # (s,) indices, 0 of them without feedback
+    feedforward: np.ndarray  # (n, c)
+    gain: np.ndarray  # (n, c, 2 s)
+    reference: np.ndarray  # (n, 2 s)
 
 
 def no_torques(steps: int) -> Torques:

@@ -17,10 +17,14 @@ from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, add_support_tangent, site_tangent
 from vsf_drake.simulation.stepping.newton import EXACT
 from vsf_drake.simulation.stepping.tree import (
+    REST,
+    add,
+    add_column,
     cross_force,
     cross_motion,
     dot,
     inertia_times,
+    moved_wrench,
     plus,
     put,
     six,
@@ -28,8 +32,6 @@ from vsf_drake.simulation.stepping.tree import (
     transposed_times,
 )
 from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES
-
-NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
@@ -92,9 +94,7 @@ def _coriolis(tree, split, motion, tangent):
                 e = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0,
                      1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
                 column = plus(cross_force(v, inertia_times(motion.own, b, e)), cross_force(e, momentum), 1.0)
-                column = plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0)
-                C[b, 0, i], C[b, 1, i], C[b, 2, i] = column[0], column[1], column[2]
-                C[b, 3, i], C[b, 4, i], C[b, 5, i] = column[3], column[4], column[5]
+                add_column(C, b, i, plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0))
     for k in range(split.moving.shape[0] - 1, -1, -1):
         parent, b = tree.links[split.moving[k], 1], tree.links[split.moving[k], 2]
         if split.body_moves[parent]:
@@ -115,7 +115,7 @@ def way_wrenches(b, S, rate, second, end, composite, f, coriolis, shift, K, load
     """
     by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, second), 1.0)
     by_q = plus(by_q, cross_force(S, six(f, b)), 1.0)
-    by_end = NONE
+    by_end = REST
     if loaded[b]:
         by_q = plus(by_q, times(shift, b, S), -1.0)
         by_q = plus(by_q, times(K, b, end), 1.0)
@@ -130,7 +130,7 @@ def row_wrenches(b, S, composite, F, coriolis, shift, K, loaded):
 
     The power of these wrenches on a way's `rate`, `second`, S and `end` is what it changes in the joint's load.
     """
-    by_shift, by_end = NONE, NONE
+    by_shift, by_end = REST, REST
     if loaded[b]:
         by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(F, b)), 1.0)
         by_end = transposed_times(K, b, S)
@@ -184,9 +184,7 @@ def _rows(h, tree, split, ways, room, tangent):
             tangent.Gv[i, j] -= room.M[i, j] / h
         if tangent.touched[b]:
             for p in range(P):
-                tangent.E[i, p] -= (S[0] * tangent.dF[b, p, 0] + S[1] * tangent.dF[b, p, 1] + S[2] * tangent.dF[b, p, 2]
-                                    + S[3] * tangent.dF[b, p, 3] + S[4] * tangent.dF[b, p, 4]
-                                    + S[5] * tangent.dF[b, p, 5])
+                tangent.E[i, p] -= dot(S, six(tangent.dF[b], p))
 
 
 @internal
@@ -263,11 +261,6 @@ def add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
 
 
 @internal
-def _wrench(x, y, z, fx, fy, fz):
-    return y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz
-
-
-@internal
 def _site(h, s, forces, ways, room, tangent, sites):
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
     contact, b = room.contact, forces.site_bodies[s]
@@ -280,7 +273,7 @@ def _site(h, s, forces, ways, room, tangent, sites):
     vz = V[b, 5] + wx * y - wy * x
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
-    xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+    K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
     x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
@@ -293,24 +286,18 @@ def _site(h, s, forces, ways, room, tangent, sites):
         ux = sy * vz - sz * vy + radius * (wz * sx)
         uy = sz * vx - sx * vz + radius * (wz * sy)
         uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
-        gx = -(xx * ux + xy * uy + xz * uz) + ratio * vx * by_depth * cz
-        gy = -(xy * ux + yy * uy + yz * uz) + ratio * vy * by_depth * cz
-        gz = -zz * uz - by_depth * cz
-        moment = _wrench(x, y, z, gx, gy, gz)
-        tangent.shift[b, 0, i] += moment[0] + cy * fn - cz * fy
-        tangent.shift[b, 1, i] += moment[1] + cz * fx - cx * fn
-        tangent.shift[b, 2, i] += moment[2] + cx * fy - cy * fx
-        tangent.shift[b, 3, i] += gx
-        tangent.shift[b, 4, i] += gy
-        tangent.shift[b, 5, i] += gz
+        gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
+        add_column(tangent.shift, b, i, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            _add_measured(tangent.out_shift, b, i, x1, y1, z1, gx, gy, gz, fx, fy, fn,
-                          cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz)
+            add_column(tangent.out_shift, b, i, moved_wrench(
+                x1, y1, z1, gx, gy, gz, fx, fy, fn,
+                cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
             # Velocity u of the body: -K u, and the point's way over the step.
             ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
-            gx, gy, gz = -(xx * ux + xy * uy + xz * uz), -(xy * ux + yy * uy + yz * uz), -zz * uz
-            _add_measured(tangent.out_K, b, i, x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
-                          -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz)
+            gx, gy, gz = _force_change(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
+            add_column(tangent.out_K, b, i, moved_wrench(
+                x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
+                -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
     for e in range(ways.edit_start[s], ways.edit_start[s + 1]):
         p, column, unit = ways.edit_parameter[e], ways.edit_column[e], ways.edit_unit[e]
         cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -318,42 +305,25 @@ def _site(h, s, forces, ways, room, tangent, sites):
             R = room.motion.R
             cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
             ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
-            gx = -(xx * ux + xy * uy + xz * uz) + ratio * vx * by_depth * cz
-            gy = -(xy * ux + yy * uy + yz * uz) + ratio * vy * by_depth * cz
-            gz = -zz * uz - by_depth * cz
+            gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
         elif column >= MU_STATIC:
             change = -unit * fn * _friction_change(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
             gx, gy, gz = change * vx, change * vy, 0.0
         else:
             gz = unit * _normal_change(forces.sites, s, column, sites[s, 0], sites[s, 4])
             gx, gy = -ratio * vx * gz, -ratio * vy * gz
-        wrench = _wrench(x, y, z, gx, gy, gz)
-        tangent.dF[b, p, 0] += wrench[0] + cy * fn - cz * fy
-        tangent.dF[b, p, 1] += wrench[1] + cz * fx - cx * fn
-        tangent.dF[b, p, 2] += wrench[2] + cx * fy - cy * fx
-        tangent.dF[b, p, 3] += gx
-        tangent.dF[b, p, 4] += gy
-        tangent.dF[b, p, 5] += gz
+        add(tangent.dF[b], p, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            px, py, pz = cx + h * ux, cy + h * uy, cz + h * uz
-            wrench = _wrench(x1, y1, z1, gx, gy, gz)
-            tangent.dT[p, 0] += wrench[0] + py * fn - pz * fy
-            tangent.dT[p, 1] += wrench[1] + pz * fx - px * fn
-            tangent.dT[p, 2] += wrench[2] + px * fy - py * fx
-            tangent.dT[p, 3] += gx
-            tangent.dT[p, 4] += gy
-            tangent.dT[p, 5] += gz
+            add(tangent.dT, p, moved_wrench(
+                x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz))
 
 
 @internal
-def _add_measured(matrix, b, i, x, y, z, gx, gy, gz, fx, fy, fz, px, py, pz):
-    """Adds to column i the wrench of a changed force g at (x, y, z) and of the force f at a point moved by p."""
-    matrix[b, 0, i] += y * gz - z * gy + py * fz - pz * fy
-    matrix[b, 1, i] += z * gx - x * gz + pz * fx - px * fz
-    matrix[b, 2, i] += x * gy - y * gx + px * fy - py * fx
-    matrix[b, 3, i] += gx
-    matrix[b, 4, i] += gy
-    matrix[b, 5, i] += gz
+def _force_change(K, along_x, along_y, by_depth, ux, uy, uz, rise):
+    """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
+    xx, xy, yy, xz, yz, zz = K
+    return (-(xx * ux + xy * uy + xz * uz) + along_x * rise, -(xy * ux + yy * uy + yz * uz) + along_y * rise,
+            -zz * uz - by_depth * rise)
 
 
 @internal

@@ -30,7 +30,17 @@ from vsf_drake.simulation.stepping.assembly import (
     tangents,
 )
 from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
-from vsf_drake.simulation.stepping.tree import add, dot, inertia_times, plus, put, six, times, transposed_times
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    add,
+    dot,
+    inertia_times,
+    plus,
+    put,
+    six,
+    times,
+    transposed_times,
+)
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12
@@ -137,7 +147,7 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
 
 @internal
 def _velocities(links, S, v, V):
-    put(V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    put(V, 0, REST)
     for m in range(links.shape[0]):
         parent, b, c = links[m, 1], links[m, 2], links[m, 3]
         put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), v[c]))
@@ -216,7 +226,7 @@ def _loads(h, tree, split, room, given, M, v, load):
         for k in range(split.moving.shape[0]):
             m = split.moving[k]
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            change = six(delta, parent) if split.body_moves[parent] else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            change = six(delta, parent) if split.body_moves[parent] else REST
             if c >= 0 and split.place[c] >= 0:
                 change = plus(change, six(S, c), (v[c] - room.v0[c]) / h)
             put(delta, b, change)
@@ -239,7 +249,7 @@ def _loads(h, tree, split, room, given, M, v, load):
 # Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of times.
 
 
-@internal
+@compiled
 def copy(source, target):
     """Copies a vector; the assignment of slices does the same but takes seconds to compile."""
     for i in range(source.shape[0]):

@@ -22,22 +22,23 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.compiled import internal
 from vsf_drake.simulation.stepping.assembly import SITE_RECORD, Forces, Split, split_coordinates, step_room
 from vsf_drake.simulation.stepping.dynamics import tree_arrays
-from vsf_drake.simulation.stepping.linearise import NONE, linearise, row_wrenches, way_wrenches
+from vsf_drake.simulation.stepping.linearise import linearise, row_wrenches, way_wrenches
 from vsf_drake.simulation.stepping.newton import EXACT, solve_columns, step, tangent_matrix
-from vsf_drake.simulation.stepping.tree import Tree, add, dot, plus, six, times
+from vsf_drake.simulation.stepping.tree import REST, Tree, add, dot, plus, six, times
 from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways, make_ways, tangent_room
 
 
 @internal
-def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, sites, support, changes):
-    """Takes `tangent` from the start to the end of the step that `newton.step` has just made.
+def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, record):
+    """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
 
     Args:
         k, share: its end on the grid of the run, `share` of the way from instant k to the next. part: its own share.
-        q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end. sites, support: what it left.
-        changes: where the derivatives of step k are written, see `ways.Changes`.
+        q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end.
+        record: of the run, a `stepper.Record`, which holds what the step left of sites and support.
     """
-    nf, (C, P), wrench = split.free.shape[0], ways.unit.shape, changes.wrench[k]
+    sites, support = record.sites[k], record.fulcrum[k]
+    nf, (C, P), wrench = split.free.shape[0], ways.unit.shape, record.wrench_by[k]
     tangent_matrix(h, tree, forces, split, room, EXACT, sites)
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support)
     _course_velocities(h, k, share, ways, tangent)
@@ -84,8 +85,8 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, si
                     for e in range(ways.start[j], ways.start[j + 1]):
                         p = ways.parameter[e]
                         wrench[i, p] += by_q[i] * tangent.q[j, p] - by_v[i] * tangent.v_end[j, p]
-    if changes.load.shape[0] > 0:
-        add_load_changes(h, part, tree, split, ways, room, tangent, changes.load[k])
+    if record.load_by.shape[0] > 0:
+        _add_load_changes(h, part, tree, split, ways, room, tangent, record.load_by[k])
     for j in range(nf):
         for p in range(P):
             tangent.v[j, p] = rhs[j, p]
@@ -117,18 +118,18 @@ def _along(ways, k, share, course):
 
 
 @internal
-def write_state(k, torques, split, ways, tangent, changes):
+def write_state(k, torques, split, ways, tangent, record):
     """Writes the derivatives of the state at the end of step k, and of the torques that were applied over it."""
     for j in range(ways.body.shape[0]):
         c = ways.coordinate[j]
         if c >= 0:
             for p in range(ways.unit.shape[1]):
-                changes.q[k, c, p] = tangent.q[j, p]
-                changes.v[k, c, p] = tangent.v[j, p]
+                record.q_by[k, c, p] = tangent.q[j, p]
+                record.v_by[k, c, p] = tangent.v[j, p]
     for i in range(torques.coordinates.shape[0]):
         c = torques.coordinates[i]
         for p in range(ways.unit.shape[1]):
-            changes.load[k, c, p] = tangent.torque[split.place[c], p]
+            record.load_by[k, c, p] = tangent.torque[split.place[c], p]
 
 
 # How the loads that hold prescribed coordinates change with the parameters, compiled.
@@ -140,7 +141,7 @@ def write_state(k, torques, split, ways, tangent, changes):
 
 
 @internal
-def add_load_changes(h, part, tree, split, ways, room, tangent, load):
+def _add_load_changes(h, part, tree, split, ways, room, tangent, load):
     """Adds `part` of the derivatives of the loads over one step to load (n, P); free coordinates' rows stay.
 
     Between the solution of the step's sensitivities, end velocities in `tangent.rhs`, and the update of q and v.
@@ -179,11 +180,11 @@ def _way_changes(h, nf, ways, room, tangent):
         if j < nf:
             for p in range(ways.unit.shape[1]):
                 dq, dv, end = tangent.q[j, p], tangent.v[j, p], tangent.rhs[j, p]
-                add(own[b], p, plus(plus(plus(plus(NONE, by_q, dq), by_v, dv), momentum, (end - dv) / h), by_end, end))
+                add(own[b], p, plus(plus(plus(plus(REST, by_q, dq), by_v, dv), momentum, (end - dv) / h), by_end, end))
         else:
             for e in range(ways.start[j], ways.start[j + 1]):
                 p = ways.parameter[e]
-                add(own[b], p, plus(NONE, by_q, tangent.q[j, p]))
+                add(own[b], p, plus(REST, by_q, tangent.q[j, p]))
 
 
 @internal
@@ -218,19 +219,15 @@ def _add_row(h, part, c, b, nf, ways, room, tangent, load):
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """P parameters.
-
-    Attributes:
-        edits: what a unit of each adds.
-        measured: (S,) bool, the sites whose resultant wrench is differentiated.
-        loads: whether derivatives of loads and state are left too; not for edits of a coordinate.
-        q0: (n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates.
-    """
+    """P parameters: what a unit of each adds, and where a run with them begins."""
 
     edits: tuple[Edit, ...]
     measured: np.ndarray
+    """(S,) bool, the sites whose resultant wrench is differentiated."""
     q0: np.ndarray
+    """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates."""
     loads: bool = False
+    """Whether derivatives of loads and state are left too; not for edits of a coordinate."""
 
     def prepare(self, tree: Tree, forces: Forces, split: Split, steps: int) -> tuple[Ways, Tangent]:
         """Arrays for compiled code, at the start of a run of so many steps.

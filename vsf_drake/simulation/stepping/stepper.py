@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -30,14 +30,11 @@ from vsf_drake.simulation.stepping.assembly import (
     SPRING_COLUMNS,
     TOLERANCE,
     Forces,
-    Room,
-    Split,
     split_coordinates,
     step_room,
 )
 from vsf_drake.simulation.stepping.dynamics import (
     Torques,
-    TreeArrays,
     differentiate_torques,
     no_torques,
     sample_torques,
@@ -46,7 +43,7 @@ from vsf_drake.simulation.stepping.dynamics import (
 from vsf_drake.simulation.stepping.newton import copy, step
 from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
 from vsf_drake.simulation.stepping.tree import Tree, tree_of
-from vsf_drake.simulation.stepping.ways import Changes, Edit
+from vsf_drake.simulation.stepping.ways import Edit
 
 CHUNK = 32
 """Steps between looks for progress and interruption."""
@@ -61,18 +58,14 @@ DYNAMICS = ("compiled", "drake")
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A plant and the stiff forces on it, as arrays (see `assembly` for the columns).
+    """A plant and the stiff forces on it, as arrays: see `assembly.Forces` for those that are not described here.
 
     Attributes:
         tree: of the plant, with the parameters that `context` holds.
-        sites (S, 11), site_bodies (S,): contact and friction with the ground.
         ground_height: z (m) of the ground in W, where it does not move.
-        springs (k, 6), spring_index (k,): sprung coordinates (keel joints, then the socket's six).
-        fulcrum (2,): stiffness (N/m) and damping (N s/m) of the support; zero for none.
-        keel_bodies, keel_coordinates, keel_starts, frame_body: what the fulcrum acts on.
-        support_width: m on either side of a keel joint over which the support passes from one piece to the next; see
-            the fulcrum's section of `assembly`. At most half the distance of two joints.
+        spring_index: keel joints, then the socket's six.
         limits (n,): coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed.
+        support_width: at most half the distance of two joints.
     """
 
     plant: MultibodyPlant
@@ -94,11 +87,7 @@ class Mechanism:
     @property
     def forces(self) -> Forces:
         """The stiff forces, for compiled code."""
-        return Forces(
-            sites=self.sites, site_bodies=self.site_bodies, springs=self.springs, spring_index=self.spring_index,
-            fulcrum=self.fulcrum, keel_bodies=self.keel_bodies, keel_coordinates=self.keel_coordinates,
-            keel_starts=self.keel_starts, frame_body=self.frame_body,
-            support_width=float(self.support_width))
+        return Forces(**{name: getattr(self, name) for name in Forces._fields})
 
 
 @dataclass(frozen=True)
@@ -167,24 +156,18 @@ class Stepper:
         forces, drive = m.forces, drive_of(inputs)
         if carried is not None and self.dynamics != "compiled":
             raise ValueError("sensitivities need the compiled dynamics")
-        record = empty_record(drive, q0, v0, sites=len(m.sites), carried=carried)
-        rows = Rows(q=record.q, v=record.v, load=record.load, sites=record.sites, support=record.fulcrum,
-                    iterations=record.iterations, parts=record.parts, converged=record.converged,
-                    applied=record.applied)
+        record = _empty_record(drive, q0, v0, sites=len(m.sites), carried=carried)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         room = step_room(m.tree, forces, split, self.tolerance)
         ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split, steps)
-        changes = Changes(wrench=record.wrench_by, load=record.load_by, q=record.q_by, v=record.v_by)
+        go = advance if self.dynamics == "compiled" else partial(
+            advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
-            if self.dynamics == "drake":
-                failed, coordinate = advance_with_drake(
-                    m.plant, m.context, done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows)
-            else:
-                failed, coordinate = advance(done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, rows,
-                                             ways, tangent, None if carried is None else changes)
+            failed, coordinate = go(done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, record, ways,
+                                    tangent)
             if failed >= 0:
                 raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
                                       f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
@@ -193,8 +176,15 @@ class Stepper:
                 progress(done / steps)
             if stop and stop(done, record):
                 break
-        record = record if done == steps else cut_record(record, done)
-        self._check_limits(record)
+        if done < steps:
+            record = record._replace(**{name: value[:done] for name, value in record._asdict().items()
+                                        if name not in ("q0", "v0")})
+        beyond = np.abs(record.q) > m.limits
+        if np.any(beyond):
+            row, column = np.argwhere(beyond)[0]
+            raise SimulationError(
+                f"coordinate {m.tree.coordinate_names[column]} reached {record.q[row, column]:.3g}, beyond the "
+                f"{m.limits[column]:g} (m or rad) to which the model means anything", time_s=float(record.time_s[row]))
         return record
 
     def warm_up(self, *, sensitivities: bool = False) -> float:
@@ -236,101 +226,45 @@ class Stepper:
                              stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < at_rest))
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
-    def _check_limits(self, record: Record) -> None:
-        beyond = np.abs(record.q) > self.mechanism.limits
-        if np.any(beyond):
-            row, column = np.argwhere(beyond)[0]
-            name, limit = self.mechanism.tree.coordinate_names[column], self.mechanism.limits[column]
-            raise SimulationError(
-                f"coordinate {name} reached {record.q[row, column]:.3g}, beyond the {limit:g} (m or rad) to which the "
-                "model means anything", time_s=float(record.time_s[row]))
 
-
-def drive_of(inputs: Inputs) -> Drive:
-    """The inputs as arrays for compiled code."""
-    columns = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
-    time_s, prescribed_q, fulcrum, ground = (np.ascontiguousarray(column, dtype=float) for column in columns)
-    return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
-                 ground_rate=np.gradient(ground, time_s),
-                 torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
-
-
-# The same steps with mass matrix, Coriolis and gravity terms from Drake: slower, and independent of `dynamics`.
-
-
-def advance_with_drake(
-    plant: MultibodyPlant, context: Context, first: int, last: int, tree: TreeArrays, forces: Forces, split: Split,
-    room: Room, drive: Drive, max_speed: float, q: np.ndarray, v: np.ndarray, rows: Rows
-) -> tuple[int, int]:
-    """As `advance`; the state in the plant's `context` is overwritten."""
+def _drakes_dynamics(plant: MultibodyPlant, context: Context) -> Callable[[np.ndarray, np.ndarray], Any]:
+    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite; independent of `dynamics`."""
     own = MultibodyForces(plant)
-    q_next, load = np.zeros(len(split.prescribed)), np.zeros_like(q)
-    for k in range(first, last):
-        done, size = 0, PARTS
-        rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
-        rows.load[k] = 0.0
-        sample_torques(k, drive.torques, q, v, room.applied, rows.applied[k])
-        while done < PARTS:
-            h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
-            plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
-            plant.CalcForceElementsContribution(context, own)
-            M = np.ascontiguousarray(plant.CalcMassMatrix(context))
-            C = plant.CalcInverseDynamics(context, np.zeros_like(v), own)
-            q0, v0 = q.copy(), v.copy()
-            iterations, converged = step(
-                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v,
-                load, rows.sites[k], rows.support[k])
-            share = size / PARTS
-            done, size, accepted = next_piece(done, size, converged)
-            rows.iterations[k] += iterations
-            if accepted:
-                rows.parts[k] += 1
-                rows.converged[k] &= converged
-                rows.load[k] += share * load
-            else:
-                q[:], v[:] = q0, v0
-        rows.q[k], rows.v[k] = q, v
-        coordinate = diverged(q, v, max_speed)
-        if coordinate >= 0:
-            return k, coordinate
-    return -1, -1
+
+    def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
+        plant.CalcForceElementsContribution(context, own)
+        return (np.ascontiguousarray(plant.CalcMassMatrix(context)),
+                plant.CalcInverseDynamics(context, np.zeros_like(v), own))
+
+    return dynamics
 
 
 # What a run of the stepper leaves.
 
 
-@dataclass(frozen=True)
-class Record:
-    """What a run leaves: one row for the end of each step.
-
-    Attributes:
-        q0, v0: state at the start. q, v, load: (n, coordinates); load drives the coordinates, on average over the
-            step: it holds the prescribed ones, and is what was applied to the others.
-        sites: (n, S, 9) columns SITE_RECORD.
-        fulcrum: (n, 3) support force (N), deflection (m), rate (m/s).
-        iterations (n,): of Newton's method. parts (n,): pieces that the step was cut into, 1 if it converged at once.
-        converged (n,): whether all of its pieces did.
-        wrench_by: (n, 6, P) derivatives by the `carried` parameters of the measured sites' wrench, moment about W's
-            origin at the ground's height, then force; P = 0 without.
-        applied: (n, c) torques on free coordinates.
-        load_by, q_by, v_by: (n, coordinates, P) derivatives of load, q and v; (0, coordinates, P) if not asked for.
-    """
+class Record(NamedTuple):
+    """What a run leaves: one row for the end of each step; P carried parameters."""
 
     time_s: np.ndarray
     q0: np.ndarray
     v0: np.ndarray
-    q: np.ndarray
+    q: np.ndarray  # (n, coordinates)
     v: np.ndarray
     load: np.ndarray
-    sites: np.ndarray
-    fulcrum: np.ndarray
-    iterations: np.ndarray
-    parts: np.ndarray
-    converged: np.ndarray
+    """(n, coordinates) what drives the coordinates, on average over the step: it holds the prescribed ones, and is what
+    was applied to the others."""
+    sites: np.ndarray  # (n, S, 9) columns SITE_RECORD
+    fulcrum: np.ndarray  # (n, 3) support force (N), deflection (m), rate (m/s)
+    iterations: np.ndarray  # (n,) of Newton's method
+    parts: np.ndarray  # (n,) pieces that the step was cut into, 1 if it converged at once
+    converged: np.ndarray  # (n,) whether all of its pieces did
+    applied: np.ndarray  # (n, c) torques on free coordinates
     wrench_by: np.ndarray
-    applied: np.ndarray
-    load_by: np.ndarray
-    q_by: np.ndarray
+    """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's height, then force;
+    P = 0 where none are carried."""
+    load_by: np.ndarray  # (n, coordinates, P) derivatives of load, or (0, coordinates, P) if not asked for
+    q_by: np.ndarray  # likewise
     v_by: np.ndarray
 
     def site(self, column: str) -> np.ndarray:
@@ -338,23 +272,17 @@ class Record:
         return self.sites[:, :, SITE_RECORD.index(column)]
 
 
-def empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, carried: Carried | None) -> Record:
+def _empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, carried: Carried | None) -> Record:
     """Room for a run from q0, v0 with so many sites."""
     steps, n, P = len(drive.time_s) - 1, len(q0), 0 if carried is None else len(carried.edits)
     state = (steps if carried is not None and carried.loads else 0, n, P)
+    shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(SITE_RECORD)),
+              "fulcrum": (steps, 3), "applied": (steps, len(drive.torques.coordinates)), "wrench_by": (steps, 6, P),
+              "load_by": state, "q_by": state, "v_by": state}
     return Record(
-        time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), q=np.zeros((steps, n)),
-        v=np.zeros((steps, n)), load=np.zeros((steps, n)), sites=np.zeros((steps, sites, len(SITE_RECORD))),
-        fulcrum=np.zeros((steps, 3)), iterations=np.zeros(steps, dtype=np.int64),
+        time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), iterations=np.zeros(steps, dtype=np.int64),
         parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
-        wrench_by=np.zeros((steps, 6, P)), applied=np.zeros((steps, len(drive.torques.coordinates))),
-        load_by=np.zeros(state), q_by=np.zeros(state), v_by=np.zeros(state))
-
-
-def cut_record(record: Record, steps: int) -> Record:
-    """The first steps of a record."""
-    rows = {name: value[:steps] for name, value in vars(record).items() if name not in ("q0", "v0")}
-    return Record(q0=record.q0, v0=record.v0, **rows)
+        **{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
 # Steps one after the other, each halved where it does not converge (compiled).
@@ -366,8 +294,7 @@ PARTS = 1 << LEVELS
 
 
 class Drive(NamedTuple):
-    """What drives n steps: the grid time_s (n + 1,) and on it prescribed_q (n + 1, p), fulcrum (n + 1,) m from A,
-    ground and ground_rate (n + 1,): height (m) of the ground and its rate; and the torques of the steps."""
+    """`Inputs` of n steps for compiled code, with the rate of the ground's height."""
 
     time_s: np.ndarray
     prescribed_q: np.ndarray
@@ -377,22 +304,12 @@ class Drive(NamedTuple):
     torques: Torques
 
 
-class Rows(NamedTuple):
-    """Where n steps are written.
-
-    q, v, load (n, coordinates), load on average over the step; sites (n, S, 9); support (n, 3); iterations, parts
-    (n,): accepted pieces of the step, 1 if it was not halved; converged (n,); applied (n, c) torques.
-    """
-
-    q: np.ndarray
-    v: np.ndarray
-    load: np.ndarray
-    sites: np.ndarray
-    support: np.ndarray
-    iterations: np.ndarray
-    parts: np.ndarray
-    converged: np.ndarray
-    applied: np.ndarray
+def drive_of(inputs: Inputs) -> Drive:
+    columns = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
+    time_s, prescribed_q, fulcrum, ground = (np.ascontiguousarray(column, dtype=float) for column in columns)
+    return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
+                 ground_rate=np.gradient(ground, time_s),
+                 torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
 
 
 @compiled
@@ -434,47 +351,48 @@ def diverged(q, v, max_speed):
 
 @partial(compiled, nogil=True)
 def advance(
-    first, last, tree, forces, split, room, drive, max_speed, q, v, rows, ways=None, tangent=None, changes=None
+    first, last, tree, forces, split, room, drive, max_speed, q, v, record, ways=None, tangent=None, dynamics=None
 ):
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
 
-    With `ways` and `tangent` the sensitivities are carried along, and those of the measured wrench
-    at the end of each step are written to wrenches (n, 6, P).
+    With `ways` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass matrix,
+    Coriolis and gravity terms from `dynamics`.
     """
-    none, nothing = np.empty((0, 0)), np.empty(0)
+    M, C = np.empty((0, 0)), np.empty(0)
     q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(split.prescribed.shape[0])
     for k in range(first, last):
         done, size = 0, PARTS
-        rows.iterations[k], rows.parts[k], rows.converged[k] = 0, 0, True
-        rows.load[k] = 0.0
-        sample_torques(k, drive.torques, q, v, room.applied, rows.applied[k])
+        record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
+        record.load[k] = 0.0
+        sample_torques(k, drive.torques, q, v, room.applied, record.applied[k])
         if ways is not None:
             differentiate_torques(k, drive.torques, split.place, tangent)
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             copy(q, q0)
             copy(v, v0)
+            if dynamics is not None:
+                M, C = dynamics(q, v)
             iterations, converged = step(
-                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, none, nothing, q, v,
-                load, rows.sites[k], rows.support[k])
+                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v, load, record.sites[k],
+                record.fulcrum[k])
             share, end = size / PARTS, (done + size) / PARTS
             done, size, accepted = next_piece(done, size, converged)
-            rows.iterations[k] += iterations
+            record.iterations[k] += iterations
             if accepted:
-                rows.parts[k] += 1
-                rows.converged[k] &= converged
+                record.parts[k] += 1
+                record.converged[k] &= converged
                 for i in range(q.shape[0]):
-                    rows.load[k, i] += share * load[i]
+                    record.load[k, i] += share * load[i]
                 if ways is not None:
-                    carry(h, k, end, share, tree, forces, split, ways, room, tangent, q0, v, rows.sites[k],
-                          rows.support[k], changes)
+                    carry(h, k, end, share, tree, forces, split, ways, room, tangent, q0, v, record)
             else:
                 copy(q0, q)
                 copy(v0, v)
-        if ways is not None and changes.load.shape[0] > 0:
-            write_state(k, drive.torques, split, ways, tangent, changes)
-        copy(q, rows.q[k])
-        copy(v, rows.v[k])
+        if ways is not None and record.load_by.shape[0] > 0:
+            write_state(k, drive.torques, split, ways, tangent, record)
+        copy(q, record.q[k])
+        copy(v, record.v[k])
         c = diverged(q, v, max_speed)
         if c >= 0:
             return k, c

@@ -20,25 +20,16 @@ WELD, REVOLUTE, PRISMATIC = 0, 1, 2
 
 @dataclass(frozen=True)
 class Tree:
-    """One row per joint, parents before children (m joints, B bodies, n coordinates).
+    """One row per joint, parents before children (m joints, B bodies, n coordinates)."""
 
-    Attributes:
-        links: (m, 4) int: kind, parent body, child body, coordinate (-1 for a weld).
-        frames: (m, 27): R_PF (9), p_PF (3), R_MB (9), p_MB (3), axis in F (3).
-        inertias: (B, 10): mass (kg), first moments m c (kg m), and the inertia about the body's origin (kg m^2) as xx,
-            yy, zz, xy, xz, yz, in the body's frame.
-        gravity: (3,) acceleration in W (m/s^2).
-        ancestors: (B, n) bool: the coordinate moves the body.
-        coordinate_names: (n,) joint names in the plant's order.
-        body_names: (B,).
-    """
-
-    links: np.ndarray
-    frames: np.ndarray
+    links: np.ndarray  # (m, 4) int: kind, parent body, child body, coordinate (-1 for a weld)
+    frames: np.ndarray  # (m, 27): R_PF (9), p_PF (3), R_MB (9), p_MB (3), axis in F (3)
     inertias: np.ndarray
-    gravity: np.ndarray
-    ancestors: np.ndarray
-    coordinate_names: tuple[str, ...]
+    """(B, 10): mass (kg), first moments m c (kg m), and the inertia about the body's origin (kg m^2) as xx, yy, zz, xy,
+    xz, yz, in the body's frame."""
+    gravity: np.ndarray  # (3,) acceleration in W (m/s^2)
+    ancestors: np.ndarray  # (B, n) bool: the coordinate moves the body
+    coordinate_names: tuple[str, ...]  # joint names in the plant's order
     body_names: tuple[str, ...]
 
     @property
@@ -100,16 +91,16 @@ def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
     """All joints with the indices of their parent and child bodies."""
     joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
     waiting = [(j, int(j.parent_body().index()), int(j.child_body().index())) for j in joints]
-    placed, ordered = {int(plant.world_body().index())}, []
+    placed, ordered = {0}, []
     while waiting:
-        ready, later = [], []
+        later = []
         for entry in waiting:
-            (ready if entry[1] in placed else later).append(entry)
             if entry[1] in placed:
                 placed.add(entry[2])
-        if not ready:
-            raise ValueError("some bodies are not connected to the world")
-        ordered, waiting = ordered + ready, later
+                ordered.append(entry)
+            else:
+                later.append(entry)
+        waiting = later
     return ordered
 
 
@@ -197,6 +188,8 @@ def _turned(F, ax, ay, az, s, c):
 #
 # Vectors are tuples here, taken from and put into rows of arrays: a view of a row would cost more than the algebra.
 
+REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
 
 @compiled
 def six(array, i):
@@ -234,38 +227,50 @@ def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
+@internal
+def _in_row(K, b, i, a):
+    return (K[b, i, 0] * a[0] + K[b, i, 1] * a[1] + K[b, i, 2] * a[2] + K[b, i, 3] * a[3] + K[b, i, 4] * a[4]
+            + K[b, i, 5] * a[5])
+
+
+@internal
+def _in_column(K, b, i, a):
+    return (K[b, 0, i] * a[0] + K[b, 1, i] * a[1] + K[b, 2, i] * a[2] + K[b, 3, i] * a[3] + K[b, 4, i] * a[4]
+            + K[b, 5, i] * a[5])
+
+
 @compiled
 def times(K, b, a):
     """K[b] a of an array (n, 6, 6)."""
-    return (K[b, 0, 0] * a[0] + K[b, 0, 1] * a[1] + K[b, 0, 2] * a[2] + K[b, 0, 3] * a[3] + K[b, 0, 4] * a[4]
-            + K[b, 0, 5] * a[5],
-            K[b, 1, 0] * a[0] + K[b, 1, 1] * a[1] + K[b, 1, 2] * a[2] + K[b, 1, 3] * a[3] + K[b, 1, 4] * a[4]
-            + K[b, 1, 5] * a[5],
-            K[b, 2, 0] * a[0] + K[b, 2, 1] * a[1] + K[b, 2, 2] * a[2] + K[b, 2, 3] * a[3] + K[b, 2, 4] * a[4]
-            + K[b, 2, 5] * a[5],
-            K[b, 3, 0] * a[0] + K[b, 3, 1] * a[1] + K[b, 3, 2] * a[2] + K[b, 3, 3] * a[3] + K[b, 3, 4] * a[4]
-            + K[b, 3, 5] * a[5],
-            K[b, 4, 0] * a[0] + K[b, 4, 1] * a[1] + K[b, 4, 2] * a[2] + K[b, 4, 3] * a[3] + K[b, 4, 4] * a[4]
-            + K[b, 4, 5] * a[5],
-            K[b, 5, 0] * a[0] + K[b, 5, 1] * a[1] + K[b, 5, 2] * a[2] + K[b, 5, 3] * a[3] + K[b, 5, 4] * a[4]
-            + K[b, 5, 5] * a[5])
+    return (_in_row(K, b, 0, a), _in_row(K, b, 1, a), _in_row(K, b, 2, a), _in_row(K, b, 3, a), _in_row(K, b, 4, a),
+            _in_row(K, b, 5, a))
 
 
 @compiled
 def transposed_times(K, b, a):
     """K[b]^T a of an array (n, 6, 6)."""
-    return (K[b, 0, 0] * a[0] + K[b, 1, 0] * a[1] + K[b, 2, 0] * a[2] + K[b, 3, 0] * a[3] + K[b, 4, 0] * a[4]
-            + K[b, 5, 0] * a[5],
-            K[b, 0, 1] * a[0] + K[b, 1, 1] * a[1] + K[b, 2, 1] * a[2] + K[b, 3, 1] * a[3] + K[b, 4, 1] * a[4]
-            + K[b, 5, 1] * a[5],
-            K[b, 0, 2] * a[0] + K[b, 1, 2] * a[1] + K[b, 2, 2] * a[2] + K[b, 3, 2] * a[3] + K[b, 4, 2] * a[4]
-            + K[b, 5, 2] * a[5],
-            K[b, 0, 3] * a[0] + K[b, 1, 3] * a[1] + K[b, 2, 3] * a[2] + K[b, 3, 3] * a[3] + K[b, 4, 3] * a[4]
-            + K[b, 5, 3] * a[5],
-            K[b, 0, 4] * a[0] + K[b, 1, 4] * a[1] + K[b, 2, 4] * a[2] + K[b, 3, 4] * a[3] + K[b, 4, 4] * a[4]
-            + K[b, 5, 4] * a[5],
-            K[b, 0, 5] * a[0] + K[b, 1, 5] * a[1] + K[b, 2, 5] * a[2] + K[b, 3, 5] * a[3] + K[b, 4, 5] * a[4]
-            + K[b, 5, 5] * a[5])
+    return (_in_column(K, b, 0, a), _in_column(K, b, 1, a), _in_column(K, b, 2, a), _in_column(K, b, 3, a),
+            _in_column(K, b, 4, a), _in_column(K, b, 5, a))
+
+
+@internal
+def add_column(K, b, i, a):
+    """Adds a vector to column i of K[b]."""
+    for k in range(6):
+        K[b, k, i] += a[k]
+
+
+@internal
+def wrench(x, y, z, fx, fy, fz):
+    """Of a force at a point."""
+    return y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz
+
+
+@internal
+def moved_wrench(x, y, z, gx, gy, gz, fx, fy, fz, px, py, pz):
+    """What a force that changes by g, at a point that moves by p, changes in the wrench of the force f there."""
+    return (y * gz - z * gy + py * fz - pz * fy, z * gx - x * gz + pz * fx - px * fz,
+            x * gy - y * gx + px * fy - py * fx, gx, gy, gz)
 
 
 @compiled

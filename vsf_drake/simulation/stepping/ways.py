@@ -20,101 +20,60 @@ UNRELATED, CARRIES, CARRIED = 0, 1, 2
 
 
 class Ways(NamedTuple):
-    """C ways, the f free coordinates first, and how P parameters enter, K of them as courses, on n steps.
+    """C ways, the f free coordinates first, and how P parameters enter, K of them as courses, on n steps."""
 
-    Attributes:
-        coordinate: (C,) or -1 for the mount. body, parent (C,): what moves, and relative to which body.
-        mount: (C, 6) motion about the body's origin in its frame, where there is no coordinate.
-        relation: (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither.
-        carries: (C, B) whether the way moves the body.
-        unit: (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates.
-        start (C + 1,), parameter, course (N,): which parameters displace each way, and their column in `path` or -1.
-        moves: (C,) whether a course moves the way.
-        path (n + 1, K), path_rate (K,): displacement by a unit of each course on the grid; its rate at the start.
-        slide: (P,) of the fulcrum along the keel.
-        edit_start (S + 1,), edit_parameter, edit_column, edit_unit: what changes in the rows of the sites.
-        spring_parameter, spring_row (E,), spring_unit (E, 3): the same for stiffness, stiffness_negative, damping.
-        support: (P, 2) to stiffness and damping of the fulcrum.
-        measured: (S,) sites whose force is asked for.
-    """
-
-    coordinate: np.ndarray
-    body: np.ndarray
+    coordinate: np.ndarray  # (C,) or -1 for the mount
+    body: np.ndarray  # (C,) what moves, and parent (C,): relative to which body
     parent: np.ndarray
-    mount: np.ndarray
-    relation: np.ndarray
-    carries: np.ndarray
-    unit: np.ndarray
-    start: np.ndarray
-    parameter: np.ndarray
-    course: np.ndarray
-    moves: np.ndarray
-    path: np.ndarray
-    path_rate: np.ndarray
-    slide: np.ndarray
-    edit_start: np.ndarray
+    mount: np.ndarray  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
+    relation: np.ndarray  # (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither
+    carries: np.ndarray  # (C, B) whether the way moves the body
+    unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
+    start: np.ndarray  # (C + 1,) of the way's entries in the next two
+    parameter: np.ndarray  # (N,) which displaces the way
+    course: np.ndarray  # (N,) its column in `path`, or -1
+    moves: np.ndarray  # (C,) whether a course moves the way
+    path: np.ndarray  # (n + 1, K) displacement by a unit of each course on the grid
+    path_rate: np.ndarray  # (K,) its rate at the start
+    slide: np.ndarray  # (P,) of the fulcrum along the keel
+    slides: bool  # whether any of them is not 0
+    edit_start: np.ndarray  # (S + 1,) of the site's entries in the next three: what changes in its row
     edit_parameter: np.ndarray
     edit_column: np.ndarray
     edit_unit: np.ndarray
-    spring_parameter: np.ndarray
+    spring_parameter: np.ndarray  # (E,) and the next two: the same of springs
     spring_row: np.ndarray
-    spring_unit: np.ndarray
-    support: np.ndarray
-    measured: np.ndarray
+    spring_unit: np.ndarray  # (E, 3) stiffness, stiffness_negative, damping
+    support: np.ndarray  # (P, 2) to stiffness and damping of the fulcrum
+    measured: np.ndarray  # (S,) sites whose force is asked for
 
 
 class Tangent(NamedTuple):
-    """Work space and state of the sensitivities: B bodies, f free coordinates, C ways, P parameters.
+    """Work space and state of the sensitivities: B bodies, f free coordinates, C ways, P parameters."""
 
-    Attributes:
-        S, rate, second, end (C, 6): motion of a unit of each way; what its parent's motion adds to the velocity and
-            acceleration of what it carries, at the start of the step; to the velocity at its end.
-        coriolis, shift (B, 6, 6): composites; derivative of inertial forces by velocity, of contact by displacement.
-        out_shift, out_K (B, 6, 6): the same of the measured wrench, by displacement and by minus the velocity.
-        touched: (B,) whether the body, or one that it carries, has a loaded site.
-        dF (B, P, 6), dT (P, 6): what parameters change directly in the wrenches, and in the measured one.
-        Gq (f, C), Gv (f, C), E (f, P): derivatives of the residual / h by displacement, initial velocity, parameters;
-            Gv is 0 for ways that are prescribed and do not move.
-        B: (f, C) derivative of the residual by the end velocity of prescribed ways that move, else 0.
-        q, v (C, P): sensitivities of the state. v_end (C, P): those of the end velocity of prescribed ways.
-        torque: (f, P) of the applied torques. rhs (f, P).
-        d_row: (n,) room for the support's power on the keel's coordinates. own, below (B, P, 6): what the ways of a
-            body, and those beyond it, change in the wrench under it.
-    """
-
-    S: np.ndarray
-    rate: np.ndarray
-    second: np.ndarray
-    end: np.ndarray
-    coriolis: np.ndarray
-    shift: np.ndarray
-    out_shift: np.ndarray
-    out_K: np.ndarray
-    touched: np.ndarray
-    dF: np.ndarray
-    dT: np.ndarray
-    Gq: np.ndarray
-    Gv: np.ndarray
-    E: np.ndarray
-    B: np.ndarray
-    q: np.ndarray
+    S: np.ndarray  # (C, 6) motion of a unit of each way
+    rate: np.ndarray  # (C, 6) what its parent's motion adds to the velocity of what it carries, at the step's start
+    second: np.ndarray  # (C, 6) likewise to the acceleration
+    end: np.ndarray  # (C, 6) likewise to the velocity at the step's end
+    coriolis: np.ndarray  # (B, 6, 6) composites: derivative of inertial forces by velocity
+    shift: np.ndarray  # (B, 6, 6) of contact by displacement
+    out_shift: np.ndarray  # (B, 6, 6) of the measured wrench by displacement
+    out_K: np.ndarray  # (B, 6, 6) and by minus the velocity
+    touched: np.ndarray  # (B,) whether the body, or one that it carries, has a loaded site
+    dF: np.ndarray  # (B, P, 6) what parameters change directly in the wrenches
+    dT: np.ndarray  # (P, 6) and in the measured one
+    Gq: np.ndarray  # (f, C) derivatives of the residual / h by displacement
+    Gv: np.ndarray  # (f, C) by the initial velocity; 0 for ways that are prescribed and do not move
+    E: np.ndarray  # (f, P) by parameters
+    B: np.ndarray  # (f, C) of the residual by the end velocity of prescribed ways that move, else 0
+    q: np.ndarray  # (C, P) sensitivities of the state
     v: np.ndarray
-    v_end: np.ndarray
-    torque: np.ndarray
-    rhs: np.ndarray
-    d_row: np.ndarray
-    own: np.ndarray
-    below: np.ndarray
-
-
-class Changes(NamedTuple):
-    """Derivatives of n steps by P parameters, of N coordinates: of the measured wrench (n, 6, P), moment about W's
-    origin and force; of load, q and v (n, N, P) as in a `stepper.Record`, (0, N, P) where they are not asked for."""
-
-    wrench: np.ndarray
-    load: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
+    v_end: np.ndarray  # (C, P) of the end velocity of prescribed ways
+    torque: np.ndarray  # (f, P) of the applied torques
+    rhs: np.ndarray  # (f, P)
+    d_row: np.ndarray  # (n,) room for the support's power on the keel's coordinates
+    own: np.ndarray  # (B, P, 6) what the ways of a body change in the wrench under it
+    below: np.ndarray  # (B, P, 6) and what those beyond it do
 
 
 def make_ways(
@@ -130,6 +89,9 @@ def make_ways(
     """
     parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
     parent_of[tree.links[:, 2]] = tree.links[:, 1]
+    carriers = np.eye(len(parent_of), dtype=np.bool_)  # whether the second body carries the first, or is it
+    for _, parent, child, _ in tree.links:
+        carriers[child] |= carriers[parent]
     bodies = tree.coordinate_bodies
     columns = [(int(c), int(bodies[c]), np.zeros(6)) for c in split.free]
     units: list[tuple[int, int, float]] = []
@@ -151,7 +113,6 @@ def make_ways(
             units.append((shared[c], p, amount))
     units.sort(key=lambda entry: entry[0])
     body, rows = np.array([b for _, b, _ in columns], dtype=np.int64), bodies[split.free]
-    carriers = _carriers(parent_of)
     carries, carried = np.ascontiguousarray(carriers[:, body].T), carriers[body]
     unit = np.zeros((len(columns), len(edits)))
     for way, p, amount in units:
@@ -175,7 +136,7 @@ def make_ways(
         path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
         else np.zeros((0, 0)),
         path_rate=np.array([edits[p].course_rate for p in courses], dtype=float),
-        slide=np.array([edit.fulcrum_shift for edit in edits]),
+        slide=np.array([edit.fulcrum_shift for edit in edits]), slides=any(edit.fulcrum_shift for edit in edits),
         edit_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
         edit_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
         edit_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
@@ -190,11 +151,9 @@ def make_ways(
 def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
     """Room for these ways; the state's sensitivities are those of a start where only prescribed ways change."""
     B, f, (C, P) = len(tree.body_names), len(split.free), ways.unit.shape
-    v = np.zeros((C, P))
-    for j in range(C):
-        for e in range(ways.start[j], ways.start[j + 1]):
-            if ways.course[e] >= 0:
-                v[j, ways.parameter[e]] = ways.path_rate[ways.course[e]]
+    v, way = np.zeros((C, P)), np.repeat(np.arange(C), np.diff(ways.start))
+    moving = ways.course >= 0
+    v[way[moving], ways.parameter[moving]] = ways.path_rate[ways.course[moving]]
     return Tangent(
         **{name: np.zeros((C, 6)) for name in ("S", "rate", "second", "end")},
         **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
@@ -217,38 +176,23 @@ def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray,
             np.concatenate([toes_up, -np.cross(toes_up, p_KM)]))
 
 
-def _carriers(parent_of: np.ndarray) -> np.ndarray:
-    """(B, B) whether the second body carries the first, or is it."""
-    found = np.eye(len(parent_of), dtype=np.bool_)
-    for b in range(len(parent_of)):
-        above = b
-        while above != 0:
-            above = int(parent_of[above])
-            found[b, above] = True
-    return found
-
-
 # How a parameter enters the arrays that a run works on.
 
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`.
-
-    Attributes:
-        sites (S, 11), springs (k, 6), fulcrum (2,): to the arrays of those names; None for nothing.
-        mount: (3,) to height (m), fore-aft (m) and alignment (rad) of the foot under the pylon.
-        fulcrum_shift: m, to the fulcrum's position.
-        coordinate: name of the prescribed coordinate that shifts, or None.
-        course: (n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift.
-        course_rate: of `course` at the start (1/s).
-    """
+    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`; None for nothing."""
 
     sites: np.ndarray | None = None
     springs: np.ndarray | None = None
     fulcrum: np.ndarray | None = None
     mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """To height (m), fore-aft (m) and alignment (rad) of the foot under the pylon."""
     fulcrum_shift: float = 0.0
+    """m, to the fulcrum's position."""
     coordinate: str | None = None
+    """Name of the prescribed coordinate that shifts."""
     course: np.ndarray | None = None
+    """(n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift."""
     course_rate: float = 0.0
+    """Of `course` at the start (1/s)."""
