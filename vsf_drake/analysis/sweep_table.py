@@ -10,7 +10,7 @@ import numpy as np
 
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.many.worker import WalkOutcome
+from vsf_drake.simulation.many.run import WalkOutcome
 
 SCORES = {
     "grf_rmse_bw": ("body weights", "RMS error of the resultant force, both low-passed at 40 Hz, stances ± 0.25 s"),

@@ -16,10 +16,14 @@ mechanism and how its forces depend on the variable.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import math
+import operator
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -141,20 +145,41 @@ def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Var
     check_names(values, variables, where="values")
     for name, value in values.items():
         variable = variables[name]
-        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not number or not variable.minimum <= value <= variable.maximum:
+        if not is_number(value) or not variable.minimum <= value <= variable.maximum:
             raise InputError(f"{value!r} is not usable", where=f"values[{name!r}]",
                              right=f"It must be a number from {variable.minimum:g} to {variable.maximum:g} "
                                    f"{variable.unit}")
     return {name: float(value) for name, value in values.items()}
 
 
-def check_number(value: float, where: str) -> float:
-    """`value` as a float; raises InputError unless it is a finite number."""
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not number or not math.isfinite(value):
-        raise InputError(f"{value!r} is not usable", where=where, right="It must be a finite number")
-    return float(value)
+def check_number(value: Any, where: str) -> float:
+    """`value` as a float; raises InputError unless it is a finite real number."""
+    with contextlib.suppress(OverflowError):  # an integer beyond any float
+        if is_number(value) and math.isfinite(value):
+            return float(value)
+    raise InputError(f"{shown(value)} is not usable", where=where, right="It must be a finite number")
+
+
+def check_whole(value: Any, where: str, least: int) -> int:
+    """`value` as an int; raises InputError unless it is a whole number from `least` on."""
+    with contextlib.suppress(TypeError):
+        if not isinstance(value, bool) and operator.index(value) >= least:
+            return operator.index(value)
+    raise InputError(f"{shown(value)} is not usable", where=where,
+                     right=f"It must be a whole number, {least} or more")
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is one real number, finite or not."""
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """`value` in a few words, whatever it is: a number in six digits, else its shortened repr."""
+    try:
+        return f"{value:g}" if is_number(value) else reprlib.repr(value)
+    except Exception:  # an integer beyond any float, an object whose repr fails
+        return f"a {type(value).__name__} that cannot be shown"
 
 
 def added(

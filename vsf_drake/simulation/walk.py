@@ -483,7 +483,9 @@ def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, 
         raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
                          right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
     if not 0.0 < end_s - start_s <= MOST_STEPS * step_s:
-        raise InputError(f"{start_s:g} to {end_s:g} s is no time to walk", where="start_s, end_s")
+        raise InputError(f"{start_s:g} to {end_s:g} s in steps of {step_s:g} s is no time to walk",
+                         where="start_s, end_s, step_s",
+                         right=f"It must end after it starts, and have at most {MOST_STEPS:,} steps")
     steps = max(1, round((end_s - start_s) / step_s))
     moments = start_s + step_s * np.arange(steps + 1)
     moments[-1] = min(moments[-1], end_s)
@@ -492,10 +494,15 @@ def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, 
 
 def fulcrum_on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
     """Positions (n,) at the moments (n,)."""
-    given = np.asarray(fulcrum_m(moments) if callable(fulcrum_m) else fulcrum_m)
+    right = "Give a finite number (m), or a function with one for each time"
+    try:
+        given = np.asarray(fulcrum_m(moments.copy()) if callable(fulcrum_m) else fulcrum_m)
+    except Exception as error:  # the caller's function can raise anything
+        raise InputError(f"the function raises {type(error).__name__}: {error}", where="fulcrum_m",
+                         right=right) from None
     if given.dtype.kind not in "iuf" or given.shape not in ((), moments.shape) or not np.isfinite(given).all():
-        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times",
-                         where="fulcrum_m", right="Give a finite number (m), or a function with one for each time")
+        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times, or not finite "
+                         "ones", where="fulcrum_m", right=right)
     return np.broadcast_to(given.astype(float), moments.shape)
 
 

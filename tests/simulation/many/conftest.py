@@ -11,7 +11,7 @@ import pytest
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.many import WalkCase, WalkOutcome, worker
+from vsf_drake.simulation.many import WalkCase, WalkOutcome, run
 
 LOADED_S = 0.45
 """Some time in the embedded walk at which the prosthetic foot carries load."""
@@ -37,8 +37,8 @@ def sweep(trial: Trial) -> Callable[..., list[WalkCase]]:
 @pytest.fixture
 def walks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Gets an entry for each walk that is really made in this process."""
-    made, real = [], worker._walked
-    monkeypatch.setattr(worker, "_walked", lambda *words: (made.append(1), real(*words))[1])
+    made, real = [], run._walked
+    monkeypatch.setattr(run, "_walked", lambda *words: (made.append(1), real(*words))[1])
     return made
 
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 import pytest
 from deadly import Deadly, Unreadable
 
-from vsf_drake.simulation.many import WalkCase, processes, simulate_many, worker
+from vsf_drake.simulation.many import WalkCase, processes, run, simulate_many
 
 
 def children() -> list[int]:
@@ -134,7 +134,7 @@ def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, 
         tried.append(1)
         raise error
 
-    monkeypatch.setattr(worker, "_walked", fail)
+    monkeypatch.setattr(run, "_walked", fail)
     [outcome] = simulate_many(sweep(1), workers=1, cache=tmp_path)
     assert len(tried) == 2
     assert type(error).__name__ in outcome.failure and "tried 2 times" in outcome.failure
@@ -192,6 +192,6 @@ def test_a_task_that_is_cancelled_from_outside_is_tried_again(sweep):
 
 
 def test_a_worker_with_other_software_is_refused(monkeypatch, sweep):
-    monkeypatch.setattr(worker, "software", lambda: {"drake": "0.1"})
+    monkeypatch.setattr(run, "software", lambda: {"drake": "0.1"})
     [outcome] = simulate_many(sweep(1), workers=1)
     assert "drake 0.1 instead of" in outcome.failure

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError, VsfError
-from vsf_drake.simulation.many import ProcessWorkers, WalkCase, simulate_many, worker
+from vsf_drake.simulation.many import ProcessWorkers, WalkCase, run, simulate_many
 from vsf_drake.simulation.walk import Walker
 
 UNDER_GROUND = {"coordinate.pelvis_ty": -0.6}
@@ -51,14 +51,14 @@ def test_same_numbers_on_one_worker_on_two_and_on_threads_in_any_order(sweep, as
 def test_outcomes_come_in_the_order_of_the_cases_whatever_finishes_first(monkeypatch, sweep):
     finished = []
 
-    def run(task):
+    def walk(task):
         place = 0.07 + 0.07 * np.arange(4) / 4
         i = int(np.argmin(np.abs(place - task.options["fulcrum_m"])))
         time.sleep(0.05 * (4 - i))
         finished.append(i)
-        return worker.Reply(worker.Kind.DONE, arrays={"time_s": np.array([float(i)])})
+        return run.Reply(run.Kind.DONE, arrays={"time_s": np.array([float(i)])})
 
-    monkeypatch.setattr("vsf_drake.simulation.many.run.run_task", run)
+    monkeypatch.setattr("vsf_drake.simulation.many.run.run_task", walk)
     with ThreadPoolExecutor(4) as threads:
         outcomes = simulate_many(sweep(4), keep=["time_s"], executor=threads)
     assert finished == [3, 2, 1, 0]
@@ -130,8 +130,8 @@ class CountedWalker(Walker):
 
 @pytest.fixture
 def counted(monkeypatch):
-    monkeypatch.setattr(worker, "_idle", {})
-    monkeypatch.setattr(worker, "Walker", CountedWalker)
+    monkeypatch.setattr(run, "_idle", {})
+    monkeypatch.setattr(run, "Walker", CountedWalker)
     CountedWalker.built = CountedWalker.walked = CountedWalker.clashes = 0
     return CountedWalker
 
@@ -159,7 +159,7 @@ def test_equal_members_are_walked_once(counted, sweep):
 
 
 def test_a_worker_gets_person_and_recording_once_and_not_once_a_task(monkeypatch, sweep):
-    monkeypatch.setattr(worker, "_parts", type(worker._parts)())
+    monkeypatch.setattr(run, "_parts", type(run._parts)())
     sent = []
 
     class Noting(ThreadPoolExecutor):

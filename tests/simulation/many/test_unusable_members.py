@@ -15,10 +15,10 @@ def fails(_):
 
 
 UNUSABLE = {
-    "too few": ({"fulcrum_m": lambda t: [0.1, 0.1]}, "fulcrum_m: the function returns the shape (2,)"),
+    "too few": ({"fulcrum_m": lambda t: [0.1, 0.1]}, "fulcrum_m: gives float64 numbers of shape (2,)"),
     "a word": ({"fulcrum_m": lambda t: "here"}, "fulcrum_m"),
     "ragged": ({"fulcrum_m": lambda t: [[0.1], [0.1, 0.2]]}, "fulcrum_m"),
-    "a table": ({"fulcrum_m": lambda t: np.full((2, t.size), 0.1)}, "fulcrum_m: the function returns the shape (2, "),
+    "a table": ({"fulcrum_m": lambda t: np.full((2, t.size), 0.1)}, "fulcrum_m: gives float64 numbers of shape (2, "),
     "nothing": ({"fulcrum_m": lambda t: None}, "fulcrum_m"),
     "complex function": ({"fulcrum_m": lambda t: 0.1 + 0j * t}, "fulcrum_m"),
     "complex": ({"fulcrum_m": 0.1 + 0j}, "fulcrum_m"),

@@ -15,7 +15,7 @@ import vsf_drake
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.simulation.many import WalkCase, cases, simulate_many, worker
+from vsf_drake.simulation.many import WalkCase, cases, run, simulate_many
 from vsf_drake.simulation.many.cases import Planner
 
 PACKAGE = Path(vsf_drake.__file__).parent
@@ -141,7 +141,7 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tm
             raise InputError("there is no such variable")
         raise SimulationError("keel_1 diverged", time_s=0.1)
 
-    monkeypatch.setattr(worker, "_walked", diverge)
+    monkeypatch.setattr(run, "_walked", diverge)
     both = [WalkCase(trial=trial), WalkCase(trial=trial, values={"nonsense": 1.0})]
     for _ in range(2):
         failed, refused = simulate_many(both, workers=1, cache=tmp_path)

@@ -34,8 +34,8 @@ from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.cases import digest, number, whole
-from vsf_drake.simulation.variables import Variable, check_values
+from vsf_drake.simulation.many.cases import digest
+from vsf_drake.simulation.variables import Variable, check_number, check_values, check_whole
 from vsf_drake.simulation.walk import Walker
 
 __all__ = ["PaperFit", "PaperOptions", "fit_like_the_paper"]
@@ -227,10 +227,10 @@ class PaperOptions:
     def __post_init__(self) -> None:
         for name, least in (("scenarios", 1), ("iterations", 1), ("settled", 1), ("restarts", 0), ("seed", 0),
                             ("workers", 1)):
-            object.__setattr__(self, name, whole(getattr(self, name), name, least))
+            object.__setattr__(self, name, check_whole(getattr(self, name), name, least))
         for name, above in (("spread", 0.0), ("fold", 1.0), ("objective_tolerance_n", 0.0),
                             ("parameter_tolerance", 0.0), ("step_s", 0.0)):
-            value = number(getattr(self, name), name)
+            value = check_number(getattr(self, name), name)
             if not value > above:
                 raise InputError(f"{value:g} is not usable", where=name, right=f"It must be above {above:g}")
             object.__setattr__(self, name, value)
@@ -238,7 +238,7 @@ class PaperOptions:
             bounds = getattr(self, name)
             if not isinstance(bounds, (tuple, list)) or len(bounds) != 2:
                 raise InputError(f"{bounds!r} are no bounds", where=name, right="Give (low, high)")
-            low, high = (number(bound, name) for bound in bounds)
+            low, high = (check_number(bound, name) for bound in bounds)
             if not low < high:
                 raise InputError(f"the bounds {low:g} to {high:g} cross", where=name, right="Give the lower one first")
             object.__setattr__(self, name, (low, high))

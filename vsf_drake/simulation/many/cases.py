@@ -1,14 +1,12 @@
-"""One member of a sweep, the task that a worker gets for it, and the key under which its walk is kept."""
+"""One member of a sweep, the task that a worker gets for it, and the key under which its walk is kept; samples."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import json
-import math
-import operator
 import platform
-import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,7 +21,8 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.walk import DEFAULT_STEP_S
+from vsf_drake.simulation.variables import Variable, check_number, check_whole, is_number, shown
+from vsf_drake.simulation.walk import DEFAULT_STEP_S, fulcrum_on_grid, walk_grid
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial_record import Trial
@@ -99,6 +98,16 @@ class Task:
     parts: dict[str, Any] = field(default_factory=dict)
 
 
+class SampledFulcrum:
+    """A moving fulcrum as numbers: linear between the instants at which it was taken, exact on them."""
+
+    def __init__(self, time_s: np.ndarray, position_m: np.ndarray) -> None:
+        self.time_s, self.position_m = time_s, position_m
+
+    def __call__(self, time_s: np.ndarray) -> np.ndarray:
+        return np.interp(time_s, self.time_s, self.position_m)
+
+
 class Planner:
     """Turns cases into tasks; hashes each person and each recording once, however many cases share it.
 
@@ -117,34 +126,36 @@ class Planner:
         Raises:
             InputError: it holds what cannot be a number, a name or a time.
         """
-        trial, free = case.trial, names(case.free)
-        values, window = numbers(case.values), {
-            "start_s": number(trial.start_s, "start_s"), "end_s": number(trial.end_s, "end_s"),
-            "step_s": number(case.step_s, "step_s")}
-        check_steps(**window)
+        trial, free = case.trial, _names(case.free)
+        if not isinstance(case.values, Mapping):
+            raise InputError(f"{shown(case.values)} is no mapping", where="values",
+                             right="Give numbers by the names of variables, or {} for none")
+        values = {str(name): check_number(value, f"values[{name!r}]") for name, value in case.values.items()}
+        moments, step_s = walk_grid(trial.start_s, trial.end_s, case.step_s)
         offsets = trial.offsets if case.offsets is None else case.offsets
         if not isinstance(offsets, GeometricOffsets):
             raise InputError(f"{shown(offsets)} is not usable", where="offsets", right="Give GeometricOffsets, or None")
         for name in OFFSETS:
-            number(getattr(offsets, name), f"offsets.{name}")
-        options: dict[str, Any] = {**window, "values": values}
-        plain, arrays = dict(options), {}
-        fulcrum = trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
+            check_number(getattr(offsets, name), f"offsets.{name}")
+        plain: dict[str, Any] = {"start_s": float(trial.start_s), "end_s": float(trial.end_s), "step_s": step_s,
+                                 "values": values}
+        fulcrum: Any = trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
+        position, arrays = fulcrum_on_grid(fulcrum, moments), {}
         if callable(fulcrum):
-            options["fulcrum_m"] = moving = sampled(fulcrum, **window)
-            arrays = {"time_s": moving.time_s, "position_m": moving.position_m}
+            options = plain | {"fulcrum_m": SampledFulcrum(moments, position)}
+            arrays = {"time_s": moments, "position_m": position}
         else:
-            options["fulcrum_m"] = plain["fulcrum_m"] = number(fulcrum, "fulcrum_m")
+            options = plain = plain | {"fulcrum_m": float(position[0])}
         person = self._key((id(trial.subject), id(trial.model), free), (trial.subject, trial.model, free), _person_key)
         motion = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
-        options["offsets"] = offsets
         made_by = software()
         try:
             key = digest({"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
                           "keep": sorted(self.keep), "software": made_by}, arrays)
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"holds what is not a finite number ({error})", where="offsets") from None
-        return Task(key=key, person=person, motion=motion, options=options, keep=self.keep, software=made_by)
+        return Task(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
+                    software=made_by)
 
     def _key(self, identity: tuple, part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
@@ -228,85 +239,8 @@ def software() -> dict[str, str]:
 software()
 
 
-# What the fields of a case and the counts of a sweep may hold, each refused by its name.
-
-
-MOST_STEPS = 10_000_000
-"""Of one walk; their histories would take some 10 GB."""
-
-
-class SampledFulcrum:
-    """A moving fulcrum as numbers: linear between the instants at which it was taken, exact on them."""
-
-    def __init__(self, time_s: np.ndarray, position_m: np.ndarray) -> None:
-        self.time_s, self.position_m = time_s, position_m
-
-    def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        return np.interp(time_s, self.time_s, self.position_m)
-
-
-def shown(value: Any) -> str:
-    """`value` in a few words, whatever it is: a number in six digits, else its shortened repr."""
-    try:
-        return f"{value:g}" if is_number(value) else reprlib.repr(value)
-    except Exception:  # an integer beyond any float, an object whose repr fails
-        return f"a {type(value).__name__} that cannot be shown"
-
-
-def is_number(value: Any) -> bool:
-    """Whether it is one real number, finite or not."""
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-
-
-def number(value: Any, where: str) -> float:
-    """`value` as a float.
-
-    Raises:
-        InputError: it is no finite real number.
-    """
-    try:
-        found = float(value) if is_number(value) else math.nan
-    except OverflowError:
-        found = math.inf
-    if not math.isfinite(found):
-        raise InputError(f"{shown(value)} is not usable", where=where, right="It must be a finite number")
-    return found
-
-
-def whole(value: Any, where: str, least: int) -> int:
-    """`value` as an int.
-
-    Raises:
-        InputError: it is no whole number, or less than `least`.
-    """
-    try:
-        found = least - 1 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        found = least - 1
-    if found < least:
-        raise InputError(f"{shown(value)} is not usable", where=where,
-                         right=f"It must be a whole number, {least} or more")
-    return found
-
-
-def numbers(values: Any) -> dict[str, float]:
-    """`WalkCase.values` as floats by name.
-
-    Raises:
-        InputError: it is no mapping, or one of them is no finite number.
-    """
-    if not isinstance(values, Mapping):
-        raise InputError(f"{shown(values)} is no mapping", where="values",
-                         right="Give numbers by the names of variables, or {} for none")
-    return {str(name): number(value, f"values[{name!r}]") for name, value in values.items()}
-
-
-def names(free: Any) -> tuple[str, ...]:
-    """`WalkCase.free` as a tuple.
-
-    Raises:
-        InputError: it is not a sequence of names.
-    """
+def _names(free: Any) -> tuple[str, ...]:
+    """`WalkCase.free` as a tuple."""
     if isinstance(free, str):
         raise InputError(f"{shown(free)} is one name, not a sequence of names", where="free", right=f"Give ({free!r},)")
     if not isinstance(free, (Sequence, set, frozenset, np.ndarray)) or not all(isinstance(name, str) for name in free):
@@ -315,39 +249,46 @@ def names(free: Any) -> tuple[str, ...]:
     return tuple(str(name) for name in free)
 
 
-def check_steps(start_s: float, end_s: float, step_s: float) -> None:
-    """Refuses what no memory could hold; other faults of the window are the walker's to name.
+# Values for the members of a sweep: every combination on a grid, or a random sample that fills the bounds evenly.
+
+
+def grid_values(axes: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
+    """Every combination of the values in `axes` (by variable), the last one running fastest."""
+    return [dict(zip(axes, map(float, row), strict=True)) for row in itertools.product(*axes.values())]
+
+
+def sample_values(
+    variables: Mapping[str, Variable], names: Sequence[str], count: int, seed: int
+) -> list[dict[str, float]]:
+    """A Latin hypercube over the bounds of `names` (McKay, Beckman & Conover 1979, doi 10.1080/00401706.1979.10489755).
+
+    The range of each variable is cut into `count` equal slices and each slice is met once. Where the lower bound is
+    above zero the logarithm is cut, because such bounds are ratios.
+
+    Args:
+        variables: a walker's, by name.
+        count: how many sets of values, at least 1.
+        seed: 0 or more; the same seed gives the same sets.
 
     Raises:
-        InputError: there are more than MOST_STEPS.
+        InputError: a name is not one of `variables` or given twice, nothing is asked for, or `count` or `seed`
+            is no such number.
     """
-    if step_s > 0.0 and (end_s - start_s) / step_s > MOST_STEPS:
-        raise InputError(f"{start_s:g} to {end_s:g} s in steps of {step_s:g} s are more than {MOST_STEPS:,} steps",
-                         where="step_s", right="Give a longer step")
-
-
-def sampled(fulcrum: Callable[[np.ndarray], Any], start_s: float, end_s: float, step_s: float) -> SampledFulcrum:
-    """`fulcrum` on the grid of `Walker.walk`.
-
-    Raises:
-        InputError: there is no such grid, or it does not give one finite real number for each time.
-    """
-    if step_s <= 0.0 or end_s <= start_s:
-        raise InputError(f"{start_s:g} to {end_s:g} s in steps of {step_s:g} s is no time to walk", where="step_s")
-    moments = np.minimum(start_s + step_s * np.arange(max(1, round((end_s - start_s) / step_s)) + 1), end_s)
-    right = "It must return one finite number (m) for each time, or one for all"
-    try:
-        given = np.asarray(fulcrum(moments.copy()))
-    except Exception as error:  # the caller's function can raise anything
-        raise InputError(f"the function raises {type(error).__name__}: {error}", where="fulcrum_m",
-                         right=right) from None
-    if given.dtype.kind not in "fiu":
-        raise InputError(f"the function returns {shown(given)}, no real numbers", where="fulcrum_m", right=right)
-    try:
-        position = np.array(np.broadcast_to(given, moments.shape), dtype=float)
-    except ValueError:
-        raise InputError(f"the function returns the shape {given.shape} for {moments.size} times", where="fulcrum_m",
-                         right=right) from None
-    if not np.isfinite(position).all():
-        raise InputError(f"is not a finite number at {moments[~np.isfinite(position)][0]:g} s", where="fulcrum_m")
-    return SampledFulcrum(moments, position)
+    if isinstance(names, str):
+        raise InputError(f"{names!r} is one name, not a sequence of names", where="names", right=f"Give [{names!r}]")
+    names, count, seed = [*names], check_whole(count, "count", 0), check_whole(seed, "seed", 0)
+    for i, name in enumerate(names):
+        if not isinstance(name, str):
+            raise InputError(f"{shown(name)} is no name", where="names")
+        if name not in variables or name in names[:i]:
+            raise InputError(f"{name!r} is {'named twice' if name in variables else 'no variable of this walker'}",
+                             where="names")
+    if count < 1 or not names:
+        raise InputError(f"{count} sets of {len(names)} values are none", where="count, names")
+    random = np.random.default_rng(seed)
+    columns = []
+    for name in names:
+        share = (random.permutation(count) + random.uniform(size=count)) / count
+        low, high = variables[name].low, variables[name].high
+        columns.append(low * (high / low) ** share if low > 0.0 else low + (high - low) * share)
+    return [dict(zip(map(str, names), map(float, row), strict=True)) for row in zip(*columns, strict=True)]

@@ -1,9 +1,11 @@
 """Worker processes that may die: an executor that loses one task for each killed process, and starts another.
 
-`concurrent.futures.ProcessPoolExecutor` gives up all of its processes when one is killed, and cannot say which task
-did it. Here a thread stands before each process, so that it is known which task ran where. The processes are fresh
-interpreters: they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and do not import the
-caller's script (`multiprocessing` would), so that it needs no `if __name__ == "__main__"`.
+A thread stands before each process, so that it is known which task ran where. The processes are fresh interpreters:
+they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and do not import the caller's script.
+
+joblib's loky (1.5) does not keep this: of 12 tasks on two workers one SIGKILL lost 7 and the pool, without saying which
+did it; its workers start by -m without -P (a `signal.py` in the current folder ran); two processes outlive a shutdown.
+Threads are limited in the environment, before BLAS is loaded, which spares what threadpoolctl would do in each worker.
 """
 
 from __future__ import annotations
@@ -22,12 +24,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
 import vsf_drake
 from vsf_drake.errors import InputError, VsfError
-from vsf_drake.simulation.many.cases import whole
+from vsf_drake.simulation.variables import check_whole
 
 READY = "ready"
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
@@ -68,7 +71,7 @@ class ProcessWorkers(Executor):
     """
 
     def __init__(self, workers: int, *, here: bool = False) -> None:
-        workers = whole(workers, "workers", 1)
+        workers = check_whole(workers, "workers", 1)
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
         self._places: queue.SimpleQueue[_Process | _Here | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
@@ -108,20 +111,20 @@ class ProcessWorkers(Executor):
             self._places.put(place)
 
     def _call(self, job: tuple[Any, ...]) -> Any:
-        process = self._places.get()
+        place = self._places.get()
         try:
-            if process is None or (self._lost and isinstance(process, _Here)):
-                process = None
-                process = self._start()
-            returned, result = process.call(job)
+            if place is None or (self._lost and isinstance(place, _Here)):
+                place = None
+                place = self._start()
+            returned, result = place.call(job)
         except (EOFError, ConnectionError):
-            assert isinstance(process, _Process)
+            assert isinstance(place, _Process)
             self._lost = True
-            cause = self._end(process)
-            process = None
+            cause = self._end(place)
+            place = None
             raise WorkerLostError(f"the worker process {cause} in the middle of it") from None
         finally:
-            self._places.put(process)
+            self._places.put(place)
         if not returned:
             raise WorkerLostError(f"the worker process could not do it: {result}")
         return result
@@ -133,53 +136,46 @@ class ProcessWorkers(Executor):
                     raise WorkerLostError("the sweep has ended")
                 process = _Process()
                 self._alive.add(process)
-            if process.is_ready():
-                return process
+            with contextlib.suppress(EOFError, ConnectionError):
+                if process.pipe.recv() == READY:
+                    return process
             cause = self._end(process)
         raise WorkerStartError(f"the worker process {cause} before it took any work: see what it printed above")
 
     def _end(self, process: _Process) -> str:
-        """Makes sure that it has ended, and says how."""
+        """Makes sure that it has ended, and says how. It holds nothing that could be lost."""
         with self._lock:
             self._alive.discard(process)
-        return process.end()
+        process.child.kill()
+        code = process.child.wait()
+        return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
 class _Process:
     """One interpreter and the pipe to it."""
 
     def __init__(self) -> None:
-        self._pipe, theirs = Pipe()
+        self.pipe, theirs = Pipe()
         with theirs:
             code = _CODE.format(path=_path(), descriptor=theirs.fileno())
-            self._child = subprocess.Popen(
+            self.child = subprocess.Popen(
                 [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL, env=os.environ | _ONE_THREAD)
 
-    def is_ready(self) -> bool:
-        """Waits until it can work; false if it ends instead."""
-        try:
-            return bool(self._pipe.recv() == READY)
-        except (EOFError, ConnectionError):
-            return False
-
     def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
-        """Whether the job returned, and what; else the exception as text.
-
-        Raises:
-            EOFError, ConnectionError: the process has ended.
-        """
-        self._pipe.send(job)
-        reply: tuple[bool, Any] = self._pipe.recv()
+        """Whether the job returned, and what, else the exception as text; EOFError or ConnectionError if it ended."""
+        self.pipe.send(job)
+        reply: tuple[bool, Any] = self.pipe.recv()
         return reply
 
-    def end(self) -> str:
-        """Kills it if it still lives, and says how it ended. It holds nothing that could be lost."""
-        self._child.kill()
-        code = self._child.wait()
-        if code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
-        return f"ended with exit code {code}"
+
+class _Here:
+    """This process in the place of another. What a task raises is the task's, as in any executor."""
+
+    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
+        """As `_Process.call`."""
+        fn, args, kwargs = job
+        return True, fn(*args, **kwargs)
 
 
 def _path() -> list[str]:
@@ -205,24 +201,19 @@ class _Here:
 
 def serve(descriptor: int) -> None:
     """The life of a worker process: takes jobs from the pipe until its other end is closed, by will or by death."""
-    from vsf_drake.simulation.many import worker  # noqa: F401, PLC0415 (all that takes time, before it is ready)
+    from vsf_drake.simulation.many import run  # noqa: F401, PLC0415 (all that takes time, before it is ready)
 
     gc.enable()
-    with Connection(descriptor) as pipe:
-        try:
-            pipe.send(READY)
-            while True:
-                pipe.send(_done(pipe.recv_bytes()))
-        except (EOFError, ConnectionError):
-            return
-
-
-def _done(pickled: bytes) -> tuple[bool, Any]:
-    try:
-        fn, args, kwargs = pickle.loads(pickled)
-        return True, fn(*args, **kwargs)
-    except Exception as error:  # the executor's caller shall know, and this process go on
-        return False, f"{type(error).__name__}: {error}"
+    with Connection(descriptor) as pipe, contextlib.suppress(EOFError, ConnectionError):
+        pipe.send(READY)
+        while True:
+            pickled = pipe.recv_bytes()
+            try:
+                fn, args, kwargs = pickle.loads(pickled)
+                reply = True, fn(*args, **kwargs)
+            except Exception as error:  # the executor's caller shall know, and this process go on
+                reply = False, f"{type(error).__name__}: {error}"
+            pipe.send(reply)
 
 
 # Which executor a sweep runs on, and how many tasks it is given at a time.
@@ -243,14 +234,19 @@ class InProcess(Executor):
 
 
 def checked(workers: Any, executor: Any) -> int | None:
-    """`workers` as a count, or None, before anything is started.
-
-    Raises:
-        InputError: `workers` is no count, or `executor` is none or would fork.
-    """
-    if executor is not None:
-        _check(executor)
-    return None if workers is None else whole(workers, "workers", 1)
+    """`workers` as a count, or None; InputError if it is none, or `executor` is no executor or would fork."""
+    if isinstance(executor, type):
+        raise InputError(f"{executor.__name__} is a class", where="executor",
+                         right=f"Give one that is made: {executor.__name__}(...)")
+    if executor is not None and not hasattr(executor, "submit"):
+        raise InputError(f"a {type(executor).__name__} has no submit()", where="executor",
+                         right="Give a concurrent.futures.Executor, or dask's Client.get_executor()")
+    context = getattr(executor, "_mp_context", None)  # of a ProcessPoolExecutor; there is no public way to ask
+    if context is not None and context.get_start_method() == "fork":
+        raise InputError("would fork this process, in which Drake and numba hold threads", where="executor",
+                         right="Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or leave "
+                               "the executor out")
+    return None if workers is None else check_whole(workers, "workers", 1)
 
 
 @contextmanager
@@ -279,20 +275,6 @@ def chosen(workers: int | None, executor: Any, tasks: int) -> Iterator[tuple[Any
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _check(executor: Any) -> None:
-    if isinstance(executor, type):
-        raise InputError(f"{executor.__name__} is a class", where="executor",
-                         right=f"Give one that is made: {executor.__name__}(...)")
-    if not hasattr(executor, "submit"):
-        raise InputError(f"a {type(executor).__name__} has no submit()", where="executor",
-                         right="Give a concurrent.futures.Executor, or dask's Client.get_executor()")
-    context = getattr(executor, "_mp_context", None)  # of a ProcessPoolExecutor; there is no public way to ask
-    if context is not None and context.get_start_method() == "fork":
-        raise InputError("would fork this process, in which Drake and numba hold threads", where="executor",
-                         right="Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or leave "
-                               "the executor out")
 
 
 # How far a sweep is: for a callback, a bar on a terminal, or now and then a line in a file.
@@ -387,6 +369,4 @@ def _bar() -> Iterator[Report]:
 
 
 def _clock(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+    return str(timedelta(seconds=round(seconds))).removeprefix("0:").removeprefix("0")

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import enum
 import io
 import json
+import threading
 import time
 import zipfile
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import closing
-from dataclasses import replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError, raise_if_interrupted
+from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
 from vsf_drake.files import replaced, user_path
 from vsf_drake.npz_file import read_npz
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.cases import DEFAULT_KEEP, Planner, Task, WalkCase, check_keep, digest
+from vsf_drake.simulation.many.cases import (
+    ARRAYS,
+    DEFAULT_KEEP,
+    Planner,
+    Task,
+    WalkCase,
+    check_keep,
+    digest,
+    software,
+)
 from vsf_drake.simulation.many.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
-from vsf_drake.simulation.many.worker import Kind, Reply, WalkOutcome, run_task
+from vsf_drake.simulation.walk import Walker
 
 TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
 """What a sweep reads of a trial."""
@@ -69,7 +81,7 @@ def simulate_many(
     """
     count = checked(workers, executor)
     with reporting(progress) as report:
-        sweep = _Sweep(_checked(cases), check_keep(keep), report)
+        sweep = _Sweep(list(cases), check_keep(keep), report)
         store = None if cache is None else WalkCache(cache)
         todo = sweep.plan(store)
         with (chosen(count, executor, len(todo)) as (pool, most),
@@ -81,22 +93,77 @@ def simulate_many(
     return sweep.outcomes
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WalkOutcome:
+    """One finished member: its arrays, or why there are none.
+
+    Attributes:
+        case: what was asked for.
+        failure: what went wrong, with the member's parameters; None if nothing did.
+        unconverged_steps: how many steps were accepted without convergence; None if it failed.
+        refined_steps: how many were cut into smaller ones to converge, which is no fault; None if it failed.
+        wall_s: time that the walk took where it ran, also if it comes from the cache; None if it failed.
+        from_cache: whether it was read rather than simulated.
+        columns: names of the columns of those kept arrays whose columns are coordinates or energies.
+        notes: on the run (an implausible load, a loaded start) and on its cache entry.
+    """
+
+    case: WalkCase
+    failure: str | None = None
+    unconverged_steps: int | None = None
+    refined_steps: int | None = None
+    wall_s: float | None = None
+    from_cache: bool = False
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    _arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are arrays."""
+        return self.failure is None
+
+    @property
+    def arrays(self) -> Mapping[str, np.ndarray]:
+        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as is the mapping:
+        equal members share it.
+
+        Raises:
+            VsfError: this member failed.
+        """
+        if self.failure is not None:
+            raise VsfError(f"a failed walk has no arrays: {self.failure}")
+        return MappingProxyType(self._arrays)
+
+    def column(self, name: str) -> np.ndarray:
+        """(n,) history of one coordinate, if `q` was kept.
+
+        Raises:
+            VsfError: this member failed.
+            KeyError: `q` was not kept or has no such column.
+        """
+        q, names = self.arrays["q"], self.columns["q"]
+        if name not in names:
+            raise KeyError(f"there is no coordinate {name}; there are {', '.join(names)}")
+        return q[:, names.index(name)]
+
+
 class _Sweep:
     """The bookkeeping: which member waits for which task, and what is known already."""
 
     def __init__(self, cases: list[WalkCase], keep: tuple[str, ...], report: Report) -> None:
-        self._cases, self._report = cases, report
-        self._planner = Planner(keep)
+        for i, case in enumerate(cases):
+            if not isinstance(case, WalkCase):
+                raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
+            if not all(hasattr(case.trial, name) for name in TRIAL):
+                raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
+                                 right="Give what load_trial() returns")
+        self._cases, self._report, self._planner = cases, report, Planner(keep)
+        self.parts = self._planner.parts
         self._found: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
         self._damage: dict[str, str] = {}
-        self._failed = self._from_cache = self._simulated = 0
         self._started = time.monotonic()
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """Persons and recordings by key."""
-        return self._planner.parts
 
     @property
     def outcomes(self) -> list[WalkOutcome]:
@@ -109,11 +176,9 @@ class _Sweep:
         for i, case in enumerate(self._cases):
             try:
                 task = self._planner.task(case)
-            except InputError as error:
-                self._refuse(i, str(error))
             except Exception as error:  # whatever a case holds, it concerns this member only
                 raise_if_interrupted()
-                self._refuse(i, f"{type(error).__name__}: {error}")
+                self._found[i] = _outcome(case, Reply(Kind.REFUSED, _said(error)))
             else:
                 self._members.setdefault(task.key, []).append(i)
                 tasks[task.key] = task
@@ -134,24 +199,19 @@ class _Sweep:
         self._place(task.key, replace(reply, notes=(*reply.notes, damage)) if damage else reply)
         self._tell()
 
-    def _refuse(self, i: int, why: str) -> None:
-        self._found[i] = _outcome(self._cases[i], Reply(Kind.REFUSED, why))
-        self._failed += 1
-
     def _place(self, key: str, reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
             array.setflags(write=False)
-        members = self._members[key]
-        for i in members:
+        for i in self._members[key]:
             self._found[i] = _outcome(self._cases[i], reply, from_cache)
-        self._failed += len(members) * (reply.kind is not Kind.DONE)
-        self._from_cache += len(members) * from_cache
-        self._simulated += len(members) * (not from_cache)
 
     def _tell(self) -> None:
+        found = self._found.values()
+        refused = len(self._cases) - sum(map(len, self._members.values()))
+        cached = sum(outcome.from_cache for outcome in found)
         self._report(SweepProgress(
-            total=len(self._cases), done=len(self._found), failed=self._failed, from_cache=self._from_cache,
-            simulated=self._simulated, elapsed_s=time.monotonic() - self._started))
+            total=len(self._cases), done=len(found), failed=sum(not outcome.ok for outcome in found),
+            from_cache=cached, simulated=len(found) - cached - refused, elapsed_s=time.monotonic() - self._started))
 
 
 def _outcome(case: WalkCase, reply: Reply, from_cache: bool = False) -> WalkOutcome:
@@ -161,109 +221,123 @@ def _outcome(case: WalkCase, reply: Reply, from_cache: bool = False) -> WalkOutc
                        columns=reply.columns, notes=reply.notes, _arrays=reply.arrays)
 
 
-def _checked(cases: Iterable[WalkCase]) -> list[WalkCase]:
-    found = list(cases)
-    for i, case in enumerate(found):
-        if not isinstance(case, WalkCase):
-            raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
-        if not all(hasattr(case.trial, name) for name in TRIAL):
-            raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
-                             right="Give what load_trial() returns")
-    return found
+def _said(error: Exception) -> str:
+    return str(error) if isinstance(error, VsfError) else f"{type(error).__name__}: {error}"
 
 
-# Finished walks on disk, each under the hash of everything that its numbers depend on.
+# What runs a task, in whatever process or thread: the part of a sweep that computes.
 #
-# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what made them and the
-# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none,
-# whenever the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
+# A process builds a `Walker` once for each person (subject, model, free coordinates) and uses it again for every
+# walk of that person; no two threads ever hold the same one. Walkers are kept for good, because Drake does not free
+# a diagram with Python systems in it.
 
 
-ABOUT = "about.json"
-LASTING = (Kind.DONE, Kind.FAILED)
-"""Replies worth keeping: a simulation that failed will fail again; a machine may not."""
+MOST_PARTS = 256
+"""Persons and recordings that a process remembers; it asks again for an older one."""
 
 
-class WalkCache:
-    """A folder of finished walks.
+class Kind(enum.Enum):
+    """How a task ended."""
 
-    Args:
-        folder: created if needed.
-
-    Raises:
-        InputError: it cannot be.
-    """
-
-    def __init__(self, folder: str | Path) -> None:
-        if not isinstance(folder, (str, Path)):
-            raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
-        self.folder = user_path(folder)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot be a folder ({error.strerror})", file=self.folder, where="cache") from None
-
-    def path(self, key: str) -> Path:
-        """Where the walk with that key is, or would be."""
-        return self.folder / key[:2] / f"{key}.npz"
-
-    def read(self, key: str) -> tuple[Reply | None, str]:
-        """The reply that was kept, or None; and a sentence if there is an entry that cannot be trusted."""
-        path = self.path(key)
-        if not path.exists():
-            return None, ""
-        try:
-            return _decoded(path, key), ""
-        except Exception as error:  # a damaged file can make its readers raise anything
-            return None, f"Its cache entry was damaged ({error}); it was computed anew."
-
-    def write(self, task: Task, reply: Reply) -> None:
-        """Keeps `reply`, if it is worth keeping.
-
-        Raises:
-            InputError: the disk is full or the folder cannot be written.
-        """
-        if reply.kind not in LASTING:
-            return
-        path = self.path(task.key)
-        try:
-            path.parent.mkdir(exist_ok=True)
-            with replaced(path, "wb", lasting=True) as stream:
-                stream.write(_encoded(task, reply))
-        except (OSError, InputError) as error:
-            cause = error.strerror if isinstance(error, OSError) else error.what
-            raise InputError(f"a finished walk cannot be kept ({cause})", file=self.folder, where="cache",
-                             right="Make room and run the same again: it goes on from what is there") from None
+    DONE = "done"
+    FAILED = "failed"
+    """The simulation failed, and would again: as good a result as any."""
+    REFUSED = "refused"
+    """The case cannot be simulated, or a fault of the program kept it from being."""
+    MACHINE = "machine"
+    """Memory, disk or the worker failed: says nothing of the case."""
+    MISSING = "missing"
+    """The worker does not know the person or the recording."""
 
 
-def _encoded(task: Task, reply: Reply) -> bytes:
-    about: dict[str, Any] = {
-        "key": task.key, "kind": reply.kind.value, "failure": reply.text, "columns": to_plain(reply.columns),
-        "unconverged_steps": reply.unconverged_steps, "refined_steps": reply.refined_steps, "wall_s": reply.wall_s,
-        "notes": list(reply.notes),
-        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep),
-                      **to_plain({name: value for name, value in task.options.items() if not callable(value)})},
-        "software": task.software}
-    about["content_sha256"] = digest(about, reply.arrays)
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for name, array in reply.arrays.items():
-            with archive.open(f"{name}.npy", "w") as member:
-                np.lib.format.write_array(member, array, allow_pickle=False)
-        archive.writestr(ABOUT, json.dumps(about, indent=1))
-    return buffer.getvalue()
+@dataclass(frozen=True, eq=False)
+class Reply:
+    """What a worker answers. `text` says what went wrong, the rest is empty then."""
+
+    kind: Kind
+    text: str = ""
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    unconverged_steps: int | None = None
+    refined_steps: int | None = None
+    wall_s: float | None = None
+    notes: tuple[str, ...] = ()
 
 
-def _decoded(path: Path, key: str) -> Reply:
-    arrays = read_npz(path)
-    about = json.loads(arrays.pop(ABOUT))
-    expected = about.pop("content_sha256")
-    if digest(about, arrays) != expected or about["key"] != key:
-        raise ValueError("its SHA-256 differs")
-    return Reply(Kind(about["kind"]), text=about["failure"], arrays=arrays,
-                 columns={name: tuple(names) for name, names in about["columns"].items()},
-                 unconverged_steps=about["unconverged_steps"], refined_steps=about["refined_steps"],
-                 wall_s=about["wall_s"], notes=tuple(about["notes"]))
+_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
+"""In place of a trial: what a result says of its origin, which is not brought back."""
+_lock = threading.Lock()
+_parts: OrderedDict[str, Any] = OrderedDict()
+_idle: dict[str, list[Walker]] = {}
+
+
+def run_task(task: Task) -> Reply:
+    """Walks, and answers in any case: only an interruption or the end of the process leaves it without a reply."""
+    try:
+        return _answer(task)
+    except Exception as error:  # whatever it is, it concerns this member only
+        kind = (Kind.FAILED if isinstance(error, SimulationError)
+                else Kind.MACHINE if isinstance(error, (MemoryError, OSError)) else Kind.REFUSED)
+        if kind is Kind.REFUSED:
+            raise_if_interrupted()
+        return Reply(kind, _said(error))
+
+
+def _answer(task: Task) -> Reply:
+    found = software()
+    if task.software != found:
+        differ = [f"{name} {found.get(name)} instead of {value}" for name, value in task.software.items()
+                  if found.get(name) != value]
+        return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
+    person, motion = _known(task, task.person), _known(task, task.motion)
+    if person is None or motion is None:
+        return Reply(Kind.MISSING)
+    with _walker(task.person, person) as walker:
+        return _walked(walker, motion, task)
+
+
+def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
+    options = task.options
+    walk = walker.walk(motion, **options)
+    result = walker.result(walk, _NAMELESS, options["offsets"], energy="energy_j" in task.keep)
+    arrays = {name: np.array(getattr(result, name)) for name in task.keep}
+    for name, array in arrays.items():
+        if not name.endswith("cop_W") and not np.isfinite(array).all():  # a foot in the air has no centre of pressure
+            row = int(np.argwhere(~np.isfinite(array))[0][0])
+            raise SimulationError(f"{name} is not a finite number", time_s=float(result.time_s[row]))
+    named = {name: ARRAYS[name].get("columns") for name in task.keep}
+    columns = {name: tuple(getattr(result, field)) for name, field in named.items() if isinstance(field, str)}
+    return Reply(Kind.DONE, arrays=arrays, columns=columns, unconverged_steps=result.unconverged_steps,
+                 refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
+
+
+def _known(task: Task, key: str) -> Any:
+    """The person or recording with that key: from the task, or remembered; None if neither."""
+    with _lock:
+        if key in task.parts:
+            _parts[key] = task.parts[key]
+        if key not in _parts:
+            return None
+        _parts.move_to_end(key)
+        while len(_parts) > MOST_PARTS:
+            _parts.popitem(last=False)
+        return _parts[key]
+
+
+@contextmanager
+def _walker(key: str, person: tuple) -> Iterator[Walker]:
+    """A walker of that person which nobody else uses meanwhile."""
+    with _lock:
+        waiting = _idle.setdefault(key, [])
+        walker = waiting.pop() if waiting else None
+    if walker is None:
+        subject, model, free = person
+        walker = Walker(subject, model, free=free)
+    try:
+        yield walker
+    finally:
+        with _lock:
+            _idle[key].append(walker)
 
 
 # Keeps an executor busy with tasks, hands back replies as they come, and tries once more what a machine lost.
@@ -339,3 +413,94 @@ def _reply(future: Future[Reply]) -> Reply:
         return Reply(Kind.MACHINE, "the executor cancelled it")
     except Exception as error:  # of the executor: a killed worker, a broken pool, a lost connection
         return Reply(Kind.MACHINE, f"{type(error).__name__}: {error}")
+
+
+# Finished walks on disk, each under the hash of everything that its numbers depend on.
+#
+# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what made them and the
+# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none,
+# whenever the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
+
+
+ABOUT = "about.json"
+LASTING = (Kind.DONE, Kind.FAILED)
+"""Replies worth keeping: a simulation that failed will fail again; a machine may not."""
+
+
+class WalkCache:
+    """A folder of finished walks.
+
+    Args:
+        folder: created if needed.
+
+    Raises:
+        InputError: it cannot be.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        if not isinstance(folder, (str, Path)):
+            raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
+        self.folder = user_path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot be a folder ({error.strerror})", file=self.folder, where="cache") from None
+
+    def _path(self, key: str) -> Path:
+        return self.folder / key[:2] / f"{key}.npz"
+
+    def read(self, key: str) -> tuple[Reply | None, str]:
+        """The reply that was kept, or None; and a sentence if there is an entry that cannot be trusted."""
+        path = self._path(key)
+        if not path.exists():
+            return None, ""
+        try:
+            return _decoded(path, key), ""
+        except Exception as error:  # a damaged file can make its readers raise anything
+            return None, f"Its cache entry was damaged ({error}); it was computed anew."
+
+    def write(self, task: Task, reply: Reply) -> None:
+        """Keeps `reply`, if it is worth keeping.
+
+        Raises:
+            InputError: the disk is full or the folder cannot be written.
+        """
+        if reply.kind not in LASTING:
+            return
+        path = self._path(task.key)
+        try:
+            path.parent.mkdir(exist_ok=True)
+            with replaced(path, "wb", lasting=True) as stream:
+                stream.write(_encoded(task, reply))
+        except (OSError, InputError) as error:
+            cause = error.strerror if isinstance(error, OSError) else error.what
+            raise InputError(f"a finished walk cannot be kept ({cause})", file=self.folder, where="cache",
+                             right="Make room and run the same again: it goes on from what is there") from None
+
+
+def _encoded(task: Task, reply: Reply) -> bytes:
+    about: dict[str, Any] = {
+        "key": task.key, "kind": reply.kind.value, "failure": reply.text, "columns": to_plain(reply.columns),
+        "unconverged_steps": reply.unconverged_steps, "refined_steps": reply.refined_steps, "wall_s": reply.wall_s,
+        "notes": list(reply.notes),
+        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep),
+                      **to_plain({name: value for name, value in task.options.items() if not callable(value)})},
+        "software": task.software}
+    about["content_sha256"] = digest(about, reply.arrays)
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **reply.arrays)
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.writestr(ABOUT, json.dumps(about, indent=1))
+    return buffer.getvalue()
+
+
+def _decoded(path: Path, key: str) -> Reply:
+    arrays = read_npz(path)
+    about = json.loads(arrays.pop(ABOUT))
+    expected = about.pop("content_sha256")
+    if digest(about, arrays) != expected or about["key"] != key:
+        raise ValueError("its SHA-256 differs")
+    return Reply(Kind(about["kind"]), text=about["failure"], arrays=arrays,
+                 columns={name: tuple(names) for name, names in about["columns"].items()},
+                 unconverged_steps=about["unconverged_steps"], refined_steps=about["refined_steps"],
+                 wall_s=about["wall_s"], notes=tuple(about["notes"]))
