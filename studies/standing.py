@@ -15,8 +15,8 @@ from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
+from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing
-from vsf_drake.simulation.standing_result import standing_table
 
 FULCRUMS_M = (0.066, 0.151)
 LENGTH_DIFFERENCES_M = (-0.010, 0.0, 0.010)

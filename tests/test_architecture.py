@@ -26,7 +26,7 @@ RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumera
 WITHOUT_DRAKE = (
     *(f"{name}.py" for name in ("errors", "files", "yaml_file", "json_file", "npz_file", "schema", "subject",
                                 "parameters", "model_file", "bench_curves", "contact_file")),
-    "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/standing_result.py", "simulation/archive.py",
+    "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/archive.py",
     "analysis/metrics.py", "analysis/sweep_table.py", "analysis/comparison.py", "analysis/bench_metrics.py",
     "report/style.py", "report/*_figure*.py", "report/outputs.py",
     "report/sweep_output.py", "report/tuning/*.py", "report/validation/*_chapter.py",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import cenic
 import numpy as np
+from reference_runs import simulate_bench_reference, simulate_reference
 from table import Row
 from walks import difference, span, the_trial, the_walker
 
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
-from vsf_drake.simulation.reference_bench import simulate_bench_reference
-from vsf_drake.simulation.walk_over_ground import simulate_reference
 
 SCHEMES = (("radau3", 1e-3), ("implicit_euler", 1e-2), ("velocity_implicit_euler", 1e-2))
 BEFORE_STRIKE_S, STRIKE_N = 0.05, 20.0

@@ -18,7 +18,8 @@ from pathlib import Path
 
 from table import Row, format_table
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))  # of the cost of a walk
+REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(REPOSITORY / "studies"), str(REPOSITORY / "tests" / "helpers")]  # cost of a walk; reference runs
 QUICK = ("stepper", "integrators", "mujoco_foot", "wiring")
 LONG = ("sweeps", "scaling")
 GROUPS = tuple(name for name in QUICK + LONG if importlib.util.find_spec(name))

@@ -8,11 +8,11 @@ import sys
 import tempfile
 
 import numpy as np
+from reference_runs import simulate_bench_reference
 from table import YARDSTICK, Row
 from walks import EXACT_STEP_S, WALK_S, best, difference, span, stance, the_trial, the_walker
 
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
-from vsf_drake.simulation.reference_bench import simulate_bench_reference
 from vsf_drake.simulation.walk import Walk
 
 STEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4)

@@ -61,8 +61,7 @@ from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.many.cases import Task
-from vsf_drake.simulation.many.run import WalkCache
-from vsf_drake.simulation.many.run import Kind, Reply
+from vsf_drake.simulation.many.run import Kind, Reply, WalkCache
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.report.outputs import standing_figure, write_standing
-from vsf_drake.simulation.standing_result import Standing, standing_table
+from vsf_drake.simulation.results import Standing, standing_table
 
 STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0
 

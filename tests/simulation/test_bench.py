@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_runs import simulate_bench_reference
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM, Bench, run_bench
-from vsf_drake.simulation.reference_bench import simulate_bench_reference
 
 FOOT = FootParameters()
 

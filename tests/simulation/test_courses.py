@@ -12,7 +12,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.courses import Course, course_variables
+from vsf_drake.simulation.variables import Course, course_variables
 from vsf_drake.simulation.walk import Walker
 
 FULCRUM_M, START_S = 0.108, 0.4

@@ -61,7 +61,7 @@ def run_of(ball, time_s, q, v0, free=()):
     inputs = Inputs(time_s=time_s, prescribed=driven, prescribed_q=q[:, driven], fulcrum=fulcrum,
                     ground=np.zeros(len(time_s)))
     record = Stepper(mechanism, tolerance=1e-12).run(inputs, q[0], v0)
-    return record, energy_ledger(mechanism, record, keel=mechanism.spring_index, driven=driven, fulcrum_m=fulcrum)
+    return record, energy_ledger(mechanism, record, driven=driven, fulcrum_m=fulcrum)
 
 
 def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_order(ball):

@@ -14,7 +14,7 @@ from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.gait_cycle import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.courses import Course
+from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import Walker, walk_notes
 
 STEP_S = 2e-3

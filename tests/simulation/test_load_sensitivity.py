@@ -13,8 +13,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
-from vsf_drake.simulation.courses import Course
 from vsf_drake.simulation.stepping.stepper import Stepper
+from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import AppliedTorques, Walker
 
 NAMES = ("fulcrum.shift", "fulcrum.stiffness", "keel.flexural_modulus", "contact.forefoot.stiffness",

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_runs import simulate_reference
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -15,7 +16,6 @@ from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 from vsf_drake.simulation.walk import Walker, walk_notes
-from vsf_drake.simulation.walk_over_ground import simulate_reference
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 

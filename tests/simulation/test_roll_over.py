@@ -13,7 +13,6 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import ContactZone, FootParameters
-from vsf_drake.simulation.adaptive import advance, drive
 from vsf_drake.simulation.roll_over import (
     FOLLOWS_WITHIN,
     Following,
@@ -22,6 +21,7 @@ from vsf_drake.simulation.roll_over import (
     line_of_force,
     mount_path,
 )
+from vsf_drake.simulation.walk_over_ground import advance, drive
 
 FOOT = FootParameters()
 SLOW = 0.05 / 60.0

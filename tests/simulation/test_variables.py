@@ -12,9 +12,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables
+from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
-from vsf_drake.simulation.variables import OFFSETS, SOCKET_AXES
+from vsf_drake.simulation.variables import OFFSETS, SOCKET_AXES, gait_variables
 from vsf_drake.simulation.walk import Walker
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")

@@ -22,8 +22,15 @@ from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, label, new_figure, save_figure, style
 from vsf_drake.report.walk_figure import walk_figure
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.results import BenchResult, WalkResult, save_bench, save_walk
-from vsf_drake.simulation.standing_result import LARGEST_DRIFT_M, Standing, standing_table
+from vsf_drake.simulation.results import (
+    LARGEST_DRIFT_M,
+    BenchResult,
+    Standing,
+    WalkResult,
+    save_bench,
+    save_walk,
+    standing_table,
+)
 
 BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json")
 WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",),

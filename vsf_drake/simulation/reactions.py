@@ -1,50 +1,60 @@
-"""What the ground does to a foot, and where the energy of a run goes: both out of a run's record."""
+"""What the ground does to a foot, how loads depend on variables, where the energy goes: all out of a run's record."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.laws.bushing import excess
+from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.dynamics import energies, inverse_dynamics, place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
-from vsf_drake.simulation.stepping.tree import dot, plus, put, six
+from vsf_drake.simulation.stepping.tree import REST, add, dot, plus, put, six, wrench
+from vsf_drake.simulation.stepping.ways import Edit
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
+SOCKET = slice(-6, None)
+"""The socket's springs, the last of a walking person's mechanism."""
 
 
 @dataclass(frozen=True)
 class FootReaction:
-    """Resultant on one foot over n instants, in W.
+    """Resultant on one foot over n instants, in W."""
 
-    Attributes:
-        grf_W: (n, 3) N. cop_W: (n, 3) m on the ground, NaN below LOADED_N. free_moment_nm: (n,) about
-            the vertical through the centre of pressure.
-    """
-
-    grf_W: np.ndarray
-    cop_W: np.ndarray
-    free_moment_nm: np.ndarray
+    grf_W: np.ndarray  # (n, 3) N
+    cop_W: np.ndarray  # (n, 3) m on the ground, NaN below LOADED_N
+    free_moment_nm: np.ndarray  # (n,) about the vertical through the centre of pressure
 
 
 @dataclass(frozen=True)
 class ReactionSensitivity:
-    """Derivatives of a `FootReaction` by P parameters, per unit of each.
+    """Derivatives of a `FootReaction` by P parameters, per unit of each."""
 
-    Attributes:
-        names: the parameters.
-        grf_W: (n, 3, P) N. cop_W: (n, 2, P) m, x and y, NaN where the centre of pressure is. free_moment_nm: (n, P).
+    names: tuple[str, ...]
+    grf_W: np.ndarray  # (n, 3, P) N
+    cop_W: np.ndarray  # (n, 2, P) m, x and y, NaN where the centre of pressure is
+    free_moment_nm: np.ndarray  # (n, P)
+
+
+@dataclass(frozen=True)
+class LoadSensitivity:
+    """Derivatives by P variables over n steps, per unit of each, exact but for what Newton's method leaves.
+
+    Coordinates are all N of the plant in its order (`Mechanism.tree`), the foot's and the socket's included.
     """
 
     names: tuple[str, ...]
-    grf_W: np.ndarray
-    cop_W: np.ndarray
-    free_moment_nm: np.ndarray
+    load: np.ndarray
+    """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the steps, and of torques
+    applied to others; 0 elsewhere."""
+    socket: np.ndarray  # (n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps
+    q: np.ndarray  # (n, N, P) of the state at the ends of the steps
+    v: np.ndarray
 
 
 def reaction_sensitivity(record: Record, reaction: FootReaction, names: tuple[str, ...]) -> ReactionSensitivity:
@@ -62,10 +72,10 @@ def reaction_sensitivity(record: Record, reaction: FootReaction, names: tuple[st
 def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> FootReaction:
     """Sums the sites `rows` of `record`; the centre of pressure is where the horizontal moment vanishes."""
     first, last, _ = rows.indices(record.sites.shape[1])
-    wrench = np.zeros((len(record.sites), 6))
-    sum_sites(record.sites, first, last, wrench)
-    moment_x, moment_y, moment_z = wrench[:, :3].T
-    grf = wrench[:, 3:]
+    total = np.zeros((len(record.sites), 6))
+    sum_sites(record.sites, first, last, total)
+    moment_x, moment_y, moment_z = total[:, :3].T
+    grf = total[:, 3:]
     loaded = grf[:, 2] > LOADED_N
     cop = np.full_like(grf, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -76,8 +86,8 @@ def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> Fo
 
 
 @compiled
-def sum_sites(sites, first, last, wrench):
-    """Writes moment about W's origin and force (n, 6) of the sites first ... last - 1 of (n, S, 9) to `wrench`.
+def sum_sites(sites, first, last, total):
+    """Writes moment about W's origin and force (n, 6) of the sites first ... last - 1 of (n, S, 9) to `total`.
 
     The contact points are `depth` under the ground, and moments are about its height.
     """
@@ -85,13 +95,35 @@ def sum_sites(sites, first, last, wrench):
         for s in range(first, last):
             fz = sites[k, s, 1]
             if fz > 0.0:
-                fx, fy, x, y, z = sites[k, s, 2], sites[k, s, 3], sites[k, s, 7], sites[k, s, 8], -sites[k, s, 0]
-                wrench[k, 0] += y * fz - z * fy
-                wrench[k, 1] += z * fx - x * fz
-                wrench[k, 2] += x * fy - y * fx
-                wrench[k, 3] += fx
-                wrench[k, 4] += fy
-                wrench[k, 5] += fz
+                x, y, z = sites[k, s, 7], sites[k, s, 8], -sites[k, s, 0]
+                add(total, k, wrench(x, y, z, sites[k, s, 2], sites[k, s, 3], fz))
+
+
+def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
+    """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
+    index = mechanism.spring_index[SOCKET]
+    constants = dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True))
+    return axis_force(record.q[:, index], record.v[:, index], **constants)
+
+
+def load_sensitivity(
+    mechanism: Mechanism, record: Record, names: tuple[str, ...], edits: Sequence[Edit]
+) -> LoadSensitivity:
+    """Of a record whose run carried `edits` with loads."""
+    index = mechanism.spring_index[SOCKET]
+    constants = dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True))
+    q, v = record.q[:, index], record.v[:, index]
+    k = np.where(q >= 0.0, constants["stiffness"], constants["stiffness_negative"])
+    stop = constants["stop_ratio"]
+    by_q = -k * (1.0 + stop * (np.abs(q) > constants["limit"]))
+    by_v = -constants["damping"] * (1.0 + stop * (np.abs(v) > constants["rate_limit"]))
+    found = by_q[:, :, None] * record.q_by[:, index] + by_v[:, :, None] * record.v_by[:, index]
+    for p, edit in enumerate(edits):
+        if edit.springs is not None:
+            # The law is linear in its constants: their unit as a bushing gives the derivative.
+            unit = constants | dict(zip(SPRING_COLUMNS[:3], edit.springs[SOCKET, :3].T, strict=True))
+            found[:, :, p] += axis_force(q, v, **unit)
+    return LoadSensitivity(names=names, load=record.load_by, socket=found, q=record.q_by, v=record.v_by)
 
 
 # The energy ledger of a run: what the driver and gravity put in, where it is and where it went.
@@ -120,19 +152,18 @@ LOST = ("keel_loss", "fulcrum_loss", "socket_loss", "contact_loss", "friction_lo
 
 
 def energy_ledger(
-    mechanism: Mechanism, record: Record, *, keel: np.ndarray, driven: np.ndarray, fulcrum_m: np.ndarray
+    mechanism: Mechanism, record: Record, *, driven: np.ndarray, fulcrum_m: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Terms of the balance, each (n,) J: sum of INPUTS = sum of STORED + sum of LOST + `remainder`.
 
     Args:
-        keel: coordinate indices of the keel's joints; the other sprung coordinates are the socket's.
         driven: coordinate indices of those that are prescribed.
         fulcrum_m: (n + 1,) position of the support, start included.
     """
     h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
     ledger = {"driver_work": work(_driver_power(mechanism, record, driven, h), h) + _applied_work(record, driven, h)}
     ledger["gravity_work"], ledger["kinetic"] = _plant_energies(mechanism, record)
-    of_keel = np.isin(mechanism.spring_index, keel)
+    of_keel = np.isin(mechanism.spring_index, mechanism.keel_coordinates)
     for name, rows in (("keel", of_keel), ("socket", ~of_keel)):
         ledger[f"{name}_strain"] = (
             spring_strain(mechanism, record.q, rows) - spring_strain(mechanism, record.q0[None], rows))
@@ -166,15 +197,13 @@ def spring_strain(mechanism: Mechanism, q: np.ndarray, rows: np.ndarray) -> np.n
     """(n,) J in the springs `rows` (a mask of them) at q (n, coordinates)."""
     s, x = mechanism.springs[rows], q[:, mechanism.spring_index[rows]]
     k = np.where(x < 0, s[:, 1], s[:, 0])
-    strain: np.ndarray = np.sum(0.5 * k * (x**2 + s[:, 5] * excess(x, s[:, 3]) ** 2), axis=1)
-    return strain
+    return np.asarray(np.sum(0.5 * k * (x**2 + s[:, 5] * excess(x, s[:, 3]) ** 2), axis=1))
 
 
 def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.ndarray:
     """(n,) W that the damping of the springs `rows` (a mask of them) takes."""
     s, rate = mechanism.springs[rows], record.v[:, mechanism.spring_index[rows]]
-    power: np.ndarray = np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1)
-    return power
+    return np.asarray(np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1))
 
 
 def contact_terms(mechanism: Mechanism, record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,8 +221,7 @@ def contact_terms(mechanism: Mechanism, record: Record, count: int) -> tuple[np.
 
 def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
     k, n = sites[:, 4], sites[:, 5]
-    strain: np.ndarray = np.sum(k * np.maximum(depth, 0.0) ** (n + 1) / (n + 1), axis=1)
-    return strain
+    return np.asarray(np.sum(k * np.maximum(depth, 0.0) ** (n + 1) / (n + 1), axis=1))
 
 
 def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -244,12 +272,11 @@ def _sum_driver_power(tree, q, u, a, driven, sites, site_bodies, ground_height, 
         inverse_dynamics(tree, u[k], a[k], motion, load)
         for c in range(q.shape[1]):
             power[k] += load[c] * u[k, c] if driven[c] else 0.0
-        put(V, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        put(V, 0, REST)
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
             put(V, b, plus(six(V, parent), six(S, c), u[k, c]) if c >= 0 and driven[c] else six(V, parent))
         for s in range(sites.shape[1]):
             fx, fy, fz, x, y = sites[k, s, 2], sites[k, s, 3], sites[k, s, 1], sites[k, s, 7], sites[k, s, 8]
             if fz > 0.0:
-                z = ground_height - sites[k, s, 0]
-                power[k] -= dot(six(V, site_bodies[s]), (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz))
+                power[k] -= dot(six(V, site_bodies[s]), wrench(x, y, ground_height - sites[k, s, 0], fx, fy, fz))

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import Context
 from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
@@ -22,11 +21,10 @@ from scipy.sparse.linalg import spsolve
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.bench import MOUNT_COORDINATES, RollOverDiagram, make_roll_over_machine
-from vsf_drake.simulation.mechanism import coordinate_limits, fulcrum_arrays, ground_sites, keel_springs
+from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
+from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
-from vsf_drake.simulation.stepping.tree import tree_of
 
 FOLLOWS_WITHIN = 0.01
 """Share of the largest force by which a run that follows its profile may be off (a choice)."""
@@ -409,12 +407,11 @@ class RollOver:
 
     def _pack(self, mechanism: Mechanism, record: Record, inputs: Inputs) -> RollOverRun:
         columns = inputs.prescribed[:3]
-        keel = np.array([mechanism.tree.index(name) for name in self.machine.foot.keel_joint_names])
         reaction = foot_reaction(record, slice(0, None))
         return RollOverRun(
             time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
             cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
-            energy=energy_ledger(mechanism, record, keel=keel, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
+            energy=energy_ledger(mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
             unconverged_steps=int(np.sum(~record.converged)))
 
     def _sphere_centres(self) -> np.ndarray:
@@ -429,18 +426,3 @@ class RollOver:
 def _lowered(top: float, travel: np.ndarray, pitch: float) -> np.ndarray:
     """(n, 3) the mount at one pitch, lowered by `travel` from the height `top`."""
     return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch)])
-
-
-# Reads a roll-over machine and its Context into the arrays of a `Mechanism`.
-
-
-def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism:
-    """The machine with the parameters in `context` (the diagram's)."""
-    plant, foot = machine.plant, machine.foot
-    own = plant.GetMyContextFromRoot(context)
-    springs, index = keel_springs(plant, foot, machine.forces, context)
-    return Mechanism(
-        plant=plant, context=own, tree=tree_of(plant, own), sites=ground_sites(machine.forces, context),
-        site_bodies=np.array([int(body) for body in foot.sites.body_indices], dtype=np.int64), ground_height=0.0,
-        springs=springs, spring_index=index, **fulcrum_arrays(plant, foot, machine.forces, context),
-        limits=coordinate_limits(plant.num_velocities(), keel=index))

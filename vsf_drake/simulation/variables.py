@@ -8,10 +8,15 @@
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
     offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
-    course.NAME                 the same times a function of time, of a walk that is given one (`courses`)
+    course.NAME                 the same times a function of time, of a walk that is given one (`Course`)
 
 A value enters every array in proportion, so that one set of arrays, the `Edit`, tells both how to change a
 mechanism and how its forces depend on the variable.
+
+A walk with courses follows q(t) = trajectory + coordinate shifts + sum of value * shape(t). Between the instants of its
+steps it knows nothing of a shape: there the coordinate goes straight, as it does along the recording. The velocity
+before the first step has the rate of the shape at the start, the derivative of the quartic through five instants a
+tenth of a millisecond apart from there on: nothing is asked outside of the walk's time.
 """
 
 from __future__ import annotations
@@ -21,17 +26,19 @@ import difflib
 import math
 import operator
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters
-from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.ways import Edit
+
+if TYPE_CHECKING:
+    from vsf_drake.plants.gait import GaitDiagram
+    from vsf_drake.simulation.stepping.stepper import Mechanism
 
 OFFSETS = ("height", "fore_aft", "alignment")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
@@ -43,6 +50,10 @@ _MOST_SHIFT = 1.0
 """Of a coordinate, m or rad."""
 _LARGEST = 1e30
 """Of a stiffness or damping, as the contact's in the model file."""
+_RATE_STEP_S = 1e-4
+"""Between the instants from which a course's rate at the start is taken, in longer walks."""
+_RATE = np.array([48.0, -36.0, 16.0, -3.0]) / 12.0
+"""Of the first of five values at equal steps, from what the others differ from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,48 +80,128 @@ class Variable:
     added: bool = False
 
 
-def walk_variables(
-    foot: FootParameters, sites: ContactSites, site_rows: np.ndarray, springs: np.ndarray, fulcrum: np.ndarray,
-    prescribed: Sequence[str],
-) -> dict[str, Variable]:
-    """All variables of a walking person, by name.
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A way in which a prescribed coordinate is changed in the course of a walk.
 
-    Args:
-        foot, sites: the prosthetic foot, whose spheres are the first of `site_rows`.
-        site_rows (S, 11), springs (k, 6), fulcrum (2,): of the mechanism; the socket's are the last six springs.
-        prescribed: names of the prescribed coordinates.
+    Attributes:
+        name: its variable is "course.NAME", in m or rad, 0 unless a walk's `values` say otherwise.
+        coordinate: name of the prescribed coordinate; several courses may change the same.
+        shape: times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice differentiable), without
+            dimension.
     """
-    found = [*_contact(sites, site_rows), *_friction(len(sites.radius), site_rows)]
-    keel = np.zeros_like(springs)
-    modulus = foot.keel.flexural_modulus_pa
+
+    name: str
+    coordinate: str
+    shape: Callable[[np.ndarray], np.ndarray]
+
+
+def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
+    """All variables of a walking person by name, with the values of `mechanism` as defaults."""
+    foot, rows, springs = gait.person.foot, mechanism.sites, mechanism.springs
+    found = []
+
+    def edit(own: np.ndarray | slice, column: str) -> Edit:
+        unit = np.zeros_like(rows)
+        unit[own, _SITE[column]] = 1.0
+        return Edit(sites=unit)
+
+    def scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
+        return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit, _LARGEST)
+
+    for z, zone in enumerate(foot.sites.zone_names):
+        own = np.flatnonzero(foot.sites.zone == z)
+        k, n, b, full = map(float, rows[own[0], 4:8])
+        found += [
+            scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, edit(own, "stiffness")),
+            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, edit(own, "exponent"), 20.0),
+            scaled(f"contact.{zone}.damping", "N s/m", b, edit(own, "damping"), minimum=0.0),
+            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(own, "full_damping_depth"),
+                     0.1),
+            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(own, "rise"), 0.1, added=True)]
+    for name, unit, low, high, minimum, maximum in (
+            ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
+            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
+        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
+                              edit(slice(len(foot.sites.radius)), name), maximum))
+    keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
     found.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6, Edit(springs=keel),
                           1e12))
-    k = float(fulcrum[0])
-    found.append(_scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=fulcrum / k)))
-    reach = foot.fulcrum.foremost_m - foot.fulcrum.rearmost_m
+    k = float(mechanism.fulcrum[0])
+    found.append(scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=mechanism.fulcrum / k)))
+    reach = foot.parameters.fulcrum.foremost_m - foot.parameters.fulcrum.rearmost_m
     found.append(Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, Edit(fulcrum_shift=1.0), 1.0, added=True))
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
-        rate = np.zeros_like(springs)
-        k = float(springs[row, 0])
+        rate, k = np.zeros_like(springs), float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
-        found.append(_scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
-                             Edit(springs=rate)))
+        found.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
+                            Edit(springs=rate)))
     # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
     bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
         found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
                               Edit(mount=np.eye(3)[i]), most, added=True))
-    for name in prescribed:
-        found.append(shift_variable(f"coordinate.{name}", Edit(coordinate=name)))
+    found += [_shift(f"coordinate.{name}", Edit(coordinate=name)) for name in gait.prescribed]
     return {variable.name: variable for variable in found}
 
 
-def shift_variable(name: str, edit: Edit) -> Variable:
+def _shift(name: str, edit: Edit) -> Variable:
     """What shifts the coordinate of `edit`, in m or rad, by 0 at first."""
     length = edit.coordinate.endswith(("_tx", "_ty", "_tz"))
     bound = 0.03 if length else math.radians(15.0)
     return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, edit, _MOST_SHIFT, added=True)
+
+
+def course_variables(
+    courses: Sequence[Course], prescribed: Sequence[str], moments: np.ndarray
+) -> dict[str, Variable]:
+    """The variables of a walk with these courses at the moments (n + 1,), by name.
+
+    Raises:
+        InputError: one is no course or has the name of another, its coordinate is not prescribed, or its shape does not
+            give a finite number for each time.
+    """
+    if isinstance(courses, (Course, str, Mapping)) or not isinstance(courses, Sequence):
+        raise InputError(f"is a {type(courses).__name__}, no list of courses", where="courses",
+                         right="Give a list, also for one course")
+    found: dict[str, Variable] = {}
+    step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
+    for i, course in enumerate(courses):
+        if not isinstance(course, Course):
+            raise InputError(f"is a {type(course).__name__}, no Course", where=f"courses[{i}]")
+        if not isinstance(course.name, str) or not course.name.strip():
+            raise InputError(f"{course.name!r} is no name", where=f"courses[{i}].name")
+        name = f"course.{course.name}"
+        if name in found:
+            raise InputError("two courses have this name", where=name)
+        if course.coordinate not in prescribed:
+            raise InputError(f"{course.coordinate!r} is not a prescribed coordinate", where=name,
+                             right=_nearest(course.coordinate, prescribed, "Prescribed are"))
+        if not callable(course.shape):
+            raise InputError(f"its shape is a {type(course.shape).__name__}, no function of time", where=name)
+        early = _sampled(course.shape, moments[0] + step * np.arange(5), name)
+        found[name] = _shift(name, Edit(
+            coordinate=course.coordinate, course=_sampled(course.shape, moments, name),
+            course_rate=float(_RATE @ (early[1:] - early[0])) / step))
+    return found
+
+
+def _sampled(shape: Callable[[np.ndarray], np.ndarray], times: np.ndarray, where: str) -> np.ndarray:
+    """Values (n,) at the times (n,), which the shape gets as a copy of its own."""
+    given = np.asarray(shape(times.copy()))
+    if given.dtype.kind not in "iuf" or given.shape != times.shape:
+        raise InputError(f"its shape gives {given.dtype} numbers of shape {given.shape} for {len(times)} times",
+                         where=where, right="It must give one real number for each time")
+    if not np.isfinite(given).all():
+        raise InputError(f"its shape is {given[~np.isfinite(given)][0]} at {times[~np.isfinite(given)][0]:g} s",
+                         where=where, right="It must be finite from the start of the walk to its end")
+    return np.array(given, dtype=float)
+
+
+def _nearest(name: Any, names: Iterable[str], all_are: str) -> str:
+    near = difflib.get_close_matches(str(name), names, n=1)
+    return f"Did you mean {near[0]}?" if near else f"{all_are}: {', '.join(names)}"
 
 
 def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, where: str) -> tuple[str, ...]:
@@ -124,9 +215,8 @@ def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, wher
     found: list[str] = []
     for name in names:
         if not isinstance(name, str) or name not in variables:
-            near = difflib.get_close_matches(str(name), variables, n=1)
             raise InputError(f"there is no variable {name!r}", where=where,
-                             right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(variables)}")
+                             right=_nearest(name, variables, "There are"))
         if name in found:
             raise InputError(f"the variable {name} stands twice", where=where)
         found.append(str(name))
@@ -183,54 +273,25 @@ def shown(value: Any) -> str:
 
 
 def added(
-    variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str]
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, (p,) to the coordinates.
+    variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str], count: int = 1
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
+    """What `values` add outside the mechanism.
 
-    Courses are left out: see `courses.course_motion`.
+    Returns:
+        (3,) to the mount, m to the fulcrum, to the prescribed coordinates (p,) and by courses (count, p) at the moments
+        of the walk (m, rad), and (p,) to their rates at the first one.
     """
-    mount, slide, shift = np.zeros(3), 0.0, np.zeros(len(prescribed))
+    mount, slide = np.zeros(3), 0.0
+    shift, course, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
     for name, value in values.items():
         edit = variables[name].edit
         mount += value * edit.mount
         slide += value * edit.fulcrum_shift
-        if edit.coordinate is not None and edit.course is None:
-            shift[prescribed.index(edit.coordinate)] += value
-    return mount, slide, shift
-
-
-def _contact(sites: ContactSites, rows: np.ndarray) -> list[Variable]:
-    found = []
-    for z, zone in enumerate(sites.zone_names):
-        own = np.flatnonzero(sites.zone == z)
-        k, n, b, full = rows[own[0], 4:8]
-
-        def edit(column: str, own: np.ndarray = own) -> Edit:
-            unit = np.zeros_like(rows)
-            unit[own, _SITE[column]] = 1.0
-            return Edit(sites=unit)
-
-        found += [
-            _scaled(f"contact.{zone}.stiffness", "N/m^exponent", float(k), edit("stiffness")),
-            Variable(f"contact.{zone}.exponent", "1", float(n), 1.0, 2.0, 1.0, edit("exponent"), 20.0),
-            _scaled(f"contact.{zone}.damping", "N s/m", float(b), edit("damping"), minimum=0.0),
-            Variable(f"contact.{zone}.full_damping_depth", "m", float(full), 2e-4, 5e-3, 1e-6,
-                     edit("full_damping_depth"), 0.1),
-            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit("rise"), 0.1, added=True)]
-    return found
-
-
-def _friction(count: int, rows: np.ndarray) -> list[Variable]:
-    found = []
-    for name, unit, low, high, minimum, maximum in (
-            ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
-            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
-        one = np.zeros_like(rows)
-        one[:count, _SITE[name]] = 1.0
-        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
-                              Edit(sites=one), maximum))
-    return found
-
-
-def _scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
-    return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit, _LARGEST)
+        if edit.coordinate is not None:
+            column = prescribed.index(edit.coordinate)
+            if edit.course is None:
+                shift[column] += value
+            else:
+                course[:, column] += value * edit.course
+                rate[column] += value * edit.course_rate
+    return mount, slide, shift, course, rate

@@ -20,29 +20,33 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.courses import Course, course_motion, course_variables
-from vsf_drake.simulation.load_sensitivity import (
-    LoadSensitivity,
-    check_differentiable_loads,
-    load_sensitivity,
-    socket_wrench,
-)
-from vsf_drake.simulation.mechanism import edited, gait_mechanism, gait_variables, supported_over
+from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
 from vsf_drake.simulation.reactions import (
     LOADED_N,
     FootReaction,
+    LoadSensitivity,
     ReactionSensitivity,
     energy_ledger,
     foot_reaction,
+    load_sensitivity,
     reaction_sensitivity,
+    socket_wrench,
 )
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.dynamics import Torques, no_torques
+from vsf_drake.simulation.stepping.dynamics import Torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
 from vsf_drake.simulation.stepping.ways import Edit
-from vsf_drake.simulation.variables import added, check_names, check_number, check_values
+from vsf_drake.simulation.variables import (
+    Course,
+    added,
+    check_names,
+    check_number,
+    check_values,
+    course_variables,
+    gait_variables,
+)
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial_record import Trial
@@ -127,19 +131,17 @@ class Walker:
         """
         started = time.perf_counter()
         moments, step_s = walk_grid(start_s, end_s, step_s)
-        offsets = GeometricOffsets() if offsets is None else offsets
-        if not isinstance(offsets, GeometricOffsets):
-            raise InputError(f"is a {type(offsets).__name__}, no GeometricOffsets", where="offsets")
-        check(offsets)
-        coursed = course_variables(courses, self.gait.prescribed, moments)
-        variables = self.variables | coursed
+        offsets = check_offsets(offsets)
+        names = self.gait.prescribed
+        variables = self.variables | course_variables(courses, names, moments)
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
-        if with_loads:
-            check_differentiable_loads(with_respect_to, variables)
         edits = tuple(variables[name].edit for name in with_respect_to)
-        geometry, slide, shift = added(variables, values, self.gait.prescribed)
-        course, course_rate = course_motion(variables, values, self.gait.prescribed, len(moments))
+        moving = [name for name, edit in zip(with_respect_to, edits, strict=True) if edit.coordinate is not None]
+        if with_loads and moving:
+            raise InputError(f"loads are not differentiated by {moving[0]}: it moves a prescribed coordinate",
+                             where="with_respect_to", right="Leave it out, or walk without with_loads")
+        geometry, slide, shift, course, course_rate = added(variables, values, names, len(moments))
         fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
@@ -151,34 +153,74 @@ class Walker:
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(moments, bytes_a_step(mechanism, by=len(edits), loads=with_loads), len(trajectory.time_s))
         stepper = Stepper(supported_over(mechanism, support_width_m))
-        tree = stepper.mechanism.tree
-        motion = trajectory.ordered(self.gait.prescribed)
-        q = motion.sample(moments)[0] + shift + course
-        prescribed = np.array([*(tree.index(name) for name in motion.names), tree.index("fulcrum")])
-        inputs = Inputs(time_s=moments, prescribed=prescribed, prescribed_q=np.column_stack([q, fulcrum]),
-                        fulcrum=np.array(fulcrum), ground=np.full(len(moments), mechanism.ground_height),
-                        torques=torques_on_grid(applied, free=self.free, coordinate_names=tree.coordinate_names,
-                                                moments=moments))
+        mechanism = stepper.mechanism
+        tree = mechanism.tree
+        q = trajectory.ordered(names).sample(moments)[0] + shift + course
+        inputs = Inputs(
+            time_s=moments, prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
+            prescribed_q=np.column_stack([q, fulcrum]), fulcrum=np.array(fulcrum),
+            ground=np.full(len(moments), mechanism.ground_height),
+            torques=torques_on_grid(applied, free=self.free, coordinate_names=tree.coordinate_names, moments=moments))
         compile_s = stepper.warm_up(sensitivities=bool(edits))
-        q0, v0, rest_speed, by = start_state(
-            stepper, inputs, trajectory, prescribed=self.gait.prescribed, free=self.free, initial=initial or {},
-            rate=course_rate, edits=edits)
+        q0, v0, rest_speed, by = self._start(stepper, inputs, trajectory, initial or {}, course_rate, edits)
         count = len(self.gait.person.foot.sites.radius)
         measured = np.arange(len(mechanism.sites)) < count
         carried = Carried(edits=edits, measured=measured, q0=by, loads=with_loads) if edits else None
         record = stepper.run(inputs, q0, v0, carried=carried, progress=progress)
-        ground = stepper.mechanism.ground_height
-        prosthetic = foot_reaction(record, slice(0, count), ground)
-        intact = foot_reaction(record, slice(count, None), ground)
+        prosthetic, intact = (foot_reaction(record, rows, mechanism.ground_height)
+                              for rows in (slice(0, count), slice(count, None)))
         return Walk(
-            mechanism=stepper.mechanism, record=record, prosthetic=prosthetic,
+            mechanism=mechanism, record=record, prosthetic=prosthetic, intact=intact,
             sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
-            load_sensitivity=load_sensitivity(stepper.mechanism, record, with_respect_to, edits)
+            load_sensitivity=load_sensitivity(mechanism, record, with_respect_to, edits)
             if edits and with_loads else None,
-            intact=intact, commanded=q[1:], fulcrum_m=np.array(fulcrum),
-            values=values, courses={name: variables[name].edit.coordinate for name in coursed}, step_s=step_s,
+            commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
+            courses={name: variable.edit.coordinate for name, variable in variables.items()
+                     if name not in self.variables},
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
             applied_names=() if applied is None else tuple(applied.names))
+
+    def _start(
+        self, stepper: Stepper, inputs: Inputs, trajectory: CoordinateTrajectory, initial: Mapping[str, float],
+        rate: np.ndarray, edits: tuple[Edit, ...]
+    ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+        """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
+
+        Prescribed coordinates, and free ones that the recording knows, have its position and velocity. Everything else
+        (socket, keel, the free ones in `initial`) settles under its load with those held.
+
+        Args:
+            rate: (prescribed,) what courses add to the recorded velocities (m/s, rad/s).
+            edits: P parameters by which q0 is differentiated; v0 depends on none but courses, by their rates.
+        """
+        tree, prescribed = stepper.mechanism.tree, self.gait.prescribed
+        for name in initial:
+            if name not in self.free:
+                raise InputError("is not a free coordinate", where=f"initial[{name!r}]",
+                                 right=f"Free are: {', '.join(self.free)}")
+        recorded = [name for name in self.free if name not in initial]
+        unknown = [name for name in recorded if name not in trajectory.names]
+        if unknown:
+            raise InputError(f"the free coordinate {unknown[0]} has no start", where="initial",
+                             right="Give it there, or a recording that holds it")
+        known = [*prescribed, *recorded]
+        q, v, _ = trajectory.ordered(known).sample(float(inputs.time_s[0]))
+        rows = np.array([tree.index(name) for name in known], dtype=np.int64)
+        held = dataclasses.replace(
+            inputs, prescribed=np.concatenate([inputs.prescribed, rows[len(prescribed):]]),
+            prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed):]])[None, :])
+        q0 = np.zeros(tree.num_coordinates)
+        q0[held.prescribed] = held.prescribed_q[0]
+        for name, value in initial.items():
+            q0[tree.index(name)] = value
+        q0, rest_speed = stepper.settle(held, q0)
+        v0 = np.zeros_like(q0)
+        v0[rows] = v[0]
+        v0[rows[:len(prescribed)]] += rate
+        by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits,
+                              fulcrum=float(inputs.fulcrum[0]), ground=float(inputs.ground[0])
+                              ) if edits else np.zeros((len(q0), 0))
+        return q0, v0, rest_speed, by
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
         """Packs a run with all that it takes to understand and repeat it.
@@ -214,14 +256,12 @@ class Walker:
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
                         "offsets": to_plain(offsets), "values": dict(walk.values), "courses": dict(walk.courses),
                         "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
-                        "stepper": used_numbers(walk.mechanism)},
+                        "stepper": _used_numbers(walk.mechanism)},
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
 
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
-        keel, driven = ([walk.mechanism.tree.index(name) for name in names] for names in (
-            self.gait.person.foot.keel_joint_names, (*self.gait.prescribed, "fulcrum")))
-        return energy_ledger(walk.mechanism, walk.record, keel=np.array(keel), driven=np.array(driven),
-                             fulcrum_m=walk.fulcrum_m)
+        driven = [walk.mechanism.tree.index(name) for name in (*self.gait.prescribed, "fulcrum")]
+        return energy_ledger(walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m)
 
 
 def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> float:
@@ -246,7 +286,7 @@ def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
             else f"Its files have {rows} rows, which take all of it: cut them into shorter ones")
 
 
-def used_numbers(mechanism: Mechanism) -> dict[str, list | float]:
+def _used_numbers(mechanism: Mechanism) -> dict[str, list | float]:
     """Contact, springs and support as the run used them, whatever the model file says."""
     return {"site_columns": list(SITE_COLUMNS), "sites": mechanism.sites.tolist(),
             "spring_columns": list(SPRING_COLUMNS), "springs": mechanism.springs.tolist(),
@@ -263,12 +303,7 @@ def simulate_trial(
 ) -> WalkResult:
     """Simulates a recorded trial: the person follows the recording, the prosthesis and the ground respond.
 
-    Args:
-        offsets: instead of the manifest's.
-        progress: called with the finished fraction.
-
-    Raises:
-        InputError, SimulationError: see `Walker.walk`.
+    `offsets` stand instead of the manifest's; raises what `Walker.walk` does.
     """
     walker = Walker(trial.subject, trial.model)
     offsets = offsets or trial.offsets
@@ -308,7 +343,7 @@ class AppliedTorques:
 
 def torques_on_grid(
     applied: AppliedTorques | None, *, free: Sequence[str], coordinate_names: Sequence[str], moments: np.ndarray
-) -> Torques:
+) -> Torques | None:
     """The torques of a run on the grid `moments` (n + 1,), for the stepper.
 
     Args:
@@ -319,7 +354,7 @@ def torques_on_grid(
     """
     steps = len(moments) - 1
     if applied is None:
-        return no_torques(steps)
+        return None
     if not isinstance(applied, AppliedTorques):
         raise InputError(f"is a {type(applied).__name__}, no AppliedTorques", where="applied")
     if isinstance(applied.names, str) or not applied.names:
@@ -359,98 +394,31 @@ def _rows(given: Sampled, starts: np.ndarray, shape: tuple[int, ...], where: str
     return found
 
 
-# Where a run begins: the recording's pose, and at rest what the recording does not know.
-
-
-def start_state(
-    stepper: Stepper,
-    inputs: Inputs,
-    trajectory: CoordinateTrajectory,
-    *,
-    prescribed: Sequence[str],
-    free: Sequence[str],
-    initial: Mapping[str, float],
-    rate: np.ndarray,
-    edits: tuple[Edit, ...] = (),
-) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-    """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
-
-    Prescribed coordinates, and free ones that the recording knows, have its position and velocity.
-    Everything else (socket, keel, the free ones in `initial`) settles under its load with those held.
-
-    Args:
-        prescribed, free: names of the anatomical coordinates.
-        initial: first guess of free coordinates that are to settle, whatever the recording says.
-        rate: (prescribed,) what courses add to the recorded velocities (m/s, rad/s).
-        edits: P parameters by which q0 is differentiated; v0 depends on none but courses, by their rates.
-
-    Raises:
-        InputError: `initial` names a coordinate that is not free, or a free one is neither recorded nor in it.
-        SimulationError: settling diverges.
-    """
-    tree = stepper.mechanism.tree
-    for name in initial:
-        if name not in free:
-            raise InputError("is not a free coordinate", where=f"initial[{name!r}]",
-                             right=f"Free are: {', '.join(free)}")
-    recorded = [name for name in free if name not in initial]
-    unknown = [name for name in recorded if name not in trajectory.names]
-    if unknown:
-        raise InputError(f"the free coordinate {unknown[0]} has no start", where="initial",
-                         right="Give it there, or a recording that holds it")
-    known = [*prescribed, *recorded]
-    q, v, _ = trajectory.ordered(known).sample(float(inputs.time_s[0]))
-    rows = np.array([tree.index(name) for name in known], dtype=np.int64)
-    extra = rows[len(prescribed) :]
-    held = dataclasses.replace(
-        inputs, prescribed=np.concatenate([inputs.prescribed, extra]),
-        prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed) :]])[None, :])
-    q0 = np.zeros(tree.num_coordinates)
-    q0[held.prescribed] = held.prescribed_q[0]
-    for name, value in initial.items():
-        q0[tree.index(name)] = value
-    q0, rest_speed = stepper.settle(held, q0)
-    v0 = np.zeros_like(q0)
-    v0[rows] = v[0]
-    v0[rows[: len(prescribed)]] += rate
-    by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits, fulcrum=float(inputs.fulcrum[0]),
-                          ground=float(inputs.ground[0])) if edits else np.zeros((len(q0), 0))
-    return q0, v0, rest_speed, by
-
-
 # One run of a walking person, as the stepper left it.
 
 
 @dataclass(frozen=True)
 class Walk:
-    """One run of a `Walker`, before it is packed as a result.
-
-    Attributes:
-        prosthetic, intact: resultants on the two feet.
-        commanded: (n, prescribed) the motion at the ends of the steps.
-        fulcrum_m: (n + 1,) from A, start included.
-        values: of the variables that were asked for. courses: the coordinate that each course changed, by variable.
-        sensitivity: of `prosthetic` to the variables that the walk was asked for; None if to none.
-        load_sensitivity: of `record.load`, the socket's wrench and the state to those variables; None unless asked for.
-        applied_names: the c driven coordinates of which `applied` holds the torques.
-        rest_speed: largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest.
-    """
+    """One run of a `Walker`, before it is packed as a result."""
 
     mechanism: Mechanism
     record: Record
     prosthetic: FootReaction
     intact: FootReaction
     sensitivity: ReactionSensitivity | None
-    commanded: np.ndarray
-    fulcrum_m: np.ndarray
-    values: Mapping[str, float]
-    courses: Mapping[str, str]
+    """Of `prosthetic` to the variables that the walk was asked for; None if to none."""
+    commanded: np.ndarray  # (n, prescribed) the motion at the ends of the steps
+    fulcrum_m: np.ndarray  # (n + 1,) from A, start included
+    values: Mapping[str, float]  # of the variables that were asked for
+    courses: Mapping[str, str]  # the coordinate that each course changed, by variable
     step_s: float
     wall_s: float
     compile_s: float
     rest_speed: float
+    """Largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest."""
     load_sensitivity: LoadSensitivity | None = None
-    applied_names: tuple[str, ...] = ()
+    """Of `record.load`, the socket's wrench and the state to those variables; None unless asked for."""
+    applied_names: tuple[str, ...] = ()  # the c driven coordinates of which `applied` holds the torques
 
     @property
     def applied(self) -> np.ndarray:
@@ -490,6 +458,15 @@ def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, 
     moments = start_s + step_s * np.arange(steps + 1)
     moments[-1] = min(moments[-1], end_s)
     return moments, step_s
+
+
+def check_offsets(offsets: GeometricOffsets | None) -> GeometricOffsets:
+    """The offsets, none for None; InputError unless they can be those of a prosthesis."""
+    offsets = GeometricOffsets() if offsets is None else offsets
+    if not isinstance(offsets, GeometricOffsets):
+        raise InputError(f"is a {type(offsets).__name__}, no GeometricOffsets", where="offsets")
+    check(offsets)
+    return offsets
 
 
 def fulcrum_on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:

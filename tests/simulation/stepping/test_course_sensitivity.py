@@ -11,11 +11,11 @@ from differences import central, errors, exact_series, size
 from scipy.interpolate import BSpline
 
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.courses import Course, course_variables
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.stepping.assembly import split_coordinates
 from vsf_drake.simulation.stepping.sensitivity import Carried
 from vsf_drake.simulation.stepping.ways import make_ways
+from vsf_drake.simulation.variables import Course, course_variables
 from vsf_drake.simulation.walk import Walker
 
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4

@@ -103,7 +103,7 @@ class Instant:
     def residual(self, *, dq=0.0, dv0=0.0, dv=0.0, values=None):
         """r / h, free end velocities unchanged, and which branch of its law each site is on."""
         values = values or {}
-        geometry, slide, shift = added(self.walker.variables, values, self.walker.gait.prescribed)
+        geometry, slide, shift, *_ = added(self.walker.variables, values, self.walker.gait.prescribed)
         mechanism = self.mechanism
         if geometry.any():
             mechanism = dataclasses.replace(mechanism, tree=self._mechanism(geometry).tree)

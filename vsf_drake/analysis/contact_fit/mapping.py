@@ -25,8 +25,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.gait_cycle import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.courses import Course
-from vsf_drake.simulation.variables import Variable
+from vsf_drake.simulation.variables import Course, Variable
 
 OFFSET_HEIGHT = "offset.height"
 

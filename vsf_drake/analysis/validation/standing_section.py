@@ -10,8 +10,8 @@ from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing
-from vsf_drake.simulation.standing_result import standing_table
 
 DURATION_S, QUICK_DURATION_S = 10.0, 2.0
 PAPER_MASS_ERROR = -0.026

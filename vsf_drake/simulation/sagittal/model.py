@@ -71,7 +71,7 @@ class SagittalModel:
         gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
         context.SetTimeStateAndParametersFrom(walker.context)
         values, foot = check_values(values, walker.variables), gait.person.foot
-        mount, self.shift, shifts = added(walker.variables, values, gait.prescribed)
+        mount, self.shift, shifts, *_ = added(walker.variables, values, gait.prescribed)
         if np.any(shifts):
             raise InputError("the sagittal model shifts no coordinate", where="values", right="Shift the motion itself")
         set_mount(gait.plant_context(context), foot, height=offsets.height_m + mount[0],
