@@ -151,9 +151,8 @@ def run_bench(
         InputError, SimulationError: see `Bench.press`.
     """
     check_model(model)
-    passes = [(Bench(model.foot), position) for position in fulcrums_m[:1]]
-    forefoot = passes[0][0] if passes else None
-    passes += [(forefoot, position) for position in fulcrums_m[1:]]
+    forefoot = Bench(model.foot) if fulcrums_m else None
+    passes = [(forefoot, position) for position in fulcrums_m]
     if heel:
         passes.append((Bench(model.foot, heel=True), model.foot.fulcrum.rearmost_m))
     compile_s = passes[0][0].warm_up() if passes else 0.0
@@ -195,18 +194,13 @@ BALANCED = 1e-10
 
 @dataclass(frozen=True)
 class KeelShape:
-    """The keel at rest.
-
-    Attributes:
-        angles: (m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`; positive lifts
-            the toe.
-        load_point_K: (2,) m, x and z of the load point C in K.
-        support_force_n: on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up.
-    """
+    """The keel at rest."""
 
     angles: np.ndarray
-    load_point_K: np.ndarray
+    """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`; positive lifts the toe."""
+    load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
     support_force_n: float
+    """On the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up."""
 
 
 def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> KeelShape:

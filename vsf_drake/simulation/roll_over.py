@@ -24,7 +24,7 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
-from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
 FOLLOWS_WITHIN = 0.01
 """Share of the largest force by which a run that follows its profile may be off (a choice)."""
@@ -41,22 +41,19 @@ _TRIAL_M = 5e-5
 _MOST_TRIALS = 40
 _FIRST_STIFFNESS = 5e4
 _LONGEST_MOVE_M = 2e-3
+LONGEST_TRAVEL_M = 0.12
+"""Travel after which a foot that does not bear the load has given way."""
+LARGEST_PITCH_RAD = np.radians(60.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Following:
-    """How a rolled foot follows its force: n instants, the ends of the steps.
+    """How a rolled foot follows its force: n instants, the ends of the steps."""
 
-    Attributes:
-        wanted_n, force_n: (n,) N along the fixed line.
-        height_m: (n,) of the mount's origin above the tilt axis, along that line.
-        deflection_m: (n,) how much lower that is than where the unloaded foot would touch at the same tilt.
-    """
-
-    wanted_n: np.ndarray
+    wanted_n: np.ndarray  # (n,) N along the fixed line
     force_n: np.ndarray
-    height_m: np.ndarray
-    deflection_m: np.ndarray
+    height_m: np.ndarray  # (n,) of the mount's origin above the tilt axis, along that line
+    deflection_m: np.ndarray  # (n,) how much lower that is than where the unloaded foot would touch at the same tilt
 
     @classmethod
     def of(
@@ -78,7 +75,7 @@ class Following:
         return self.residual_n <= FOLLOWS_WITHIN * float(np.max(self.wanted_n))
 
 
-def follow_coarsely(
+def _follow_coarsely(
     stepper: Stepper, first: Inputs, q0: np.ndarray, *, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
     start_height_m: float, axis_ahead_m: float
 ) -> np.ndarray:
@@ -117,7 +114,7 @@ def follow_coarsely(
     return heights
 
 
-def smooth_path(
+def _smooth_path(
     coarse_s: np.ndarray, coarse_m: np.ndarray, time_s: np.ndarray, force_along: Callable[[np.ndarray], np.ndarray],
     wanted_n: np.ndarray
 ) -> np.ndarray:
@@ -245,30 +242,18 @@ def in_mount_frame(points_W: np.ndarray, mount: np.ndarray) -> np.ndarray:
 # Presses and rolls the prosthetic foot alone over level ground, by the implicit stepper.
 
 
-LONGEST_TRAVEL_M = 0.12
-"""Travel after which a foot that does not bear the load has given way."""
-LARGEST_PITCH_RAD = np.radians(60.0)
-
-
 @dataclass(frozen=True, eq=False)
 class RollOverRun:
-    """One run of the machine over n instants (the ends of the steps), ground level and z = 0 in W.
-
-    Attributes:
-        mount: (n, 3) m, m, rad (toes up): MOUNT_COORDINATES. load: (n, 3) N, N, N m that the drive exerts along them.
-        grf_W: (n, 3) N on the foot. cop_W: (n, 3) m, NaN below 20 N. sphere_normal_n: (n, spheres).
-        energy: `simulation.reactions.energy_ledger` (n,) J by name.
-        unconverged_steps: steps that were accepted without convergence.
-    """
+    """One run of the machine over n instants (the ends of the steps), ground level and z = 0 in W."""
 
     time_s: np.ndarray
-    mount: np.ndarray
-    load: np.ndarray
-    grf_W: np.ndarray
-    cop_W: np.ndarray
-    sphere_normal_n: np.ndarray
-    energy: dict[str, np.ndarray]
-    unconverged_steps: int
+    mount: np.ndarray  # (n, 3) m, m, rad (toes up): MOUNT_COORDINATES
+    load: np.ndarray  # (n, 3) N, N, N m that the drive exerts along them
+    grf_W: np.ndarray  # (n, 3) N on the foot
+    cop_W: np.ndarray  # (n, 3) m, NaN below 20 N
+    sphere_normal_n: np.ndarray  # (n, spheres)
+    energy: dict[str, np.ndarray]  # `simulation.reactions.energy_ledger` (n,) J by name
+    unconverged_steps: int  # that were accepted without convergence
 
 
 class RollOver:
@@ -283,7 +268,10 @@ class RollOver:
         self.machine = make_roll_over_machine(parameters, friction=friction)
         self.context = self.machine.diagram.CreateDefaultContext()
         self.parameters, self.friction = parameters, friction
-        self._centres = self._sphere_centres()
+        sites, plant = self.machine.foot.sites, self.machine.plant
+        straight = plant.CreateDefaultContext()
+        self._centres = np.array([plant.get_body(body).EvalPoseInWorld(straight) @ p
+                                  for body, p in zip(sites.body_indices, sites.p_BS, strict=True)])[:, [0, 2]]
 
     def touch_height(self, pitch_rad: float | np.ndarray) -> np.ndarray:
         """Height (m) of the mount's origin over the ground at which the unloaded foot touches it."""
@@ -299,10 +287,14 @@ class RollOver:
             InputError: the fulcrum is out of reach.
             SimulationError: the run diverges.
         """
-        stepper = self._stepper(fulcrum_m)
-        inputs = self._inputs(stepper.mechanism, fulcrum_m, np.asarray(time_s, dtype=float), mount)
-        q0 = self._start(stepper.mechanism, inputs)
-        return self._pack(stepper.mechanism, stepper.run(inputs, q0, np.zeros_like(q0)), inputs)
+        stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
+        record, columns = stepper.run(inputs, q0, np.zeros_like(q0)), inputs.prescribed[:3]
+        reaction = foot_reaction(record, slice(0, None))
+        return RollOverRun(
+            time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
+            cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
+            energy=energy_ledger(stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
+            unconverged_steps=int(np.sum(~record.converged)))
 
     def press(
         self, *, fulcrum_m: float, pitch_rad: float, max_load_n: float, speed_m_per_s: float, steps_per_mm: float
@@ -320,15 +312,16 @@ class RollOver:
         if not abs(pitch_rad) <= LARGEST_PITCH_RAD:
             raise InputError(f"is {pitch_rad:g} rad", where="pitch_rad", right="It must be within 60 degrees")
         top = float(self.touch_height(pitch_rad)[0])
-        steps = int(np.ceil(min(LONGEST_TRAVEL_M, top) * 1e3 * steps_per_mm))
-        travel = 1e-3 / steps_per_mm * np.arange(steps + 1)
-        stepper = self._stepper(fulcrum_m)
-        down = self._inputs(stepper.mechanism, fulcrum_m, travel / speed_m_per_s, _lowered(top, travel, pitch_rad))
-        q0 = self._start(stepper.mechanism, down)
+
+        def lowered(travel: np.ndarray) -> np.ndarray:
+            return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch_rad)])
 
         def reached(done: int, record: Record) -> bool:
             return record.site("normal_force")[done - 1].sum() >= max_load_n
 
+        steps = int(np.ceil(min(LONGEST_TRAVEL_M, top) * 1e3 * steps_per_mm))
+        travel = 1e-3 / steps_per_mm * np.arange(steps + 1)
+        stepper, down, q0 = self._begin(fulcrum_m, travel / speed_m_per_s, lowered(travel))
         load = stepper.run(down, q0, np.zeros_like(q0), stop=reached).site("normal_force").sum(axis=1)
         above = np.flatnonzero(load >= max_load_n)
         if not above.size:
@@ -339,7 +332,7 @@ class RollOver:
         count = int(above[0]) + 1
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
-        return self.follow(fulcrum_m=fulcrum_m, time_s=moments, mount=_lowered(top, path, pitch_rad))
+        return self.follow(fulcrum_m=fulcrum_m, time_s=moments, mount=lowered(path))
 
     def roll(
         self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
@@ -349,7 +342,7 @@ class RollOver:
 
         Args:
             time_s, tilt_rad, force_n: (n + 1,); the foot starts unloaded, as it touches.
-            axis_ahead_m: see `roll_over_control`.
+            axis_ahead_m: see `mount_path`.
 
         Returns:
             The run, made anew along the heights that were found, and how well it follows the force.
@@ -358,71 +351,41 @@ class RollOver:
             InputError: the fulcrum is out of reach.
             SimulationError: the run diverges.
         """
-        stepper = self._stepper(fulcrum_m)
-        touch = self._touch_along_line(float(tilt_rad[0]), axis_ahead_m)
-        start = mount_path(tilt_rad[:1], np.array([touch]), axis_ahead_m=axis_ahead_m)
-        first = self._inputs(stepper.mechanism, fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0))
-        q0 = self._start(stepper.mechanism, first)
+        # Height above T along the line of force at which the unloaded foot touches the tilted platform.
+        touch = [float((self.touch_height(-tilt)[0] - axis_ahead_m * np.sin(tilt)) / np.cos(tilt))
+                 for tilt in map(float, tilt_rad)]
+        start = mount_path(tilt_rad[:1], np.array(touch[:1]), axis_ahead_m=axis_ahead_m)
+        stepper, first, q0 = self._begin(fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0))
         coarse_s = np.linspace(time_s[0], time_s[-1], COARSE_STEPS + 1)
-        coarse = follow_coarsely(
+        coarse = _follow_coarsely(
             stepper, first, q0, time_s=coarse_s, tilt_rad=np.interp(coarse_s, time_s, tilt_rad),
-            force_n=np.interp(coarse_s, time_s, force_n), start_height_m=touch, axis_ahead_m=axis_ahead_m)
+            force_n=np.interp(coarse_s, time_s, force_n), start_height_m=touch[0], axis_ahead_m=axis_ahead_m)
         line = line_of_force(-tilt_rad[1:])
 
         def force_along(height: np.ndarray) -> np.ndarray:
             mount = mount_path(tilt_rad, height, axis_ahead_m=axis_ahead_m)
-            inputs = self._inputs(stepper.mechanism, fulcrum_m, time_s, mount)
-            record = stepper.run(inputs, q0, np.zeros_like(q0))
+            record = stepper.run(self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0))
             return np.asarray(line[:, 0] * record.site("friction_x").sum(axis=1)
                               + line[:, 2] * record.site("normal_force").sum(axis=1))
 
-        height = smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
+        height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
         mount = mount_path(tilt_rad, height, axis_ahead_m=axis_ahead_m)
         run = self.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount)
-        unloaded = np.array([self._touch_along_line(float(tilt), axis_ahead_m) for tilt in tilt_rad])
-        return run, Following.of(run.grf_W, mount[1:], force_n[1:], height[1:], unloaded[1:])
+        return run, Following.of(run.grf_W, mount[1:], force_n[1:], height[1:], np.array(touch[1:]))
 
-    def _touch_along_line(self, tilt: float, axis_ahead_m: float) -> float:
-        """Height (m) above T along the line of force at which the unloaded foot touches the tilted platform."""
-        return float((self.touch_height(-tilt)[0] - axis_ahead_m * np.sin(tilt)) / np.cos(tilt))
-
-    def _stepper(self, fulcrum_m: float) -> Stepper:
+    def _begin(self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> tuple[Stepper, Inputs, np.ndarray]:
+        """The machine along `mount`, and where it is at rest at first."""
         check_fulcrum(fulcrum_m, self.parameters)
         stepper = Stepper(roll_over_mechanism(self.machine, self.context))
         stepper.warm_up()
-        return stepper
+        inputs = self._inputs(stepper, fulcrum_m, np.asarray(time_s, dtype=float), mount)
+        q0 = np.zeros(stepper.mechanism.tree.num_coordinates)
+        q0[inputs.prescribed] = inputs.prescribed_q[0]
+        return stepper, inputs, q0
 
-    def _inputs(self, mechanism: Mechanism, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> Inputs:
+    def _inputs(self, stepper: Stepper, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> Inputs:
         names = (*MOUNT_COORDINATES, self.machine.foot.carriage_joint_name)
         fulcrum = np.full(len(time_s), fulcrum_m)
         return Inputs(
-            time_s=time_s, prescribed=np.array([mechanism.tree.index(name) for name in names]),
+            time_s=time_s, prescribed=np.array([stepper.mechanism.tree.index(name) for name in names]),
             prescribed_q=np.column_stack([mount, fulcrum]), fulcrum=fulcrum, ground=np.zeros(len(time_s)))
-
-    @staticmethod
-    def _start(mechanism: Mechanism, inputs: Inputs) -> np.ndarray:
-        q0 = np.zeros(mechanism.tree.num_coordinates)
-        q0[inputs.prescribed] = inputs.prescribed_q[0]
-        return q0
-
-    def _pack(self, mechanism: Mechanism, record: Record, inputs: Inputs) -> RollOverRun:
-        columns = inputs.prescribed[:3]
-        reaction = foot_reaction(record, slice(0, None))
-        return RollOverRun(
-            time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
-            cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
-            energy=energy_ledger(mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
-            unconverged_steps=int(np.sum(~record.converged)))
-
-    def _sphere_centres(self) -> np.ndarray:
-        """(N, 2) forward and up of the spheres' centres in the mount's frame, the keel straight."""
-        sites, plant = self.machine.foot.sites, self.machine.plant
-        context = plant.CreateDefaultContext()
-        centres = [plant.get_body(body).EvalPoseInWorld(context) @ p
-                   for body, p in zip(sites.body_indices, sites.p_BS, strict=True)]
-        return np.array(centres)[:, [0, 2]]
-
-
-def _lowered(top: float, travel: np.ndarray, pitch: float) -> np.ndarray:
-    """(n, 3) the mount at one pitch, lowered by `travel` from the height `top`."""
-    return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch)])

@@ -17,8 +17,10 @@ therefore part of the result. Sideways it depends on the weight and on how much 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.tree import BodyIndex
@@ -60,7 +62,7 @@ def simulate_standing(
     tilt = posture.angles["pelvis_tilt"]
     notes: list[str] = []
     for found in () if upright else _balances(posture, tilt, notes):
-        walker = Walker(subject, model, free=TRANSLATIONS + _freed(found))
+        walker = Walker(subject, model, free=TRANSLATIONS + found.freed)
         try:
             walk, rest_speed = _let_go(posture, walker, found.tilt, found.list, duration_s, step_s, progress)
         except SimulationError as error:
@@ -91,43 +93,34 @@ def _let_go(
 
 def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     """Stable equilibria, the freest first; `notes` learns why there are no more."""
+    found = []
     try:
-        return _stable(posture, tilt, notes)
+        sideways = posture.sideways_equilibrium(tilt)
+        if sideways is None:
+            notes.append("Sideways a person with stiff joints cannot balance on these legs: leaning onto the softer or "
+                         "shorter one, the weight topples the body faster than the feet right it. In life muscles "
+                         "about the hips do; here the pelvis's list is held where both unloaded soles touch the floor.")
+            return []
+        full = posture.equilibrium(sideways)
+        if full is None:
+            best, moment = posture.least_tilt_moment(tilt, sideways.list)
+            notes.append("Fore and aft no attitude of the pelvis balances a person with stiff joints at these angles: "
+                         f"at best (tilt {np.degrees(best):.1f} degrees) the centre of mass stays "
+                         f"{_place(moment / posture.weight_n)} the centre of pressure. People lean at the ankles, "
+                         "which stand at their given angles here.")
+        elif full.stable:
+            found.append(full)
+        else:
+            notes.append("Fore and aft there is an attitude in balance, but the weight topples the body from it faster "
+                         "than the feet right it.")
+        if sideways.stable:
+            found.append(sideways)
+        else:
+            notes.append("Sideways there is an attitude in balance, but the person topples from it.")
+        return found
     except SimulationError as error:
         notes.append(f"Whether the person can balance is not known: some attitudes of the pelvis fail ({error}).")
         return []
-
-
-def _stable(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
-    sideways = posture.sideways_equilibrium(tilt)
-    if sideways is None:
-        notes.append("Sideways a person with stiff joints cannot balance on these legs: leaning onto the softer or "
-                     "shorter one, the weight topples the body faster than the feet right it. In life muscles about "
-                     "the hips do; here the pelvis's list is held where both unloaded soles touch the floor.")
-        return []
-    found = []
-    full = posture.equilibrium(sideways)
-    if full is None:
-        best, moment = posture.least_tilt_moment(tilt, sideways.list)
-        notes.append("Fore and aft no attitude of the pelvis balances a person with stiff joints at these angles: at "
-                     f"best (tilt {np.degrees(best):.1f} degrees) the centre of mass stays "
-                     f"{_place(moment / posture.weight_n)} the centre of pressure. People lean at the ankles, which "
-                     "stand at their given angles here.")
-    elif not full.stable:
-        notes.append("Fore and aft there is an attitude in balance, but the weight topples the body from it faster "
-                     "than the feet right it.")
-    else:
-        found.append(full)
-    if not sideways.stable:
-        notes.append("Sideways there is an attitude in balance, but the person topples from it.")
-    else:
-        found.append(sideways)
-    return found
-
-
-def _freed(found: Equilibrium) -> tuple[str, ...]:
-    """The pelvis angles that go free with a balance: rotation, which only friction opposes, with the full one alone."""
-    return ROTATIONS if len(found.free) == 2 else found.free
 
 
 def _names(found: Equilibrium) -> str:
@@ -143,7 +136,7 @@ def _result(
 ) -> Standing:
     tree, record = walk.mechanism.tree, walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
-    free = TRANSLATIONS + (_freed(found) if found else ())
+    free = TRANSLATIONS + (found.freed if found else ())
     held = {name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free}
     said = list(notes)
     if "pelvis_tilt" in held:
@@ -171,13 +164,12 @@ def _result(
     plant = walk.mechanism.plant
     plant.SetPositions(walk.mechanism.context, record.q[-1])
     com = plant.CalcCenterOfMassPositionInWorld(walk.mechanism.context)[2] - walk.mechanism.ground_height
-    stiffness = None if found is None else float(
-        np.linalg.eigvalsh(0.5 * (found.stiffness + found.stiffness.T)).min())
     return Standing(
         time_s=record.time_s, prosthetic_n=prosthetic, intact_n=intact,
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
-        free=free, held_nm=held, stiffness_nm_per_rad=stiffness, com_height_m=float(com),
+        free=free, held_nm=held, com_height_m=float(com),
+        stiffness_nm_per_rad=None if found is None else found.least_nm_per_rad,
         leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), unconverged_steps=unconverged,
         refined_steps=refined, notes=tuple(said))
 
@@ -201,39 +193,41 @@ MOMENT_TOLERANCE = 1e-6
 """Moment left at an equilibrium, over weight times a metre: a micrometre of the centre of mass."""
 
 
-@dataclass(frozen=True)
-class Hold:
-    """The settled person with the pelvis held at an attitude.
+class Hold(NamedTuple):
+    """The settled person with the pelvis held at an attitude."""
 
-    Attributes:
-        moments_nm: (2,) what it takes to hold pelvis_tilt and pelvis_list.
-        prosthetic_share: of the weight.
-        com_height_m: centre of mass above the ground.
-    """
+    moments_nm: np.ndarray  # (2,) what it takes to hold pelvis_tilt and pelvis_list
+    prosthetic_share: float  # of the weight
 
-    moments_nm: np.ndarray
-    prosthetic_share: float
-    com_height_m: float
+    @property
+    def on_both_feet(self) -> bool:
+        """Whether each carries a share worth the name."""
+        return LEAST_SHARE < self.prosthetic_share < 1.0 - LEAST_SHARE
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """An attitude (rad) that nothing needs to hold in the directions `free`, and how stiffly the feet keep it there.
-
-    Attributes:
-        tilt, list: of the pelvis. stable: whether the person returns to it.
-        stiffness: (k, k) N m/rad in the directions of `free`; the feet's less the weight's.
-    """
+    """An attitude (rad) of the pelvis that nothing needs to hold in the directions `free`."""
 
     tilt: float
     list: float
     free: tuple[str, ...]
-    stiffness: np.ndarray
+    stiffness: np.ndarray  # (k, k) N m/rad in the directions of `free`; the feet's less the weight's
+
+    @property
+    def least_nm_per_rad(self) -> float:
+        """The least stiffness in any direction."""
+        return float(np.linalg.eigvalsh(0.5 * (self.stiffness + self.stiffness.T)).min())
 
     @property
     def stable(self) -> bool:
         """Whether every small turn is righted."""
-        return bool(np.linalg.eigvalsh(0.5 * (self.stiffness + self.stiffness.T)).min() > 0.0)
+        return self.least_nm_per_rad > 0.0
+
+    @property
+    def freed(self) -> tuple[str, ...]:
+        """The pelvis angles that go free: rotation, which only friction opposes, with the full balance alone."""
+        return ROTATIONS if len(self.free) == 2 else self.free
 
 
 class Posture:
@@ -286,12 +280,10 @@ class Posture:
     def hold(self, tilt: float, list_: float) -> Hold:
         """Lets the person settle in height and socket with the pelvis held at an attitude."""
         walk = self._settle(tilt, list_)
-        load, tree, plant = walk.record.load[-1], walk.mechanism.tree, self.walker.gait.plant
+        load, tree = walk.record.load[-1], walk.mechanism.tree
         up = walk.prosthetic.grf_W[-1, 2], walk.intact.grf_W[-1, 2]
-        plant.SetPositions(walk.mechanism.context, walk.record.q[-1])
-        height = plant.CalcCenterOfMassPositionInWorld(walk.mechanism.context)[2] - walk.mechanism.ground_height
         return Hold(moments_nm=np.array([load[tree.index(name)] for name in ROTATIONS[:2]]),
-                    prosthetic_share=float(up[0] / max(sum(up), 1e-9)), com_height_m=float(height))
+                    prosthetic_share=float(up[0] / max(sum(up), 1e-9)))
 
     def settled(self, tilt: float, list_: float) -> tuple[dict[str, float], float]:
         """Coordinates at rest under the load with the pelvis held at an attitude, and the largest speed left."""
@@ -315,10 +307,8 @@ class Posture:
     def sideways_equilibrium(self, tilt: float) -> Equilibrium | None:
         """Balanced sideways with the tilt held: both feet loaded, stable if there is such, nearest to level."""
         level = self.level_list(tilt)
-        found = []
-        for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level):
-            stiffness = self._stiffness(tilt, list_)[1:, 1:]
-            found.append(Equilibrium(tilt=tilt, list=list_, free=("pelvis_list",), stiffness=stiffness))
+        found = [Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
+                 for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level)]
         return min(found, key=lambda e: (not e.stable, abs(e.list - level)), default=None)
 
     def equilibrium(self, sideways: Equilibrium) -> Equilibrium | None:
@@ -328,9 +318,8 @@ class Posture:
             solved = root(lambda x: self.hold(*x).moments_nm / self.weight_n, [tilt, start[1]], options={"eps": 1e-5})
             exact = np.abs(solved.fun).max() < MOMENT_TOLERANCE
             near = np.abs(solved.x - start).max() < LARGEST_TURN_RAD
-            if exact and near and _on_both_feet(self.hold(*solved.x)):
-                found.append(Equilibrium(tilt=float(solved.x[0]), list=float(solved.x[1]), free=ROTATIONS[:2],
-                                         stiffness=self._stiffness(*solved.x)))
+            if exact and near and self.hold(*solved.x).on_both_feet:
+                found.append(Equilibrium(*map(float, solved.x), ROTATIONS[:2], self._stiffness(*solved.x)))
         return min(found, key=lambda e: (not e.stable, abs(e.tilt - sideways.tilt)), default=None)
 
     def least_tilt_moment(self, tilt: float, list_: float) -> tuple[float, float]:
@@ -344,18 +333,17 @@ class Posture:
         grid = _grid(centre)
         holds = [hold(x) for x in grid]
         zeros = []
-        for i in range(len(grid) - 1):
-            if holds[i].moments_nm[row] * holds[i + 1].moments_nm[row] < 0.0:
-                x = float(brentq(lambda x: hold(x).moments_nm[row], grid[i], grid[i + 1], xtol=1e-9))
-                if _on_both_feet(hold(x)):
+        for (low, at_low), (high, at_high) in itertools.pairwise(zip(grid, holds, strict=True)):
+            if at_low.moments_nm[row] * at_high.moments_nm[row] < 0.0:
+                x = float(brentq(lambda x: hold(x).moments_nm[row], low, high, xtol=1e-9))
+                if hold(x).on_both_feet:
                     zeros.append(x)
         return zeros
 
     def _stiffness(self, tilt: float, list_: float, step: float = 1e-4) -> np.ndarray:
-        turns = step * np.eye(2)
         at = np.array([tilt, list_])
-        return np.column_stack([
-            (self.hold(*(at + d)).moments_nm - self.hold(*(at - d)).moments_nm) / (2 * step) for d in turns])
+        return np.column_stack([(self.hold(*(at + d)).moments_nm - self.hold(*(at - d)).moments_nm) / (2 * step)
+                                for d in step * np.eye(2)])
 
     def _sole_heights(self, q: Mapping[str, float]) -> tuple[float, float]:
         """Heights (m) of the lowest points of the unloaded prosthetic and intact foot."""
@@ -371,10 +359,6 @@ class Posture:
                        for body, p in zip(foot.body_indices, foot.p_BS, strict=True)]
             lowest.append(float(np.min(np.array(centres) - foot.radius)))
         return lowest[0], lowest[1]
-
-
-def _on_both_feet(held: Hold) -> bool:
-    return LEAST_SHARE < held.prosthetic_share < 1.0 - LEAST_SHARE
 
 
 def _grid(centre: float) -> np.ndarray:

@@ -21,58 +21,40 @@ _FRICTION = ("mu_static", "mu_kinetic", "threshold_velocity")
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """Spheres of a foot; those that the plane does not tell apart are one, with a count.
+    """Spheres of both feet; those that the plane does not tell apart are one, with a count."""
 
-    Attributes:
-        link: (s,). x, z: (s,) m, centres in the link's frame. count: (s,).
-        columns: (s,) each, radius and constants of the laws by the stepper's names.
-        heel: (s,) bool, of a zone whose stiffness is a design variable.
-    """
-
-    link: np.ndarray
-    x: np.ndarray
+    link: np.ndarray  # (s,)
+    x: np.ndarray  # (s,) m, centres in the link's frame
     z: np.ndarray
-    count: np.ndarray
-    columns: dict[str, np.ndarray]
-    heel: np.ndarray
+    count: np.ndarray  # (s,)
+    columns: dict[str, np.ndarray]  # (s,) each, radius and constants of the laws by the stepper's names
+    heel: np.ndarray  # (s,) bool, of a zone whose stiffness is a design variable
+    row: np.ndarray  # (s,) the first of the rows that each stands for
 
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Where spheres are and how they move, (s, ...) each.
+    """Where spheres are and how they move, (s, ...) each."""
 
-    Attributes:
-        x, z: of their lowest points in W (m); the centres are above them. depth: m under the ground.
-        slip: velocity of the lowest point forward (m/s). vx, vz: of the centre (m/s).
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # of their lowest points in W (m); the centres are above them
     z: np.ndarray
-    depth: np.ndarray
-    slip: np.ndarray
-    vx: np.ndarray
+    depth: np.ndarray  # m under the ground
+    slip: np.ndarray  # velocity of the lowest point forward (m/s)
+    vx: np.ndarray  # of the centre (m/s)
     vz: np.ndarray
 
 
 def merged_spheres(tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray) -> Spheres:
-    """The rows (S, 11) of the stepper's sites on the plant's `bodies` (S,)."""
+    """The rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), in their order; heel (S,) bool."""
     merged: dict[tuple, list] = {}
-    for row, body, is_heel in zip(rows, bodies, heel, strict=True):
+    for i, (row, body) in enumerate(zip(rows, bodies, strict=True)):
         link, place, angle = tree.bodies[int(body)]
         x, z = place + np.array(turned(row[0], row[2], angle))
-        key = (link, round(x, _ROUNDING), round(z, _ROUNDING), bool(is_heel), *row[3:])
-        merged.setdefault(key, [link, x, z, 0, row, is_heel])[3] += 1
-    links, xs, zs, counts, found, heels = zip(*merged.values(), strict=True)
-    return Spheres(link=np.array(links), x=np.array(xs), z=np.array(zs), count=np.array(counts, dtype=float),
-                   columns=dict(zip(SITE_COLUMNS, np.array(found).T, strict=True)), heel=np.array(heels, dtype=bool))
-
-
-def joined(first: Spheres, second: Spheres) -> Spheres:
-    """Both feet's in one."""
-    columns = {name: np.concatenate([first.columns[name], second.columns[name]]) for name in SITE_COLUMNS}
-    rest = {name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("link", "x", "z", "count", "heel")}
-    return Spheres(columns=columns, **rest)
+        key = (link, round(x, _ROUNDING), round(z, _ROUNDING), bool(heel[i]), *row[3:])
+        merged.setdefault(key, [link, x, z, 0, i])[3] += 1
+    link, x, z, count, first = (np.array(column) for column in zip(*merged.values(), strict=True))
+    return Spheres(link=link, x=x, z=z, count=count.astype(float), row=first, heel=heel[first],
+                   columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True)))
 
 
 def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:

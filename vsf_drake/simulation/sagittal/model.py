@@ -18,11 +18,9 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.schema import check
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.contact_spheres import (
     Smoothing,
-    joined,
     merged_spheres,
     normal_and_friction,
     positive_part_integral,
@@ -32,7 +30,7 @@ from vsf_drake.simulation.sagittal.contact_spheres import (
 )
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, planar_tree
 from vsf_drake.simulation.variables import added, check_values
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import Walker, check_offsets
 
 DESIGN = ("fulcrum_m", "heel_stiffness", "alignment_rad", "keel_thickness")
 SOCKET = ("socket_tx", "socket_tz", "socket_flexion")
@@ -66,8 +64,7 @@ class SagittalModel:
     def __init__(
         self, walker: Walker, *, offsets: GeometricOffsets | None = None, values: dict[str, float] | None = None
     ) -> None:
-        offsets = GeometricOffsets() if offsets is None else offsets
-        check(offsets)
+        offsets = check_offsets(offsets)
         gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
         context.SetTimeStateAndParametersFrom(walker.context)
         values, foot = check_values(values, walker.variables), gait.person.foot
@@ -89,16 +86,15 @@ class SagittalModel:
         rows = [list(mechanism.spring_index).index(tree.index(name)) for name in self.quasi_static]
         self.springs = mechanism.springs[rows]
         keel = [plane.bodies[int(body)][0] for body in mechanism.keel_bodies]
-        lifts = np.array([-plane.links[link].sign for link in keel])
+        lifts = np.array([-plane.links[link].turn for link in keel])
         self.support = Support(mechanism.keel_starts, lifts, *mechanism.fulcrum)
         self.shank = plane.bodies[tree.body_names.index(f"shank_{walker.subject.prosthetic_side}")][0]
         count = len(foot.sites.radius)
-        heel = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
-        body = mechanism.site_bodies
-        prosthetic = merged_spheres(plane, mechanism.sites[:count], body[:count], heel)
-        intact = merged_spheres(plane, mechanism.sites[count:], body[count:], np.zeros(len(body) - count, dtype=bool))
-        self.spheres = joined(prosthetic, intact)
-        self.feet = slice(0, len(prosthetic.link)), slice(len(prosthetic.link), None)
+        heel = np.zeros(len(mechanism.sites), dtype=bool)
+        heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
+        self.spheres = merged_spheres(plane, mechanism.sites, mechanism.site_bodies, heel)
+        own = int(np.sum(self.spheres.row < count))
+        self.feet = slice(0, own), slice(own, None)
         self.outputs = (
             *(f"balance_{name}" for name in (*self.coordinates[:3], *self.quasi_static)),
             *(f"torque_{name}" for name in self.coordinates[3:]), *(f"power_{name}" for name in self.coordinates[3:]),

@@ -10,7 +10,7 @@ carry one, forces over those that it carries (Featherstone, Rigid Body Dynamics 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,24 +20,17 @@ from vsf_drake.simulation.stepping.tree import REVOLUTE, WELD, Tree
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """L links at one or many instants.
+    """L links at one or many instants."""
 
-    Attributes:
-        x, z: (L, ...) m, origins of the links' frames in W. c, s: cosine and sine of the frames' angles about +y.
-        S: (3, L, ...) twist of each link's joint at unit rate. V: (3, L, ...) twists. A: their rates, in a world that
-            gravity is a rise of.
-        H: (2, L, ...) kg m, first moments of mass about W's origin. J: (L, ...) moments of inertia about it.
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # (L, ...) m, origins of the links' frames in W
     z: np.ndarray
-    c: np.ndarray
+    c: np.ndarray  # cosine and sine of the frames' angles about +y
     s: np.ndarray
-    S: np.ndarray
-    V: np.ndarray
-    A: np.ndarray
-    H: np.ndarray
-    J: np.ndarray
+    S: np.ndarray  # (3, L, ...) twist of each link's joint at unit rate
+    V: np.ndarray  # (3, L, ...) twists
+    A: np.ndarray  # (3, L, ...) their rates, in a world that gravity is a rise of
+    H: np.ndarray  # (2, L, ...) kg m, first moments of mass about W's origin
+    J: np.ndarray  # (L, ...) moments of inertia about it
 
 
 class PlanarDynamics:
@@ -59,8 +52,8 @@ class PlanarDynamics:
         self.coordinate = np.array([link.coordinate for link in links])
         self.link = np.argsort(self.coordinate)
         self.mass = np.array([link.mass for link in links])
-        self._turn = np.array([link.sign if link.turns else 0.0 for link in links])
-        self._direction = np.array([np.zeros(2) if link.turns else link.direction for link in links]).T
+        self._turn = np.array([link.turn for link in links])
+        self._direction = np.array([link.direction for link in links]).T
         self._offset = np.array([link.offset for link in links]).T
         self._angle = np.array([link.angle for link in links])
         self._moment = np.array([link.moment for link in links]).T
@@ -141,43 +134,29 @@ IN_PLANE = 0.999999
 """Least share of a joint's axis in the plane's own directions."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Link:
-    """One joint that moves, and the rigid body of all that is welded to what it carries.
+    """One joint that moves, and the rigid body of all that is welded to what it carries."""
 
-    Attributes:
-        parent: index of the link that carries it, -1 for the world.
-        coordinate: its place among the coordinates asked for.
-        turns: whether it is revolute; sign: of its axis along +y, or along the direction.
-        direction: (2,) x, z of the way of a prismatic joint, in the frame of its parent.
-        offset: (2,) m, its place in the frame of its parent; angle: rad, how its frame is turned there.
-        mass: kg; moment: (2,) first moments m c, kg m, in its frame; inertia: about its origin, kg m^2.
-    """
-
-    parent: int
-    coordinate: int
-    turns: bool
-    sign: float
-    direction: np.ndarray
-    offset: np.ndarray
-    angle: float
-    mass: float
-    moment: np.ndarray
-    inertia: float
+    parent: int  # index of the link that carries it, -1 for the world
+    coordinate: int  # its place among the coordinates asked for
+    turn: float  # 1 or -1 if it is revolute, of its axis along +y; 0 if it is prismatic
+    direction: np.ndarray  # (2,) x, z of the way of a prismatic joint, in the frame of its parent; else 0
+    offset: np.ndarray  # (2,) m, its place in the frame of its parent
+    angle: float  # rad, how its frame is turned there
+    mass: float = 0.0  # kg
+    moment: np.ndarray = field(default_factory=lambda: np.zeros(2))  # first moments m c, kg m, in its frame
+    inertia: float = 0.0  # about its origin, kg m^2
 
 
 @dataclass(frozen=True)
 class PlanarTree:
-    """Links, parents first, and where the plant's bodies are on them.
+    """Links, parents first, and where the plant's bodies are on them."""
 
-    Attributes:
-        bodies: by the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in its frame.
-        gravity: m/s^2, downwards.
-    """
-
-    links: tuple[Link, ...]
+    links: list[Link]
     bodies: dict[int, tuple[int, np.ndarray, float]]
-    gravity: float
+    """By the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in its frame."""
+    gravity: float  # m/s^2, downwards
 
 
 def turned(x: np.ndarray, z: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
@@ -200,28 +179,34 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
     if missing:
         raise InputError(f"the plant has no coordinate {', '.join(missing)}", where="sagittal model")
     wanted = {tree.index(name): i for i, name in enumerate(names)}
-    links: list[dict] = []
+    links: list[Link] = []
     bodies: dict[int, tuple[int, np.ndarray, float]] = {0: (-1, np.zeros(2), 0.0)}
     for (kind, parent, child, coordinate), frame in zip(tree.links, tree.frames, strict=True):
         on, at, angle = bodies[int(parent)]
         name = tree.coordinate_names[coordinate] if coordinate >= 0 else f"weld of {tree.body_names[child]}"
         place, turn = _then(at, angle, frame[9:12], frame[:9], name)
+        new = None
         if kind == WELD and tree.body_names[child] == turning_weld:
-            links.append(_link(on, len(names), True, -1.0, np.zeros(2), place, turn))
-            on, place, turn = len(links) - 1, np.zeros(2), 0.0
+            new = Link(on, len(names), -1.0, np.zeros(2), place, turn)
         elif kind != WELD and int(coordinate) in wanted:
-            axis = frame[24:27]
+            axis, own = frame[24:27], wanted[int(coordinate)]
             inside = axis[1] if kind == REVOLUTE else np.hypot(axis[0], axis[2])
             if abs(inside) < IN_PLANE:
                 raise InputError(f"{name} does not move in the sagittal plane", where="sagittal model")
-            sign = float(np.sign(axis[1])) if kind == REVOLUTE else 1.0
-            links.append(_link(on, wanted[int(coordinate)], bool(kind == REVOLUTE), sign, axis[[0, 2]], place, turn))
+            new = (Link(on, own, float(np.sign(axis[1])), np.zeros(2), place, turn) if kind == REVOLUTE
+                   else Link(on, own, 0.0, axis[[0, 2]], place, turn))
+        if new is not None:
+            links.append(new)
             on, place, turn = len(links) - 1, np.zeros(2), 0.0
         place, turn = _then(place, turn, frame[21:24], frame[12:21], name)
         bodies[int(child)] = (on, place, turn)
         if on >= 0:
-            _add_inertia(links[on], tree.inertias[child], place, turn)
-    return PlanarTree(links=tuple(Link(**link) for link in links), bodies=bodies, gravity=-float(tree.gravity[2]))
+            body, link = tree.inertias[child], links[on]
+            mass, moment = body[0], np.array(turned(body[1], body[3], turn))
+            link.mass += mass
+            link.inertia += body[5] + 2.0 * float(place @ moment) + mass * float(place @ place)
+            link.moment = link.moment + moment + mass * place
+    return PlanarTree(links=links, bodies=bodies, gravity=-float(tree.gravity[2]))
 
 
 def _then(at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str) -> tuple[np.ndarray, float]:
@@ -233,17 +218,3 @@ def _then(at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str)
                          right="The sagittal model knows no toe-out and no inversion of the prosthesis: leave them out")
     x, z = turned(p[0], p[2], angle)
     return at + np.array([x, z]), angle + float(np.arctan2(R[0, 2], R[0, 0]))
-
-
-def _link(
-    parent: int, coordinate: int, turns: bool, sign: float, direction: np.ndarray, offset: np.ndarray, angle: float
-) -> dict:
-    return {"parent": parent, "coordinate": coordinate, "turns": turns, "sign": sign, "direction": np.array(direction),
-            "offset": offset, "angle": angle, "mass": 0.0, "moment": np.zeros(2), "inertia": 0.0}
-
-
-def _add_inertia(link: dict, inertia: np.ndarray, place: np.ndarray, angle: float) -> None:
-    mass, moment = inertia[0], np.array(turned(inertia[1], inertia[3], angle))
-    link["mass"] += mass
-    link["inertia"] += inertia[5] + 2.0 * float(place @ moment) + mass * float(place @ place)
-    link["moment"] = link["moment"] + moment + mass * place
