@@ -33,7 +33,6 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.courses import Course
 from vsf_drake.simulation.reactions import (
     FootReaction,
     central,
@@ -46,6 +45,7 @@ from vsf_drake.simulation.reactions import (
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.dynamics import place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.tree import Tree, dot, inertia_in_world, inertia_times, plus, put, six
+from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import Walk, Walker
 
 INPUT, REMAINDER = "limb_work", "remainder"
