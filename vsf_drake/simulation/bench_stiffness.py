@@ -18,6 +18,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class BenchStiffness:
         self._foam = _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach) if self.fulcrums_m else None
         self._block = _Foam(foot, lambda x: x < foot.fulcrum.rearmost_m) if heel else None
         self._keel = KeelStatics(foot, self.loads_n, steps_per_mm) if self.fulcrums_m else None
-        self._pressed: tuple[tuple[float, float], np.ndarray, np.ndarray] | None = None
+        self._press = lru_cache(maxsize=1)(self._pressed)  # until modulus or support change
         self._names = [*_KEEL, *(f"contact.{zone.name}.{key}" for key in _LAW for zone in foot.zones)]
         self._bounds = [*_KEEL.values(), *(bounds for bounds in _LAW.values() for _ in foot.zones)]
         self._default = np.array([
@@ -152,8 +153,8 @@ class BenchStiffness:
         law = numbers[2:].reshape(3, -1)
         travel = np.zeros((len(self.fulcrums_m) + self.heel, len(self.loads_n)))
         by = np.zeros((*travel.shape, len(numbers)))
-        if self._foam is not None and self._keel is not None:
-            rise, by_keel = self._press(self._keel, float(numbers[0]), float(numbers[1]))
+        if self._foam is not None:
+            rise, by_keel = self._press(float(numbers[0]), float(numbers[1]))
             foam, by_foam = self._foam.press(self.loads_n, law)
             count = len(rise)
             travel[:count], by[:count, :, :2], by[:count, :, 2:] = rise + foam, by_keel, by_foam
@@ -170,13 +171,11 @@ class BenchStiffness:
         raise InputError(f"there is no variable {name!r}", where=where,
                          right=f"The bench knows: {', '.join(self._names)}")
 
-    def _press(self, keel: KeelStatics, modulus_pa: float, fulcrum_n_per_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """(f, L) m, rise of the load point, and (f, L, 2) its derivatives, kept until one of the two changes."""
-        key = modulus_pa, fulcrum_n_per_m
-        if self._pressed is None or self._pressed[0] != key:
-            found = [keel.press(x, *key) for x in self.fulcrums_m]
-            self._pressed = key, np.array([rise for rise, _ in found]), np.array([by for _, by in found])
-        return self._pressed[1:]
+    def _pressed(self, modulus_pa: float, fulcrum_n_per_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """(f, L) m, rise of the load point, and (f, L, 2) its derivatives."""
+        assert self._keel is not None
+        found = [self._keel.press(x, modulus_pa, fulcrum_n_per_m) for x in self.fulcrums_m]
+        return np.array([rise for rise, _ in found]), np.array([by for _, by in found])
 
 
 def _picked(every: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:

@@ -305,6 +305,7 @@ class Drive(NamedTuple):
 
 
 def drive_of(inputs: Inputs) -> Drive:
+    """The inputs as arrays for compiled code."""
     columns = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
     time_s, prescribed_q, fulcrum, ground = (np.ascontiguousarray(column, dtype=float) for column in columns)
     return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
