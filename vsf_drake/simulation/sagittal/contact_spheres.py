@@ -29,7 +29,6 @@ class Spheres:
     count: np.ndarray  # (s,)
     columns: dict[str, np.ndarray]  # (s,) each, radius and constants of the laws by the stepper's names
     heel: np.ndarray  # (s,) bool, of a zone whose stiffness is a design variable
-    row: np.ndarray  # (s,) the first of the rows that each stands for
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +43,10 @@ class Touch:
     vz: np.ndarray
 
 
-def merged_spheres(tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray) -> Spheres:
-    """The rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), in their order; heel (S,) bool."""
+def merged_spheres(
+    tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray
+) -> tuple[Spheres, np.ndarray]:
+    """Rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the first row of each."""
     merged: dict[tuple, list] = {}
     for i, (row, body) in enumerate(zip(rows, bodies, strict=True)):
         link, place, angle = tree.bodies[int(body)]
@@ -53,8 +54,8 @@ def merged_spheres(tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel:
         key = (link, round(x, _ROUNDING), round(z, _ROUNDING), bool(heel[i]), *row[3:])
         merged.setdefault(key, [link, x, z, 0, i])[3] += 1
     link, x, z, count, first = (np.array(column) for column in zip(*merged.values(), strict=True))
-    return Spheres(link=link, x=x, z=z, count=count.astype(float), row=first, heel=heel[first],
-                   columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True)))
+    return Spheres(link=link, x=x, z=z, count=count.astype(float), heel=heel[first],
+                   columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True))), first
 
 
 def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:

@@ -92,8 +92,8 @@ class SagittalModel:
         count = len(foot.sites.radius)
         heel = np.zeros(len(mechanism.sites), dtype=bool)
         heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
-        self.spheres = merged_spheres(plane, mechanism.sites, mechanism.site_bodies, heel)
-        own = int(np.sum(self.spheres.row < count))
+        self.spheres, first = merged_spheres(plane, mechanism.sites, mechanism.site_bodies, heel)
+        own = int(np.sum(first < count))
         self.feet = slice(0, own), slice(own, None)
         self.outputs = (
             *(f"balance_{name}" for name in (*self.coordinates[:3], *self.quasi_static)),
