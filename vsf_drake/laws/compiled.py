@@ -29,7 +29,7 @@ import numba
 import numpy as np
 
 COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_kernel.py",
-            "analysis/validation/energy_ledger.py", "motion/events.py")
+            "simulation/segment_motion.py", "motion/events.py")
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""

@@ -10,13 +10,13 @@ import numpy as np
 from vsf_drake.analysis.comparison import resample
 from vsf_drake.analysis.tuning.common import COSTS, WEIGHTED
 from vsf_drake.analysis.tuning.level1.options import TuningOptions
-from vsf_drake.analysis.validation.energy_ledger import follow
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import sum_sites
+from vsf_drake.simulation.segment_motion import follow
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.subject import PELVIS_COORDINATES
 
