@@ -16,7 +16,7 @@ from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.errors import SimulationError
 from vsf_drake.files import resource
-from vsf_drake.report.page import Chapter, Text
+from vsf_drake.report.page import Chapter
 from vsf_drake.report.validation import chapters
 
 EMBEDDED = resource("data/reference_subject")
@@ -40,7 +40,7 @@ def one_section(monkeypatch):
         return Section(table={"trials": len(study.walks), "noise": noise[0]}, arrays={"noise": noise})
 
     def chapter(table, arrays):
-        return Chapter(name="bench", title="Bench", pieces=(Text(f"Of {table['trials']} trials."),))
+        return Chapter(name="bench", title="Bench", missing=(f"Of {table['trials']} trials.",))
 
     monkeypatch.setattr(running, "_SECTIONS", {"bench": (make, 1.0)})
     monkeypatch.setattr(chapters, "_MAKERS", {"bench": ("Bench", chapter)})

@@ -18,17 +18,16 @@ class Shown(ShownChapter):
         self.figures = dict(chapter.figures)
         super().__init__(chapter, None, lenient=False)
 
-    def _table(self, name, rows=None, columns=(), text="", caller=None):
-        shown = super()._table(name, rows, columns, text, caller)
-        if isinstance(name, str):
-            assert name not in self.grids
-            self.grids[name] = Grid(name, [Column(*column) for column in columns], rows)
+    def _table(self, name, rows=(), columns=(), caller=None):
+        shown = super()._table(name, rows, columns, caller)
+        assert name not in self.grids
+        self.grids[name] = Grid(name, [Column(*column) for column in columns], rows)
         self.captions[name] = _plain(re.search(r"<figcaption>(.*?)</figcaption>", shown, re.DOTALL)[1])
         return shown
 
-    def _figure(self, name, alt, text="", caller=None):
+    def _figure(self, name, alt, caller=None):
         assert name in self.figures and name not in self.alts
-        self.alts[name], self.captions[name] = _plain(alt), _plain(caller() if caller else text)
+        self.alts[name], self.captions[name] = _plain(alt), _plain(caller())
         return ""
 
     @property

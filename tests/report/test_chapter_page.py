@@ -8,56 +8,55 @@ from jinja2 import ChoiceLoader, DictLoader, UndefinedError
 from page_reader import Balanced
 
 from vsf_drake.report import page as page_module
-from vsf_drake.report.page import (
-    Bullets,
-    Chapter,
-    Column,
-    Grid,
-    Heading,
-    Missing,
-    Picture,
-    Text,
-    cell,
-    chapter_page,
-    listed,
-    number,
-    said,
-)
+from vsf_drake.report.page import Chapter, Column, Grid, cell, chapter_page, listed, number, said
 from vsf_drake.report.style import label, new_figure, style
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
 
 
-def drawn() -> Picture:
+def drawn():
     with style():
         figure = new_figure(10.0, 4.0)
         axes = figure.subplots()
         axes.plot([0.0, 1.0], [0.0, 2.0])
         label(axes, x="time (s)", y="force (N)")
-    return Picture(name="line", figure=figure, caption="Force <rises>.", alt="The force rises from 0 to 2 N in 1 s.")
+    return figure
 
 
-def chapter(*pieces) -> Chapter:
-    return Chapter(name="bench", title="Bench & more", pieces=pieces)
+@pytest.fixture
+def templates(monkeypatch):
+    """Templates of a test beside those of the package."""
+    own: dict[str, str] = {}
+    monkeypatch.setattr(page_module._PAGES, "loader", ChoiceLoader([DictLoader(own), page_module._PAGES.loader]))
+    return own
 
 
-def page(*pieces, **options) -> str:
-    settings = {"title": "A <title>", "first_line": "Walking data are SYNTHETIC.", "synthetic": True} | options
-    return chapter_page([chapter(*pieces)], **settings)[0]
+WIDE = Grid("wide", rows=[{f"c{i}": 1.0 / 3.0 for i in range(40)}],
+            columns=[Column(f"c{i}", f"number {i} (N)", "{:.6f}") for i in range(40)])
+TABLE = '{% call table("wide") %}Forty columns.{% endcall %}'
+FIGURE = '{% call figure("line", alt="The force rises from 0 to 2 N in 1 s.") %}Force {{ "<rises>" }}.{% endcall %}'
 
 
-WIDE = Grid(name="wide", caption="Forty columns.", rows=[{f"c{i}": 1.0 / 3.0 for i in range(40)}],
-            columns=[Column(key=f"c{i}", heading=f"number {i} (N)", form="{:.6f}") for i in range(40)])
+@pytest.fixture
+def page(templates):
+    """The page of one chapter with this template."""
+    def of(template: str, *, links=None, tables=(WIDE,), **facts) -> str:
+        templates["one.html.j2"] = template
+        made = Chapter(name="bench", title="Bench & more", template="one.html.j2", facts=facts, tables=tables,
+                       figures={"line": drawn()} if "figure" in template else {})
+        return chapter_page([made], title="A <title>", first_line="Walking data are SYNTHETIC.", synthetic=True,
+                            links=links)[0]
+    return of
 
 
-def test_first_thing_on_the_page_is_where_the_data_come_from():
-    text = page(Text("One."))
-    body = text.partition("<body>")[2]
+def test_first_thing_on_the_page_is_where_the_data_come_from(page):
+    body = page("<p>One.</p>").partition("<body>")[2]
     assert body.lstrip().startswith('<p class="synthetic">Walking data are SYNTHETIC.</p>')
 
 
-def test_every_tag_closes_in_turn_and_text_is_escaped():
-    text = page(Text("a < b & c"), Heading("<h>"), Bullets(["<li>"]), Missing("No <CoP>."), WIDE, drawn())
+def test_every_tag_closes_in_turn_and_text_is_escaped(page):
+    text = page("<p>{{ odd }}</p><h3>{{ tag }}</h3><ul><li>{{ tag }}</li></ul>{{ missing(cop) }}" + TABLE + FIGURE,
+                odd="a < b & c", tag="<li>", cop="No <CoP>.")
     reader = Balanced()
     reader.feed(text.partition("\n")[2])
     assert reader.open == []
@@ -66,9 +65,9 @@ def test_every_tag_closes_in_turn_and_text_is_escaped():
     assert "Force &lt;rises&gt;." in text
 
 
-def test_figures_are_inside_the_page_with_alternative_text():
+def test_figures_are_inside_the_page_with_alternative_text(page):
     reader = Balanced()
-    reader.feed(page(drawn()).partition("\n")[2])
+    reader.feed(page(FIGURE).partition("\n")[2])
     images = [attributes for tag, attributes in reader.seen if tag == "img"]
     assert len(images) == 1
     assert images[0]["alt"] == "The force rises from 0 to 2 N in 1 s."
@@ -78,12 +77,12 @@ def test_figures_are_inside_the_page_with_alternative_text():
 @pytest.mark.parametrize(
     ("column", "value", "shown"),
     [
-        (Column(key="k", heading="", form="{:.1f}", scale=100.0), 0.0534, "5.3"),
-        (Column(key="k", heading="", form="{:.1f}"), None, "–"),
-        (Column(key="k", heading="", form="{:.1f}"), 0.0, "0.0"),
-        (Column(key="k", heading=""), True, "yes"),
-        (Column(key="k", heading=""), False, "no"),
-        (Column(key="k", heading=""), "low_1", "low_1"),
+        (Column("k", "", "{:.1f}", 100.0), 0.0534, "5.3"),
+        (Column("k", "", "{:.1f}"), None, "–"),
+        (Column("k", "", "{:.1f}"), 0.0, "0.0"),
+        (Column("k", ""), True, "yes"),
+        (Column("k", ""), False, "no"),
+        (Column("k", ""), "low_1", "low_1"),
     ],
 )
 def test_unknown_values_are_dashes_and_never_numbers(column, value, shown):
@@ -92,24 +91,24 @@ def test_unknown_values_are_dashes_and_never_numbers(column, value, shown):
 
 def test_a_form_without_braces_is_refused_because_it_would_show_itself():
     with pytest.raises(ValueError, match="would show itself"):
-        Column(key="k", heading="", form=".1f")
+        Column("k", "", ".1f")
 
 
-def test_a_line_of_the_summary_that_is_not_met_is_marked():
-    grid = Grid(name="g", caption="", columns=[Column(key="met", heading="met")],
+def test_a_line_of_the_summary_that_is_not_met_is_marked(page):
+    text = page('{% call table("g", rows, (("met", "met"),)) %}{% endcall %}',
                 rows=[{"met": True}, {"met": False}, {"met": None}])
-    assert page(grid).count('<tr class="unmet">') == 1
+    assert text.count('<tr class="unmet">') == 1
 
 
-def test_a_file_beside_the_page_is_linked():
-    assert '<a href="replay.html">the replay</a>' in page(links={"the replay": "replay.html"})
+def test_a_file_beside_the_page_is_linked(page):
+    assert '<a href="replay.html">the replay</a>' in page("<p></p>", links={"the replay": "replay.html"})
 
 
 @needs_browser
 @pytest.mark.parametrize("width", [1280, 390])
-def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(tmp_path, width):
+def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(page, tmp_path, width):
     file = tmp_path / "report.html"
-    file.write_text(page(WIDE, drawn(), Text("long" * 60)), encoding="utf-8")
+    file.write_text(page(TABLE + FIGURE + "<p>" + "long" * 60 + "</p>"), encoding="utf-8")
     (tmp_path / "work").mkdir()
     seen = look(file, tmp_path / "work", width=width)
     assert (seen.width, seen.scroll, seen.out) == (width, width, [])
@@ -133,18 +132,18 @@ def test_the_browser_would_notice_overflow_messages_requests_and_missing_images(
     assert seen.requests == ["http://nowhere.invalid/x.js"]
 
 
-def test_on_paper_a_table_of_many_columns_is_set_smaller():
-    narrow = Grid(name="narrow", caption="Two.", rows=WIDE.rows, columns=WIDE.columns[:2])
-    text = page(WIDE, narrow)
+def test_on_paper_a_table_of_many_columns_is_set_smaller(page):
+    narrow = Grid("narrow", rows=WIDE.rows, columns=WIDE.columns[:2])
+    text = page(TABLE + '{% call table("narrow") %}Two.{% endcall %}', tables=[WIDE, narrow])
     sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
     assert sizes[0] < 4.0 and sizes[1] == 7.5
     assert "font-size:var(--print)" in text
 
 
 @needs_browser
-def test_figures_keep_a_size_that_can_be_read_on_a_telephone_and_scroll_by_themselves(tmp_path):
+def test_figures_keep_a_size_that_can_be_read_on_a_telephone_and_scroll_by_themselves(page, tmp_path):
     file = tmp_path / "report.html"
-    file.write_text(page(drawn()), encoding="utf-8")
+    file.write_text(page(FIGURE), encoding="utf-8")
     (tmp_path / "work").mkdir()
     seen = look(file, tmp_path / "work", width=390)
     assert seen.scroll == seen.width
@@ -160,17 +159,9 @@ TEMPLATE = """
 """
 
 
-@pytest.fixture
-def templates(monkeypatch):
-    """Templates of a test beside those of the package."""
-    own: dict[str, str] = {}
-    monkeypatch.setattr(page_module._PAGES, "loader", ChoiceLoader([DictLoader(own), page_module._PAGES.loader]))
-    return own
-
-
 def written(templates, text, folder, **options):
     templates["own.html.j2"] = text
-    made = Chapter(name="own", title="Own", template="own.html.j2", tables=[WIDE], figures={"line": drawn().figure},
+    made = Chapter(name="own", title="Own", template="own.html.j2", tables=[WIDE], figures={"line": drawn()},
                    facts={"bad": True, "name": "<x>", "share": 0.5})
     return chapter_page([made], title="t", first_line="f", synthetic=False, folder=folder, **options)
 

@@ -123,7 +123,6 @@ class Grid:
     name: str
     columns: Sequence[Column]
     rows: Sequence[Mapping[str, Any]]
-    caption: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +131,7 @@ class Chapter:
 
     Attributes:
         name: HTML anchor. title: its heading.
-        template: its text. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`
+        template: its text, "" for none. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`
             (or `table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...))`, the columns told there),
             `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
             `{% call missing() %}what is not there, and why{% endcall %}`.
@@ -143,12 +142,11 @@ class Chapter:
 
     name: str
     title: str
-    template: str = "pieces.html.j2"
+    template: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Grid] = ()
     figures: Mapping[str, Figure] = field(default_factory=dict)
     missing: Sequence[str] = ()
-    pieces: tuple[Piece, ...] = ()
 
 
 def absent_chapter(name: str, title: str, why: str) -> Chapter:
@@ -180,8 +178,8 @@ class ShownChapter:
         self._chapter, self._folder, self._lenient = chapter, folder, lenient
         above = Markup("").join(map(self._missing, chapter.missing))
         try:
-            self.html = above + render(chapter.template, **{"pieces": chapter.pieces, **chapter.facts},
-                                       table=self._table, figure=self._figure, missing=self._missing)
+            self.html = above if not chapter.template else above + render(
+                chapter.template, **chapter.facts, table=self._table, figure=self._figure, missing=self._missing)
         except (InputError, OSError):
             raise
         except Exception as error:
@@ -196,18 +194,15 @@ class ShownChapter:
         self.missing.append(text.striptags() if isinstance(text, Markup) else text)
         return _macros.absent(text)
 
-    def _table(self, name: str | Grid, rows: Sequence[Mapping[str, Any]] | None = None,
-               columns: Iterable[Sequence[Any]] = (), text: str = "",
+    def _table(self, name: str, rows: Sequence[Mapping[str, Any]] = (), columns: Iterable[Sequence[Any]] = (),
                caller: Callable[[], str] | None = None) -> Markup:
         """A table of the chapter, or of `rows` with these columns, each what `Column` is made of."""
-        grid = name if isinstance(name, Grid) else next(
-            (each for each in self._chapter.tables if each.name == name), None)
-        if grid is None:
-            grid = Grid(str(name), [Column(*column) for column in columns], [] if rows is None else rows)
+        grid = next((each for each in self._chapter.tables if each.name == name), None) or Grid(
+            name, [Column(*column) for column in columns], rows)
         try:
-            shown = _grid(grid, _one_line(text, caller))
+            shown = _grid(grid, _one_line("", caller))
             if self._folder is not None:
-                path = self._folder / TABLES / f"{grid.name}.csv"
+                path = self._folder / TABLES / f"{name}.csv"
                 write_csv(path, [column.key for column in grid.columns],
                           ([row.get(column.key) for column in grid.columns] for row in grid.rows))
                 self.files.add(path.relative_to(self._folder))
@@ -215,18 +210,16 @@ class ShownChapter:
         except (InputError, OSError):
             raise
         except Exception as error:  # whatever another version or an editor left there
-            return self._instead(f"the table {grid.name}", error)
+            return self._instead(f"the table {name}", error)
 
-    def _figure(self, name: str | Picture, alt: str, text: str = "",
-                caller: Callable[[], str] | None = None) -> Markup:
-        figure: Figure | bytes
-        name, figure = (name.name, name.figure) if isinstance(name, Picture) else (name, self._chapter.figures[name])
+    def _figure(self, name: str, alt: str, caller: Callable[[], str] | None = None) -> Markup:
+        figure: Figure | bytes = self._chapter.figures[name]
         try:
             if self._folder is not None:
-                paths = save_figure(figure, self._folder / FIGURES / name, letters="path")
+                paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, letters="path")
                 self.files |= {path.relative_to(self._folder) for path in paths}
                 figure = paths[1].read_bytes()
-            return _macros.figure(figure, _one_line(alt), _one_line(text, caller))
+            return _macros.figure(figure, _one_line(alt), _one_line("", caller))
         except (InputError, OSError):
             raise
         except Exception as error:
@@ -308,7 +301,6 @@ def _environment() -> Environment:
     pages.filters |= {
         "number": number, "said": said, "listed": listed, "joint": joint, "span": span,
         "data_uri": data_uri, "print_size_pt": _print_size_pt,
-        "kind": lambda piece: type(piece).__name__,
         "number_columns": lambda rows, count: [bool(rows) and all(_is_numeral(row[i]) for row in rows)
                                                for i in range(count)],
         "number_class": lambda right: Markup(' class="number"') if right else ""}
@@ -320,48 +312,7 @@ _PAGES = _environment()
 _macros: Any = _PAGES.get_template("macros.html.j2").module
 
 
-# What chapters are made of until they have a template of their own.
-
-
-@dataclass(frozen=True)
-class Text:
-    """A paragraph in plain text."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Missing:
-    """What is not in the report, and why; set apart from the rest."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Heading:
-    """A heading within the chapter."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Bullets:
-    """A list of sentences."""
-
-    lines: Sequence[str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Picture:
-    """A figure; `alt` is what it shows, in words and numbers."""
-
-    name: str
-    figure: Figure
-    alt: str
-    caption: str
-
-
-Piece = Text | Missing | Heading | Bullets | Grid | Picture
+# For pages that have no template of their own yet.
 
 
 def document(title: str, parts: Iterable[str], *, more_style: str = "") -> str:

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import json
 import os
 import shutil
 
 import numpy as np
 import pytest
+from jinja2 import ChoiceLoader, DictLoader
 
 from vsf_drake.errors import InputError
-from vsf_drake.report.page import Chapter, Column, Grid, Picture, Text
+from vsf_drake.report import page
+from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import label, new_figure, style
 from vsf_drake.report.validation import chapters
 from vsf_drake.report.validation.output import VALIDATION, write_validation
 
 THIRD = 1.0 / 3.0
+TEMPLATE = """
+<p>Error {{ error_bw | number("{:.3f}") }} BW.</p><p>{{ keys | join(", ") }}</p>
+{% call table("errors", rows, (("label", "trial"), ("error_bw", "GRF (BW)", "{:.3f}"),
+                               ("cop_fl", "CoP (FL)", "{:.3f}"))) %}
+Errors.
+{% endcall %}
+{% call figure("force", alt="The force rises over the whole of stance.") %}Force.{% endcall %}
+"""
 
 
 def walking(table, arrays):
@@ -26,12 +35,9 @@ def walking(table, arrays):
         axes = figure.subplots()
         axes.plot(arrays["force_bw"])
         label(axes, x="stance (%)", y="force (BW)")
-    return Chapter(name="walking", title="Walking", pieces=(
-        Text(f"Error {table['error_bw']:.3f} BW."), Text(", ".join(table)),
-        Grid(name="errors", caption="Errors.", rows=[{"label": "low_1", "error_bw": table["error_bw"], "cop_fl": None}],
-             columns=(Column(key="label", heading="trial"), Column(key="error_bw", heading="GRF (BW)", form="{:.3f}"),
-                      Column(key="cop_fl", heading="CoP (FL)", form="{:.3f}"))),
-        Picture(name="force", figure=figure, alt="The force rises over the whole of stance.", caption="Force.")))
+    rows = [{"label": "low_1", "error_bw": table["error_bw"], "cop_fl": None}]
+    return Chapter(name="walking", title="Walking", template="made_walking.html.j2", figures={"force": figure},
+                   facts={**table, "keys": list(table), "rows": rows})
 
 
 def content(**changes):
@@ -48,8 +54,14 @@ def content(**changes):
 ARRAYS = {"walking/force_bw": np.array([0.0, THIRD, np.nan])}
 
 
+@pytest.fixture
+def templates():
+    return {"made_walking.html.j2": TEMPLATE}
+
+
 @pytest.fixture(autouse=True)
-def one_chapter(monkeypatch):
+def one_chapter(monkeypatch, templates):
+    monkeypatch.setattr(page._PAGES, "loader", ChoiceLoader([DictLoader(templates), page._PAGES.loader]))
     monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", walking), "bench": ("Bench", walking)})
 
 
@@ -59,10 +71,10 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
     assert {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()} == {
         "validation.json", "validation.npz", "report.html", "figures/force.png", "figures/force.svg",
         "tables/errors.csv", "tables/summary.csv", "tables/trials.csv", "tables/times.csv", "tables/files.csv"}
-    page = (out / "report.html").read_text(encoding="utf-8")
+    shown = (out / "report.html").read_text(encoding="utf-8")
     for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
                   "These results have no such section."):
-        assert words in page
+        assert words in shown
 
 
 def test_tables_hold_every_digit_and_nothing_for_what_is_unknown(tmp_path):
@@ -100,9 +112,9 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     table["sections"]["bench"] = {"table": {"error_bw": 0.5}, "missing": [], "wall_s": 1.0, "failure": ""}
     (out / "validation.json").write_text(json.dumps(table))
     missing = VALIDATION.remake(out)
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert "These results have format 7" in page
-    assert "This version cannot show what the results hold of it (KeyError: &#39;error_bw&#39;)" in page
+    shown = (out / "report.html").read_text(encoding="utf-8")
+    assert "These results have format 7" in shown
+    assert "This version cannot show what the results hold of it (KeyError: &#39;error_bw&#39;)" in shown
     assert any(sentence.startswith("Walking: This version cannot show") for sentence in missing)
     assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
 
@@ -116,24 +128,21 @@ def edited(out, change):
     return VALIDATION.remake(out), (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
-    def two(table, arrays):
-        grid = walking({"error_bw": 0.5}, arrays).pieces[2]
-        rows = [{"label": "low_1", "error_bw": table["error_bw"]}]
-        return Chapter(name="walking", title="Walking", pieces=(
-            Text("First."), dataclasses.replace(grid, name="spoiled", rows=rows), grid))
-
-    monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", two)})
-    missing, page = edited(tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1]))
+def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, templates):
+    templates["made_walking.html.j2"] = """
+        <p>First.</p>
+        {% call table("spoiled", rows, (("label", "trial"), ("error_bw", "GRF (BW)", "{:.3f}"))) %}Odd.{% endcall %}
+        {% call table("errors", [{"error_bw": 0.5}], (("error_bw", "GRF (BW)", "{:.3f}"),)) %}Errors.{% endcall %}"""
+    missing, text = edited(tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1]))
     assert any("Walking: This version cannot show the table spoiled (TypeError" in sentence for sentence in missing)
-    assert "First." in page and "0.500" in page
+    assert "First." in text and "0.500" in text
     assert not (tmp_path / "out" / "tables" / "spoiled.csv").exists()
 
 
 def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, monkeypatch):
     def undrawable(table, arrays):
         chapter = walking(table, arrays)
-        chapter.pieces[3].figure.axes[0].set_title("$\\frac{$", parse_math=True)
+        chapter.figures["force"].axes[0].set_title("$\\frac{$", parse_math=True)
         return chapter
 
     write_validation(content(), ARRAYS, tmp_path / "out")
@@ -157,9 +166,9 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, 
     ids=["section", "missing", "notes", "first_line", "format", "replay"],
 )
 def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path, change, words):
-    _, page = edited(tmp_path / "out", change)
-    assert words in page
-    assert 'href="replay.html"' not in page
+    _, shown = edited(tmp_path / "out", change)
+    assert words in shown
+    assert 'href="replay.html"' not in shown
 
 
 def test_a_chapter_that_this_version_wrote_itself_must_not_fail(tmp_path):
@@ -188,7 +197,7 @@ def test_a_section_that_failed_says_why(tmp_path):
 def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, words):
     out = tmp_path / "out"
     write_validation(content(), ARRAYS, out)
-    page = (out / "report.html").read_bytes()
+    shown = (out / "report.html").read_bytes()
     if text is None:
         (out / name).unlink()
     else:
@@ -196,7 +205,7 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
     with pytest.raises(InputError, match=words) as raised:
         VALIDATION.remake(out)
     assert name in str(raised.value)
-    assert (out / "report.html").read_bytes() == page
+    assert (out / "report.html").read_bytes() == shown
 
 
 @pytest.mark.parametrize(("name", "kind"), [("figures", "file"), ("tables", "file"), ("report.html", "folder")])
