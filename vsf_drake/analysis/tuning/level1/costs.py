@@ -46,19 +46,12 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class WalkLoads:
-    """What a walk loads the prosthetic side with, at the n ends of its steps.
+    """What a walk loads the prosthetic side with, at the n ends of its steps."""
 
-    Attributes:
-        ground: (n, 6) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N), in W.
-        joints: (n, J) N m, moments of the driver at the joints asked for, in the coordinates' signs.
-        socket: (n, 6) N and N m of the bushing on the socket: tx, ty, tz, flexion, adduction, rotation.
-        pelvis: (n, 3) N at the pelvis' translations (OpenSim's axes), without derivatives: what no muscle makes.
-    """
-
-    ground: Signal
-    joints: Signal
-    socket: Signal
-    pelvis: np.ndarray
+    ground: Signal  # (n, 6) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N), in W
+    joints: Signal  # (n, J) N m, moments of the driver at the joints asked for, in the coordinates' signs
+    socket: Signal  # (n, 6) N, N m of the bushing on the socket: tx, ty, tz, flexion, adduction, rotation
+    pelvis: np.ndarray  # (n, 3) N at the pelvis' translations (OpenSim's axes): what no muscle makes
 
     @property
     def grf(self) -> Signal:
@@ -69,13 +62,12 @@ class WalkLoads:
 def walk_loads(
     walker: Walker, walk: Walk, by: np.ndarray | None, *, joints: Sequence[str], cutoff_hz: float
 ) -> WalkLoads:
-    """Reads a `walk` that `walker` made.
+    """Reads a `walk` that `walker` made, through a zero-phase low-pass, which is linear: so do the derivatives.
 
     Args:
         by: (Q, P) derivatives of the walk's `with_respect_to`, made `with_loads`, by the design variables; None without
             derivatives.
         joints: coordinates of the prosthetic leg, with the side.
-        cutoff_hz: of the zero-phase low-pass, which is linear: derivatives go through the same one.
     """
     record, tree = walk.record, walk.mechanism.tree
     columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
@@ -111,30 +103,20 @@ def _filtered(parts: list[np.ndarray], step_s: float, cutoff_hz: float) -> list[
 
 @dataclass(frozen=True, eq=False)
 class StanceFrame:
-    """What of a trial no setting changes, on the n instants of its walks.
+    """What of a trial no setting changes, on the n instants of its walks."""
 
-    Attributes:
-        time_s: (n,). step_s: between them.
-        stances: of the model's prosthetic foot at the trial's own setting, whole ones.
-        inside: (n,) s, weight of each instant in an integral over stance, its margins included; 0 outside.
-        late: (n,) s, the same for push-off.
-        rates: (n, J) rad/s of the joints. twist: (n, 6) of the residual shank about W's origin.
-        weight_n: body weight. mass_kg: of the body. leg_m: from hip centre to sole, of the intact leg.
-        own: loads at the trial's own setting. plate_W: (n, 3) N, recorded, low-passed likewise; None without.
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  # (n,)
     step_s: float
-    stances: tuple[Stance, ...]
-    inside: np.ndarray
-    late: np.ndarray
-    rates: np.ndarray
-    twist: np.ndarray
+    stances: tuple[Stance, ...]  # of the model's prosthetic foot at the trial's own setting, whole ones
+    inside: np.ndarray  # (n,) s, weight of each instant in an integral over stance, its margins included; 0 outside
+    late: np.ndarray  # (n,) s, the same for push-off
+    rates: np.ndarray  # (n, J) rad/s of the joints
+    twist: np.ndarray  # (n, 6) of the residual shank about W's origin
     weight_n: float
     mass_kg: float
-    leg_m: float
-    own: WalkLoads
-    plate_W: np.ndarray | None
+    leg_m: float  # from hip centre to sole, of the intact leg
+    own: WalkLoads  # at the trial's own setting
+    plate_W: np.ndarray | None  # (n, 3) N, recorded, low-passed likewise; None without
 
     @property
     def duration_s(self) -> float:
@@ -145,11 +127,7 @@ class StanceFrame:
 def stance_frame(
     walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, *, joints: Sequence[str], options: TuningOptions
 ) -> StanceFrame:
-    """Prepares `trial` from its `walk` at its own setting.
-
-    Raises:
-        InputError: the prosthetic foot has no whole stance in the walk.
-    """
+    """Prepares `trial` from its `walk` at its own setting; InputError if the prosthetic foot has no whole stance."""
     record, tree, subject = walk.record, walk.mechanism.tree, trial.subject
     time, step, margin = record.time_s, walk.step_s, options.margin_s
     found = find_stances(time, walk.prosthetic.grf_W[:, 2])
@@ -328,18 +306,13 @@ def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
 
 @dataclass(frozen=True)
 class Combination:
-    """J = sum over costs of factor times cost.
-
-    Attributes:
-        name, label, unit: of the whole. factors: by cost, CONSISTENCY among them.
-        size: of J without the consistency at the trials' own settings, positive.
-    """
+    """J = sum over costs of factor times cost."""
 
     name: str
     label: str
     unit: str
-    factors: Mapping[str, float]
-    size: float
+    factors: Mapping[str, float]  # by cost, CONSISTENCY among them
+    size: float  # of J without the consistency at the trials' own settings, positive
 
     def terms(self, walk: Terms) -> tuple[CostTerm, ...]:
         """What it is the sum of, for one walk: parts of a single cost, or the costs of a weighted one."""
@@ -362,12 +335,9 @@ def sizes(own: Sequence[Terms]) -> dict[str, float]:
 
 
 def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:
-    """The cost `name` of COSTS, or the weighted one, with its consistency.
+    """The cost `name` of COSTS, or the weighted one; `size` as of `sizes`.
 
     A change of force of `consistency_bw` counts `consistency_weight` of the cost's size; tracking has no such part.
-
-    Args:
-        size: see `sizes`; of every cost that is needed.
     """
     share = options.consistency_weight / options.consistency_bw**2
     if name == WEIGHTED:

@@ -78,26 +78,18 @@ HEEL = "heel"
 
 @dataclass(frozen=True)
 class DesignVariable:
-    """One number that is tuned.
-
-    Attributes:
-        low, high: bounds. default: the device as it is; NaN for the fulcrum, where every trial has its own.
-    """
+    """One number that is tuned, with its bounds."""
 
     name: str
     label: str
     unit: str
     low: float
     high: float
-    default: float
+    default: float  # the device as it is; NaN for the fulcrum, where every trial has its own
 
 
 def design_variables(options: TuningOptions, feet: list[FootParameters]) -> tuple[DesignVariable, ...]:
-    """The fulcrum, then the options' design, with bounds that every one of these feet can meet.
-
-    Raises:
-        InputError: a bound is out of the carriage's reach or leaves the model's range; there is no heel zone.
-    """
+    """The fulcrum, then the options' design, with bounds that every one of these feet can meet, or InputError."""
     low = max(foot.fulcrum.rearmost_m for foot in feet) / MM
     high = min(foot.fulcrum.foremost_m for foot in feet) / MM
     if not low < high:

@@ -52,15 +52,9 @@ class WalkOutcome:
 
 
 class TrialTuning:
-    """One trial of a tuning: walks it at any setting and takes the costs of the walk.
+    """One trial of a tuning: walks it at any setting of `design`, the fulcrum first, and takes the costs of the walk.
 
-    Args:
-        walker: of the trial's person and device; trials may share it.
-        design: what is tuned, the fulcrum first.
-
-    Attributes:
-        joints: the options', with the side. support_width_m: the options', or what the keel's joints leave room for.
-        own: (P,) the trial's own setting: where its fulcrum stood, the device as it is.
+    Its `own` setting (P,) is where its fulcrum stood, the device as it is.
     """
 
     def __init__(
@@ -74,14 +68,7 @@ class TrialTuning:
         self._frames: dict[tuple, StanceFrame] = {}
 
     def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> StanceFrame:
-        """What no setting changes, on the instants of walks in steps of `step_s`.
-
-        Args:
-            base: see `at`; forces at the trial's own setting are those with these values.
-
-        Raises:
-            InputError: the trial has no whole stance of the prosthetic foot. SimulationError: its walk diverges.
-        """
+        """What no setting changes, on the instants of walks in steps of `step_s`; `base` as of `at`."""
         key = (step_s, *(base or {}).items())
         if key not in self._frames:
             walk, own = self._walk(self.own, step_s, base or {})
@@ -92,14 +79,7 @@ class TrialTuning:
     def at(
         self, x: np.ndarray, *, step_s: float, derivatives: bool = False, base: Mapping[str, float] | None = None
     ) -> WalkOutcome:
-        """Walks at x (P,), values of the design in its units.
-
-        Args:
-            base: values of the walk's variables in place of the model's.
-
-        Raises:
-            SimulationError: the walk diverges.
-        """
+        """Walks at x (P,), with values of its variables in `base` instead of the model's; or SimulationError."""
         frame = self.frame(step_s, base)
         walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
         return WalkOutcome(walk_terms(frame, loads, self.options), walk, loads, frame)
@@ -119,18 +99,12 @@ class TrialTuning:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The cost at one setting.
-
-    Attributes:
-        x: (P,) the setting. step_s: of the walks.
-        terms: of the cost, means over trials, each with its gradient.
-        walks: of each trial.
-    """
+    """The cost at one setting x (P,)."""
 
     x: np.ndarray
     step_s: float
-    terms: tuple[CostTerm, ...]
-    walks: tuple[WalkOutcome, ...]
+    terms: tuple[CostTerm, ...]  # means over trials
+    walks: tuple[WalkOutcome, ...]  # of each trial
 
     @property
     def cost(self) -> float:
@@ -157,8 +131,8 @@ class StiffnessTuning:
         cost: "joint_load", "metabolic", "push_off", "tracking" or "weighted"; see `costs`.
         options: how.
         labels: of the trials; their files' names if None.
-        tasks: name of the motion that each trial is of, such as a speed; trials of one name share a setting in the
-            comparison of one setting for all with one for each. Every trial its own if None.
+        tasks: name of the motion that each trial is of, such as a speed, for comparing one setting for all with one for
+            each; every trial its own if None.
         walkers: of the trials, built before; made here if None.
 
     Attributes:
@@ -221,14 +195,7 @@ class StiffnessTuning:
         return found
 
     def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
-        """The cost at x (P,); trials are walked side by side.
-
-        Args:
-            step_s: of the walks; that of the options if None.
-
-        Raises:
-            SimulationError: a walk fails there.
-        """
+        """The cost at x (P,), in the options' step or another; SimulationError where a walk fails."""
         x, step = np.array(x, dtype=float), step_s or self.options.step_s
         key = (tuple(x), step)
         if self._last is not None and self._last[0] == key and (
@@ -250,8 +217,7 @@ class StiffnessTuning:
         """The tuning for Drake's solvers: u within 0 and 1, and the cost over its size with its gradient.
 
         Args:
-            cost: (u, whether the gradient is wanted) -> (cost over its size, gradient by u), e.g. to survive walks that
-                fail; this problem's own if None.
+            cost: to take in place of `scaled`, e.g. to survive walks that fail.
         """
         evaluate = cost or self.scaled
         program = MathematicalProgram()

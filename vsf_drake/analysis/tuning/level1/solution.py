@@ -22,24 +22,17 @@ AT_BOUND = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """How one search ended.
-
-    Attributes:
-        solver: its name. step_s: of the walks.
-        start, x: (P,) where it began and ended. cost: there; inf where the walk fails.
-        success: whether it ended at a minimum. message: how, in words. iterations: evaluations by the solver.
-        optimality: largest component of the projected gradient at x, in sizes of the cost over a bound's width.
-    """
+    """How one search from `start` to x (P,) ended."""
 
     solver: str
     step_s: float
     start: np.ndarray
     x: np.ndarray
-    cost: float
-    success: bool
+    cost: float  # inf where the walk fails
+    success: bool  # whether it ended at a minimum
     message: str
-    iterations: int
-    optimality: float
+    iterations: int  # evaluations by the solver
+    optimality: float  # largest component of the projected gradient, in sizes of the cost over a bound's width
 
 
 @dataclass(kw_only=True, eq=False)

@@ -47,32 +47,31 @@ WORSE = 1e-7
 
 @dataclass(frozen=True)
 class TuningProgress:
-    """Where a tuning is.
+    """Where a tuning is."""
 
-    Attributes:
-        stage: what is being done, in words. fraction: of the stage, where it is known.
-        evaluations: settings so far. cost, fulcrum_mm: the lowest of the running search; None elsewhere.
-        elapsed_s: since the tuning began.
-    """
-
-    stage: str
-    fraction: float | None
-    evaluations: int
-    cost: float | None
+    stage: str  # what is being done, in words
+    fraction: float | None  # of the stage, where it is known
+    evaluations: int  # settings so far
+    cost: float | None  # the lowest of the running search, at `fulcrum_mm`; None elsewhere
     fulcrum_mm: float | None
     elapsed_s: float
 
 
-class Tried:
-    """Evaluates for solvers and keeps the best point; `best` of all searches, `here` of the running one.
+class Run:
+    """Evaluates for solvers; keeps the best point of all searches (`best`) and of the running one (`here`)."""
 
-    Args:
-        tell: called with None, the lowest cost of the running search and its fulcrum (mm).
-    """
-
-    def __init__(self, tuning: StiffnessTuning, tell: Callable[[None, float, float], None] | None = None) -> None:
-        self.tuning, self.tell, self.interrupted = tuning, tell, False
+    def __init__(self, tuning: StiffnessTuning, progress: Callable[[TuningProgress], None] | None = None) -> None:
+        self.tuning, self.progress, self.began = tuning, progress, time.perf_counter()
+        self.stage, self.interrupted = "", False
         self.best: Evaluation | None = None
+
+    def tell(self, fraction: float | None = None) -> None:
+        """Calls `progress`, within a search with its lowest cost so far."""
+        if self.progress:
+            here = self.here if fraction is None else None
+            self.progress(TuningProgress(
+                self.stage, fraction, self.tuning.evaluations, here.cost if here else None,
+                float(here.x[0]) if here else None, time.perf_counter() - self.began))
 
     def begin(self, step_s: float) -> None:
         """A new search."""
@@ -91,8 +90,7 @@ class Tried:
             self.here = found
         if self.best is None or self.best.step_s != found.step_s or found.cost < self.best.cost:
             self.best = found
-        if self.tell:
-            self.tell(None, self.here.cost, float(self.here.x[0]))
+        self.tell()
         return found
 
     def cost(self, u: np.ndarray, gradient: bool) -> tuple[float, np.ndarray]:
@@ -119,23 +117,18 @@ class Tried:
 
 
 def search(
-    tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, tried: Tried | None = None
+    tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, run: Run | None = None
 ) -> Search:
-    """Searches from `start` (P,) by one of Drake's solvers; a walk that fails there makes a search that failed, not an
-    error.
+    """Searches from `start` (P,) by "snopt", "ipopt" or "nlopt"; `run` has the best point, after an interrupt too.
 
-    Args:
-        solver: "snopt", "ipopt" or "nlopt". tried: that keeps the best point, for who wants it after an interrupt.
-
-    Raises:
-        KeyboardInterrupt: `tried` holds the best point so far.
+    A walk that fails at the start makes a search that failed, not an error.
     """
-    tried = tried or Tried(tuning)
-    tried.begin(step_s)
+    run = run or Run(tuning)
+    run.begin(step_s)
     start = np.clip(start, tuning.low, tuning.high)
-    if tried.at(start) is None:
+    if run.at(start) is None:
         return Search(solver=solver, step_s=step_s, start=start, x=start, cost=np.inf, success=False,
-                      message=f"the walk fails where the search starts: {tried.failure}", iterations=tried.count,
+                      message=f"the walk fails where the search starts: {run.failure}", iterations=run.count,
                       optimality=np.inf)
     iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
     kinds: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -147,15 +140,15 @@ def search(
     options = SolverOptions()
     for name, value in settings.items():
         options.SetOption(kind.id(), name, value)
-    result = solved(kind(), tuning.program(tried.cost), tuning.to_u(start), options, tried)
+    result = solved(kind(), tuning.program(run.cost), tuning.to_u(start), options, run)
     success, message = bool(result.is_success()), f"{solver}: {result.get_solution_result().name}"
-    best = tried.here
+    best = run.here
     assert best is not None
-    if not success and (_projected_gradient(tuning, best) <= FLAT or tried.no_neighbour_is_better(best)):
+    if not success and (_projected_gradient(tuning, best) <= FLAT or run.no_neighbour_is_better(best)):
         success, message = True, f"{message}, but no neighbour is better"
-    best = tried.here or best
+    best = run.here or best
     return Search(solver=solver, step_s=step_s, start=start, x=best.x, cost=best.cost, success=success,
-                  message=message, iterations=tried.count,
+                  message=message, iterations=run.count,
                   optimality=_projected_gradient(tuning, tuning.evaluate(best.x, step_s=step_s)))
 
 
@@ -181,28 +174,17 @@ def solve(
         InputError: `warm_start` is of other variables.
         FitError: the walks fail at every setting.
     """
-    began, stage = time.perf_counter(), ""
-
-    def tell(fraction: float | None = None, cost: float | None = None, fulcrum_mm: float | None = None) -> None:
-        if progress:
-            progress(TuningProgress(stage, fraction, tuning.evaluations, cost, fulcrum_mm,
-                                    time.perf_counter() - began))
-
-    def enter(name: str) -> None:
-        nonlocal stage
-        stage = name
-
-    found, tried, interrupted = TuningSolution(tuning=tuning), Tried(tuning, tell), ""
+    found, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
     warm = _warm(tuning, warm_start)
     try:
-        _search(found, warm, tried, enter, tell)
+        _search(found, warm, run)
         if found.searched is not None and np.isfinite(found.searched.cost):
-            _judge(found, tried, enter, tell)
+            _judge(found, run)
     except KeyboardInterrupt:
-        if tried.best is None:
+        if run.best is None:
             raise
-        interrupted = f"it was interrupted during: {stage}"
-    best, searched = tried.best, found.searched
+        interrupted = f"it was interrupted during: {run.stage}"
+    best, searched = run.best, found.searched
     if searched is not None and np.isfinite(searched.cost):
         best = tuning.evaluate(searched.x)
     if best is None:
@@ -211,18 +193,15 @@ def solve(
     fault = interrupted or _fault(found)
     found.success, found.message = not fault, fault or (searched.message if searched else "")
     found.notes = _notes(found)
-    found.wall_s = time.perf_counter() - began
+    found.wall_s = time.perf_counter() - run.began
     return found
 
 
-def _search(
-    found: TuningSolution, warm: list[np.ndarray], tried: Tried, enter: Callable[[str], None],
-    tell: Callable[..., None]
-) -> None:
+def _search(found: TuningSolution, warm: list[np.ndarray], run: Run) -> None:
     """Coarse sweep, searches from it, the best once more in the step of the numbers."""
     tuning, options = found.tuning, found.tuning.options
-    enter("coarse sweep")
-    coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s, progress=tell)
+    run.stage = "coarse sweep"
+    coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s, progress=run.tell)
     minima = local_minima(coarse.cost)[: options.starts]
     if not minima:
         raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
@@ -232,10 +211,10 @@ def _search(
         starts += map(tuning.from_u, qmc.LatinHypercube(len(tuning.design), rng=rng).random(options.more_starts))
     starts += warm
     for k, start in enumerate(starts):
-        enter(f"search {k + 1} of {len(starts)}")
-        found.searches.append(search(tuning, start, step_s=options.search_step_s, tried=tried))
-    enter("search in the step of the numbers")
-    found.searched = search(tuning, _first(found).x, step_s=options.step_s, tried=tried)
+        run.stage = f"search {k + 1} of {len(starts)}"
+        found.searches.append(search(tuning, start, step_s=options.search_step_s, run=run))
+    run.stage = "search in the step of the numbers"
+    found.searched = search(tuning, _first(found).x, step_s=options.step_s, run=run)
 
 
 def _first(found: TuningSolution) -> Search:
@@ -243,43 +222,41 @@ def _first(found: TuningSolution) -> Search:
     return min(found.searches, key=lambda s: (not s.success, s.cost))
 
 
-def _judge(
-    found: TuningSolution, tried: Tried, enter: Callable[[str], None], tell: Callable[..., None]
-) -> None:
+def _judge(found: TuningSolution, run: Run) -> None:
     """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
     tuning, options, size = found.tuning, found.tuning.options, found.tuning.combination.size
     assert found.searched is not None
     for _ in range(2):
-        enter("sweep")
+        run.stage = "sweep"
         fine = found.sweep = sweep(tuning, positions(tuning, options.sweep_mm), found.searched.x,
-                                   step_s=options.step_s, with_outcomes=True, progress=tell)
+                                   step_s=options.step_s, with_outcomes=True, progress=run.tell)
         i = int(np.nanargmin(fine.cost))
         if fine.cost[i] >= found.searched.cost - WORSE * size:
             break
-        enter("search from the sweep's lowest position")
-        found.searched = search(tuning, fine.x[i], step_s=options.step_s, tried=tried)
+        run.stage = "search from the sweep's lowest position"
+        found.searched = search(tuning, fine.x[i], step_s=options.step_s, run=run)
         if len(tuning.design) == 1:
             break
     best = tuning.evaluate(found.searched.x)
     found.settings = compared_settings(tuning, best.x)
     if options.same_load:
-        enter("settings under one load")
+        run.stage = "settings under one load"
         found.same_load = same_load_outcomes(tuning, np.array(
-            [[tuning.low[0], best.x[0], tuning.high[0], part.own[0]] for part in tuning.parts]), tell)
+            [[tuning.low[0], best.x[0], tuning.high[0], part.own[0]] for part in tuning.parts]), run.tell)
     first = _first(found)
     for name in options.confirm:
-        enter(f"confirming with {name.upper()}")
-        found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, tried=tried))
-    enter("draws of the contact")
+        run.stage = f"confirming with {name.upper()}"
+        found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
+    run.stage = "draws of the contact"
     if options.draws:
-        found.draws, found.draw_failures = drawn_optima(tuning, best.x, tell)
+        found.draws, found.draw_failures = drawn_optima(tuning, best.x, run.tell)
     found.uncertainty = fulcrum_uncertainty(
         fine, float(best.x[0]), found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
         allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
     found.tasks, found.pareto = tasks(fine, tuning.tasks, float(best.x[0])), pareto(tuning, fine)
     found.robustness = (*consistency_effect(tuning, fine), *(
         (f"draw {k + 1} of the contact", draw.fulcrum_mm, draw.cost) for k, draw in enumerate(found.draws)))
-    enter("checks")
+    run.stage = "checks"
     found.checks = _checks(tuning, best, fine, first, found.confirmed)
 
 

@@ -45,24 +45,15 @@ RISE = (0.2, 0.8)
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Costs of T trials at m positions of the fulcrum.
+    """Costs of T trials at m positions of the fulcrum; NaN where a walk failed."""
 
-    Attributes:
-        fulcrum_mm: (m,). x: (m, P) the settings.
-        costs: by name of a cost, the consistency among them, (T, m); NaN where a walk failed.
-        terms: of the tuned cost, by name, (T, m).
-        outcomes: KINDS by name, (T, m); empty where they were not asked for. Stored and returned energy are known at
-            every ENERGY_EVERY-th position and the last, NaN between.
-        failures: why a walk failed, in words. unconverged: walks with steps that did not converge.
-    """
-
-    fulcrum_mm: np.ndarray
-    x: np.ndarray
-    costs: dict[str, np.ndarray]
-    terms: dict[str, np.ndarray]
-    outcomes: dict[str, np.ndarray]
-    failures: tuple[str, ...]
-    unconverged: int
+    fulcrum_mm: np.ndarray  # (m,)
+    x: np.ndarray  # (m, P) the settings
+    costs: dict[str, np.ndarray]  # by name of a cost, the consistency among them, (T, m)
+    terms: dict[str, np.ndarray]  # of the tuned cost, by name, (T, m)
+    outcomes: dict[str, np.ndarray]  # KINDS by name, (T, m), if asked for; energies at every ENERGY_EVERY-th position
+    failures: tuple[str, ...]  # why a walk failed, in words
+    unconverged: int  # walks with steps that did not converge
 
     @property
     def per_trial(self) -> np.ndarray:
@@ -104,12 +95,7 @@ def sweep(
     tuning: StiffnessTuning, fulcrum_mm: np.ndarray, x: np.ndarray, *, step_s: float, with_outcomes: bool = False,
     base: Mapping[str, float] | None = None, progress: Callable[[float], Any] | None = None
 ) -> Sweep:
-    """Walks every trial at every position, the rest of the setting as in x (P,); a walk that fails leaves NaN.
-
-    Args:
-        base: values of the walks' variables in place of the model's.
-        progress: called with the finished fraction.
-    """
+    """Walks every trial at every position, the rest of the setting as in x (P,), with `base` as of `TrialTuning.at`."""
     settings = np.tile(x, (len(fulcrum_mm), 1))
     settings[:, 0] = fulcrum_mm
     jobs = [(i, j) for j in range(len(settings)) for i in range(len(tuning.parts))]
@@ -150,10 +136,7 @@ def sweep(
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
-    """Where a curve (m,) is lowest and its value there, by a parabola through the lowest point and its neighbours.
-
-    NaN where nothing is known.
-    """
+    """Where a curve (m,) is lowest and its value there, by a parabola through the lowest point and its neighbours."""
     if np.isnan(cost).all():
         return float("nan"), float("nan")
     i = int(np.nanargmin(cost))
@@ -180,11 +163,7 @@ def local_minima(cost: np.ndarray) -> list[int]:
 
 
 def outcomes(part: TrialTuning, found: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
-    """KINDS of one walk; NaN for stored and returned energy where the foot has no whole stance.
-
-    Args:
-        energies: whether to work these two out, which takes a third of a walk's time; they are NaN else.
-    """
+    """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN unless asked for."""
     frame, loads = found.frame, found.loads
     inside = frame.inside > 0.0
     peaks = dict(zip(part.options.joints, np.abs(loads.joints.value[inside] / frame.mass_kg).max(axis=0), strict=True))
@@ -254,9 +233,6 @@ def same_load_outcomes(
     """SAME_LOAD of every trial at positions (T, k) of the fulcrum, the device otherwise as it is: by name, (T, k).
 
     NaN where no height of the pelvis keeps the load, or a walk fails.
-
-    Args:
-        progress: called with the finished fraction.
     """
     found = {name: np.full(fulcrum_mm.shape, np.nan) for name in SAME_LOAD}
     jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
@@ -290,15 +266,10 @@ def _same_load(part: TrialTuning, fulcrum_mm: float) -> tuple[float, float, floa
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Walks of T trials at one setting.
+    """Walks of T trials at one setting."""
 
-    Attributes:
-        outcomes: KINDS by name, (T,); NaN where a walk failed.
-        grf_W: by trial, (n, 3) N on the instants of the trial's frame, low-passed; None where the walk failed.
-    """
-
-    outcomes: dict[str, np.ndarray]
-    grf_W: tuple[np.ndarray | None, ...]
+    outcomes: dict[str, np.ndarray]  # KINDS by name, (T,); NaN where a walk failed
+    grf_W: tuple[np.ndarray | None, ...]  # by trial, (n, 3) N at the frame's instants; None where the walk failed
 
 
 def compared_settings(tuning: StiffnessTuning, best: np.ndarray) -> dict[str, Setting]:
@@ -358,10 +329,7 @@ def tasks(found: Sweep, names: Sequence[str], common_mm: float) -> tuple[Task, .
 
 
 def pareto(tuning: StiffnessTuning, found: Sweep) -> tuple[Compromise, ...]:
-    """Best positions for weights of the options' two costs, each over its size; the consistency goes with every weight.
-
-    None if a trial lacks one of the costs.
-    """
+    """Best positions for weights of the options' two costs, each over its size, with the consistency beside them."""
     names, size = tuning.options.pareto, tuning.size
     if not names or any(name not in found.costs or name not in size for name in names):
         return ()

@@ -39,34 +39,24 @@ CONFIDENCE = 0.975
 
 @dataclass(frozen=True)
 class FulcrumUncertainty:
-    """Of the best fulcrum position.
-
-    Attributes:
-        low_mm, high_mm: the interval. draws_mm: optima by draw of the contact.
-        range, spread, matters: of the cost, see `Difference`.
-        meaning, sentence: in words, what the interval holds and whether the setting matters.
-    """
+    """Of the best fulcrum position: its interval, and of the cost what `Difference` says."""
 
     low_mm: float
     high_mm: float
-    draws_mm: tuple[float, ...]
+    draws_mm: tuple[float, ...]  # optima by draw of the contact
     range: float
     spread: float | None
     matters: bool | None
-    meaning: str
-    sentence: str
+    meaning: str  # in words, what the interval holds
+    sentence: str  # and whether the setting matters
 
 
 @dataclass(frozen=True)
 class Difference:
-    """By how much a curve differs between the settings where it is highest and lowest.
+    """By how much a curve differs between the settings where it is highest and lowest."""
 
-    Attributes:
-        range: mean over groups of that difference. spread: standard deviation of it over repetitions; None if unknown.
-    """
-
-    range: float
-    spread: float | None
+    range: float  # mean over groups of that difference
+    spread: float | None  # standard deviation of it over repetitions; None if unknown
 
     def matters(self, size: float) -> bool | None:
         """Whether the range is above FLAT of `size` and above the spread; None if that cannot be known."""
@@ -202,11 +192,8 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
 def drawn_optima(
     tuning: StiffnessTuning, x: np.ndarray, progress: Callable[[float], Any] | None = None
 ) -> tuple[tuple[Draw, ...], tuple[str, ...]]:
-    """The fulcrum with the least cost for each of the options' draws, the rest of the setting as in x (P,).
-
-    Returns:
-        The draws that walk, and why others do not.
-    """
+    """The fulcrum with the least cost for each of the options' draws that walk, the rest of the setting as in x (P,),
+    and why others do not."""
     first = tuning.parts[0]
     if any(part.walker.model != first.walker.model for part in tuning.parts):
         return (), ("the trials' models differ, so that one draw cannot be for all",)

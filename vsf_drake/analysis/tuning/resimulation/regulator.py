@@ -120,20 +120,15 @@ def multiplier(A: np.ndarray) -> float:
 class LinearSteps:
     """N steps of f free coordinates, of which 8 are the person's and the others socket and keel.
 
-    Attributes:
-        A: (N, 2 f, 2 f). B: (N, 2 f, 8), per N m or N on each of the eight.
-        person: (16,) where positions and velocities of the eight are in x.
-        inner: (N, f, 8) how socket and keel stand when the eight are displaced and everything else is in balance; 1 in
-            the rows of the eight. Velocities likewise.
-        elsewhere: (N,) bool, steps that end elsewhere than in the walk: where friction falls, or that were not solved
-            in one piece.
+    In `inner` (N, f, 8) is how socket and keel stand when the eight are displaced and everything else is in balance; 1
+    in the rows of the eight. Velocities likewise.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    person: np.ndarray
+    A: np.ndarray  # (N, 2 f, 2 f)
+    B: np.ndarray  # (N, 2 f, 8), per N m or N on each of the eight
+    person: np.ndarray  # (16,) where positions and velocities of the eight are in x
     inner: np.ndarray
-    elsewhere: np.ndarray
+    elsewhere: np.ndarray  # (N,) bool, steps that end elsewhere: where friction falls, or not solved in one piece
 
     @property
     def whole(self) -> np.ndarray:

@@ -61,46 +61,34 @@ MOST_STRIDES = 100
 
 @dataclass(frozen=True)
 class ForceDifference:
-    """Root mean square difference of the ground reaction over time, in percent of body weight.
+    """Root mean square difference of the ground reaction over time, in percent of body weight; NaN without an instant.
 
-    Attributes:
-        foot: "prosthetic" or "intact".
-        over: "stride", all instants that count, or "stance", those of them where either carries the foot (20 N).
-        filtered: whether the re-simulation was low-passed at 40 Hz before; the solution is never filtered, because its
-            instants are too far apart for that.
-        fore_aft, vertical: of the components. resultant: of the length of the force. NaN without an instant.
+    The solution is never filtered, because its instants are too far apart for that.
     """
 
-    foot: str
-    over: str
-    filtered: bool
+    foot: str  # "prosthetic" or "intact"
+    over: str  # "stride", all instants that count, or "stance", those of them where either carries the foot (20 N)
+    filtered: bool  # whether the re-simulation was low-passed at 40 Hz before
     fore_aft: float
     vertical: float
-    resultant: float
+    resultant: float  # of the length of the force
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackUse:
     """How much a torque-driven re-simulation needed beyond the solution's torques, over the compared time.
 
-    Attributes:
-        share: root mean square of the feedback over that of the solution's torques, all joints together.
-        feedback_peak: by joint, N m.
-        multiplier: largest magnitude among the eigenvalues of the linearised stride with the feedback (Floquet):
-            below 1, a small disturbance dies out. None where the solution is not periodic.
-        open_multiplier: the same without feedback.
-        hand_percent_bw: root mean square of the force of a hand at the pelvis, % of body weight; 0 without a hand.
-        hand_moment_nm: the same of its moment, N m.
-        weights: what the feedback was laid out for, by name (`RegulatorWeights`).
+    A multiplier is the largest magnitude among the eigenvalues of the linearised stride (Floquet): below 1, a small
+    disturbance dies out. None where the solution is not periodic.
     """
 
-    share: float
-    feedback_peak: Mapping[str, float]
+    share: float  # root mean square of the feedback over that of the solution's torques, all joints together
+    feedback_peak: Mapping[str, float]  # by joint, N m
     multiplier: float | None
-    open_multiplier: float | None
-    hand_percent_bw: float
-    hand_moment_nm: float
-    weights: Mapping[str, float]
+    open_multiplier: float | None  # without feedback
+    hand_percent_bw: float  # root mean square of the force of a hand at the pelvis; 0 without a hand
+    hand_moment_nm: float  # the same of its moment
+    weights: Mapping[str, float]  # what the feedback was laid out for, by name (`RegulatorWeights`)
 
     def sentences(self) -> list[str]:
         """What it took, in words."""
@@ -113,45 +101,29 @@ class FeedbackUse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resimulation:
-    """A solution carried out by the stepper with the full model.
+    """A solution of n instants carried out by the stepper with the full model.
 
-    Attributes:
-        kind: "prescribed" or "feedback".
-        fell_after_s, why: the run ended before the solution did, or the person was down: when, from the run's start,
-            and how; None and "" otherwise. Reading a difference of such a one raises SimulationError.
-        counted: (n,) bool, the solution's instants that are compared: not the transient of the start, nothing after a
-            fall.
-        grf, filtered_grf: by foot (n, 2) N of the re-simulation, as the stepper gives it and low-passed at 40 Hz; NaN
-            where not `counted`.
-        forces: the differences of both feet, as they are and filtered.
-        motion_rms: by coordinate, root mean square deviation from the solution, deg or mm; {} if prescribed.
-        lateral_percent_bw: largest lateral force on a foot; the solution knows none.
-        unconverged_steps: of the run, accepted without convergence.
-        feedback: what the torques did beyond the solution's; None if prescribed.
-        walk_time_s, walk_q, walk_grf: the re-simulation at its own steps over the compared time, (m,) s, (m, 8), and by
-            foot (m, 2) N.
-        notes: what else to know of the run.
+    Where the run ended before the solution did, or the person was down, reading a difference raises SimulationError.
     """
 
-    kind: str
-    fell_after_s: float | None
+    kind: str  # "prescribed" or "feedback"
+    fell_after_s: float | None  # from the run's start
     why: str
-    counted: np.ndarray
-    grf: Mapping[str, np.ndarray]
-    filtered_grf: Mapping[str, np.ndarray]
-    forces: tuple[ForceDifference, ...]
-    motion_rms: Mapping[str, float]
-    lateral_percent_bw: float
-    unconverged_steps: int
-    feedback: FeedbackUse | None
-    walk_time_s: np.ndarray
-    walk_q: np.ndarray
-    walk_grf: Mapping[str, np.ndarray]
-    notes: Sequence[str]
+    counted: np.ndarray  # (n,) bool, instants that are compared: not the start's transient, nothing after a fall
+    grf: Mapping[str, np.ndarray]  # by foot (n, 2) N, as the stepper gives it; NaN where not `counted`
+    filtered_grf: Mapping[str, np.ndarray]  # low-passed at 40 Hz
+    forces: tuple[ForceDifference, ...]  # of both feet, as they are and filtered
+    motion_rms: Mapping[str, float]  # by coordinate, deviation from the solution, deg or mm; {} if prescribed
+    lateral_percent_bw: float  # largest lateral force on a foot; the solution knows none
+    unconverged_steps: int  # of the run, accepted without convergence
+    feedback: FeedbackUse | None  # None if prescribed
+    walk_time_s: np.ndarray  # (m,) at the run's own steps over the compared time
+    walk_q: np.ndarray  # (m, 8)
+    walk_grf: Mapping[str, np.ndarray]  # by foot (m, 2) N
+    notes: Sequence[str]  # what else to know of the run
 
     @property
     def fell(self) -> bool:
-        """Whether the person fell."""
         return self.fell_after_s is not None
 
     @property
@@ -171,11 +143,7 @@ class Resimulation:
 
     @property
     def percent_bw(self) -> float:
-        """The number to judge by: the larger of both feet's differences of the resultant over the stride, 40 Hz.
-
-        Raises:
-            SimulationError: the person fell.
-        """
+        """The number to judge by: the larger of both feet's differences of the resultant over the stride, 40 Hz."""
         return max(self.difference(foot).resultant for foot in FEET)
 
     @property
@@ -399,9 +367,7 @@ def resimulate_with_feedback(
                    feedback=use)
 
 
-def _gains(
-    steps: LinearSteps, weights: RegulatorWeights, h: float, *, hand: bool, periodic: bool
-) -> np.ndarray:
+def _gains(steps: LinearSteps, weights: RegulatorWeights, h: float, *, hand: bool, periodic: bool) -> np.ndarray:
     """(N, 8, 16), N m or N per rad, m, rad/s, m/s."""
     n = steps.A.shape[1]
     gains = np.zeros((len(steps.A), COORDINATES, 2 * COORDINATES))
@@ -418,20 +384,15 @@ def _gains(
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """m steps, as far as they went.
-
-    Attributes:
-        q: (m, 8) the coordinates. feedforward, feedback: (m, 8) N m, N on each of them over each step.
-        fell_s: when the person was down or the run diverged; None if neither. why: in words.
-    """
+    """m steps, as far as they went."""
 
     record: Record
-    q: np.ndarray
-    feedforward: np.ndarray
+    q: np.ndarray  # (m, 8) the coordinates
+    feedforward: np.ndarray  # (m, 8) N m, N on each of them over each step
     feedback: np.ndarray
     ground_height: float
-    fell_s: float | None
-    why: str
+    fell_s: float | None  # when the person was down or the run diverged; None if neither
+    why: str  # in words
 
     def grf_W(self, walker: Walker) -> dict[str, np.ndarray]:
         """(m, 3) N by foot."""
