@@ -150,14 +150,11 @@ def _check_dataclass(instance: Any, path: str, file: Any) -> None:
 
 
 def _check_number(value: Any, field: dataclasses.Field, where: str, file: Any) -> None:
-    """Raises InputError for None or a list in a field of one number, and for what is no whole number or no bool."""
-    kind = str(field.type)
-    if kind == "float" and (value is None or isinstance(value, (list, tuple, bool))):
-        raise InputError(f"{value!r} is not a number", file=file, where=where,
+    """Raises InputError for anything else than one number, whole number or truth value in a field of one."""
+    kind = {"float": float, "int": int, "bool": bool}.get(str(field.type))
+    if kind and not (type(value) is kind or (kind is float and type(value) is int)):
+        raise InputError(f"{value!r} is not a {_KINDS[kind]}", file=file, where=where,
                          right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None)
-    for type_ in (int, bool):
-        if kind == type_.__name__ and type(value) is not type_:
-            raise InputError(f"{value!r} is not a {_KINDS[type_]}", file=file, where=where)
 
 
 def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:

@@ -15,15 +15,15 @@ from vsf_drake.analysis.contact_fit import (
     ContactFit,
     ContactFitOptions,
     ContactFitSolution,
+    PaperOptions,
     assess,
     solve,
     verdict,
 )
-from vsf_drake.analysis.contact_fit.paper import PaperOptions
-from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution, solve_like_the_paper
-from vsf_drake.analysis.contact_fit.recordings import RESULTANT
-from vsf_drake.analysis.contact_fit.scores import BenchScore, TrialScore
-from vsf_drake.analysis.contact_fit.table import SWEEP_STEP_S, bench_score
+from vsf_drake.analysis.contact_fit.assessment import SWEEP_STEP_S, BenchScore, TrialScore, bench_score
+from vsf_drake.analysis.contact_fit.options import RESULTANT
+from vsf_drake.analysis.contact_fit.paper import PaperEnd
+from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.errors import FitError, SimulationError
 
 SEED = 0
@@ -50,7 +50,7 @@ def run(case: Case) -> dict[str, Any]:
         return {**told, "failed": str(error)}
     told |= {"time": times, "ended": solution.message, "verdict": list(verdict(solution, found)),
              "trials": {score.label: _trial(score) for score in found.scores}, "left_out": _left_out(found)}
-    told |= _paper(solution, case) if isinstance(solution, PaperSolution) else _joint(solution)
+    told |= _paper(solution.end, case) if isinstance(solution.end, PaperEnd) else _joint(solution)
     measured = found.bench or _bench_of(solution)
     return {**told, "bench": {"rmse_n_per_mm": measured.rmse_n_per_mm, **vars(measured)}}
 
@@ -65,11 +65,10 @@ def warm_up(tier: str) -> None:
     fit.terms_of(held, None).walk(fit.parameters.start, step_s=SWEEP_STEP_S, fulcrum_m=0.1)
 
 
-def _solve(case: Case) -> ContactFitSolution | PaperSolution:
+def _solve(case: Case) -> ContactFitSolution:
     trials = [trial(case.tier, name) for name in case.fitted]
     if case.strategy == PAPER:
-        return solve_like_the_paper(trials, bench=bench(),
-                                    options=PaperOptions(seed=SEED, settled=case.settled))
+        return solve(ContactFit(trials, bench=bench(), options=PaperOptions(seed=SEED, settled=case.settled)))
     options = ContactFitOptions(starts=case.starts, seed=SEED)
     if case.resultant:
         options = dataclasses.replace(options, series=(RESULTANT,))
@@ -98,25 +97,25 @@ def _left_out(found: Assessment) -> list[dict[str, Any]]:
 
 
 def _joint(solution: ContactFitSolution) -> dict[str, Any]:
-    told = solution.uncertainty
-    return {"starts": len(solution.searches), "series": list(solution.series), "values": solution.values,
+    assert isinstance(solution.end, JointEnd)
+    told, searches = solution.end.uncertainty, solution.end.searches
+    return {"starts": len(searches), "series": list(solution.fit.options.series), "values": solution.values,
             "standard_errors": dict(zip(told.names, map(float, told.standard_error), strict=True)),
             "not_identified": list(told.unidentified), "at_bound": list(told.at_bound),
             "searches": [{"start_cost": s.start_cost, "cost": s.cost, "converged": s.success, "message": s.message,
-                          "evaluations": s.evaluations, "failed": s.failed} for s in solution.searches]}
+                          "evaluations": s.evaluations, "failed": s.failed} for s in searches]}
 
 
-def _paper(solution: PaperSolution, case: Case) -> dict[str, Any]:
-    fit = solution.paper
-    return {"values": fit.values, "initial_values": fit.initial_values, "rms_n": fit.rms_n,
-            "initial_rms_n": fit.initial_rms_n, "iterations": len(fit.history), "simulations": fit.simulations,
-            "failed_simulations": fit.failed_simulations,
-            "settled": case.settled, "history": [list(row) for row in fit.history]}
+def _paper(end: PaperEnd, case: Case) -> dict[str, Any]:
+    state = end.state
+    return {"values": end.values, "initial_values": end.initial_values, "rms_n": state.rms_n(state.objective_n2),
+            "initial_rms_n": state.rms_n(state.initial_objective_n2), "iterations": len(state.history),
+            "simulations": state.simulations, "failed_simulations": state.failed_simulations,
+            "settled": case.settled, "history": [list(row) for row in state.history]}
 
 
-def _bench_of(solution: ContactFitSolution | PaperSolution) -> BenchScore:
+def _bench_of(solution: ContactFitSolution) -> BenchScore:
     """Of a fit that was not given the bench: it judges it all the same."""
-    assert isinstance(solution, ContactFitSolution)
     fit = solution.fit
     found = bench_score(dataclasses.replace(solution, fit=ContactFit(
         fit.trials, bench=bench(), parameters=fit.parameters, options=fit.options, walker=fit.walker)))

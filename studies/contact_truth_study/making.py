@@ -26,7 +26,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import walk_axes
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, FitNoise
-from vsf_drake.analysis.contact_fit.recordings import FORCES, SERIES
+from vsf_drake.analysis.contact_fit.options import FORCES, SERIES
 from vsf_drake.analysis.contact_fit.solve import prior_samples
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError, SimulationError

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from command_line import exit_code, read_json
 
-from vsf_drake.analysis.contact_fit import ContactFitOptions
-from vsf_drake.analysis.contact_fit.paper import PaperOptions
+from vsf_drake.analysis.contact_fit import ContactFitOptions, PaperOptions
 from vsf_drake.cli import fit_run
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, SimulationError
@@ -250,7 +249,7 @@ def test_a_state_of_the_other_strategy_is_refused(run, tmp_path, monkeypatch, ba
         assert run("fit", TRIAL, "--quick", "--out", tmp_path / "fit")[0] == 130
     before = (tmp_path / "fit/checkpoint.json").read_bytes()
     code, _, error = run("fit", TRIAL, "--strategy", "paper", "--resume", "--out", tmp_path / "fit")
-    assert code == 2 and "checkpoint.json: --resume: is no state of such a fit" in error
+    assert code == 2 and "checkpoint.json: --resume: was left by a fit of other trials, parameters or options" in error
     assert (tmp_path / "fit/checkpoint.json").read_bytes() == before
 
 

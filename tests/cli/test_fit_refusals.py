@@ -43,7 +43,7 @@ WORDS = [
     (("--strategy", "paper", "--free", "friction.*"), "--free: is an option of the joint strategy"),
     (("--quick", "--starts", "3"), "--starts: cannot go with --quick"),
     (("--starts", "0"), "--starts: 0 searches are none"), (("--seed", "-1"), "--seed: -1 is negative"),
-    (("--solver", "simplex"), "'simplex' is no solver"),
+    (("--solver", "simplex"), "solver: 'simplex' is not known. Known are: gauss_newton"),
     (("--resume",), "there is no interrupted fit to go on from"),
     (("--hold-out", LOW), "is fitted and held out"), (("--bench", LOW), "unknown key"),
 ]

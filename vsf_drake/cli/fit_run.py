@@ -9,14 +9,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
-from vsf_drake.analysis.contact_fit.paper import PaperOptions
-from vsf_drake.analysis.contact_fit.paper_solution import PAPER, solve_like_the_paper
-from vsf_drake.analysis.contact_fit.parameters import FitParameters
-from vsf_drake.analysis.contact_fit.recordings import COP, FORCES, RESULTANT, check_recordings, labels_of
-from vsf_drake.analysis.contact_fit.solve import FitProgress
+from vsf_drake.analysis.contact_fit import (
+    ContactFit,
+    ContactFitOptions,
+    ContactFitSolution,
+    FitParameters,
+    PaperOptions,
+    assess,
+    solve,
+    standard_parameters,
+)
+from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
+from vsf_drake.analysis.contact_fit.problem import bench_of
+from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
-from vsf_drake.analysis.contact_fit.terms import bench_of
 from vsf_drake.analysis.measured_bench import CURVES
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
@@ -28,7 +34,6 @@ from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.walk import Walker
 
-Show = Callable[[str, float], None]
 _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 """Shares of the bar at which searching, scoring and fitting again end."""
 
@@ -52,7 +57,7 @@ class Task:
     paths: bool
     damping_by_zone: bool
     quick: bool
-    problem: ContactFit | None = field(init=False, default=None)
+    problem: ContactFit = field(init=False)
 
     @property
     def synthetic(self) -> list[str]:
@@ -62,32 +67,26 @@ class Task:
         return [*names, *(["the bench"] if self.bench is not None and self.bench.synthetic else [])]
 
     @property
-    def series(self) -> tuple[str, ...]:
-        """What is compared."""
-        if self.strategy == PAPER:
-            return (RESULTANT,)
-        return (*((RESULTANT,) if self.resultant else FORCES), *(COP if self.cop else ()))
-
-    @property
-    def inputs(self) -> dict[str, str]:
-        """SHA-256 of the bench file."""
-        return {} if self.bench_file is None else {f"bench: {self.bench_file.name}": sha256(self.bench_file)}
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """For the table: what of the command is not in the options of the fit."""
-        own = to_plain(PaperOptions(seed=self.seed)) if self.strategy == PAPER else {
+    def asked(self) -> dict[str, Any]:
+        """For the table: who and what was asked for."""
+        own = to_plain(self.problem.options) if self.strategy == PAPER else {
             "seed": self.seed, "free": self.free, "freeze": self.freeze, "paths": self.paths,
             "damping_by_zone": self.damping_by_zone}
-        return {**own, "quick": self.quick, "bench": None if self.bench_file is None else self.bench_file.name}
+        file = self.bench_file
+        return {"held_out": self.held_out, "inputs": {} if file is None else {f"bench: {file.name}": sha256(file)},
+                "options": {**own, "quick": self.quick, "bench": None if file is None else file.name}}
 
     def check(self) -> None:
-        """Makes sure, before the long part, that all of it can be fitted and judged; builds the joint problem.
+        """Makes sure, before the long part, that all of it can be fitted and judged; builds the problem.
 
         Raises:
             InputError: see `recordings.check_recordings`, `ContactFit`, `with_frozen`.
         """
-        check_recordings(self.trials, self.held_out, series=self.series)
+        given = {name: value for name, value in (("starts", self.starts), ("solver", self.solver)) if value is not None}
+        series = (*((RESULTANT,) if self.resultant else FORCES), *(COP if self.cop else ()))
+        options = PaperOptions(seed=self.seed) if self.strategy == PAPER else ContactFitOptions(
+            series=series, seed=self.seed, **given)
+        check_recordings(self.trials, self.held_out, series=options.series)
         subject, model = self.trials[0].subject, self.trials[0].model
         if self.bench is not None:
             try:
@@ -97,11 +96,6 @@ class Task:
                 forefoot = "column fulcrum" if curves else "forefoot"
                 where = forefoot if error.where == "fulcrums_m" else error.where
                 raise InputError(error.what, file=self.bench_file, where=where, right=error.right) from None
-        if self.strategy == PAPER:
-            return
-        given: dict[str, Any] = {"starts": self.starts, "solver": self.solver}
-        options = ContactFitOptions(series=self.series, seed=self.seed,
-                                    **{name: value for name, value in given.items() if value is not None})
         walker = Walker(subject, model)
         parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(self.trials),
                                          damping_by_zone=self.damping_by_zone, paths=self.paths)
@@ -167,9 +161,9 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
     Raises:
         InputError: the checkpoint is of another fit, or `out` cannot be written.
     """
-    def failed(message: str, solution: Any = None) -> dict[str, Any]:
-        return failed_table(task.trials, message, strategy=task.strategy, held_out=task.held_out, bench=task.bench,
-                            options=task.options, inputs=task.inputs, solution=solution)
+    def failed(message: str, solution: ContactFitSolution | None = None) -> dict[str, Any]:
+        return failed_table(task.trials, message, strategy=task.strategy, bench=task.bench, solution=solution,
+                            **task.asked)
 
     with progress() as show:
         solution = None
@@ -184,26 +178,21 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
             message = solution.message if solution is not None and not good else str(error)
             return write_fit(failed(f"it cannot be judged: {message}" if good else message, solution), {}, out)
         show("writing figures and page", _REFITTED)
-        table = fit_table(solution, judged, held_out=task.held_out, options=task.options, inputs=task.inputs)
+        table = fit_table(solution, judged, **task.asked)
         return write_fit(table, fit_curves(judged), out, contact=solution.contact(tuple(table["verdict"])))
 
 
-def _solved(task: Task, checkpoint: Checkpoint, show: Show, unfinished: Callable[[], Mapping[str, Any]]) -> Any:
+def _solved(
+    task: Task, checkpoint: Checkpoint, show: Callable[[str, float], None],
+    unfinished: Callable[[], Mapping[str, Any]]
+) -> ContactFitSolution:
     highest = 0.0
 
     def tell(what: str, share: float) -> None:
         nonlocal highest
         checkpoint.begin(unfinished)
-        highest = max(highest, min(share, 1.0))
+        highest = max(highest, share)
         show(what, _SEARCHED * highest)
-
-    def joint(p: FitProgress) -> None:
-        first = (p.search - 1 + p.evaluations / (p.evaluations + 30.0)) / p.searches
-        share = first if p.left_s is None else p.elapsed_s / (p.elapsed_s + p.left_s)
-        tell(f"search {p.search} of {p.searches}, best cost {p.cost:.1f}", share)
-
-    def paper(iteration: int, rms_n: float, share: float) -> None:
-        tell(f"iteration {iteration}, resultant {rms_n:.1f} N off", share)
 
     def save(state: Mapping[str, Any]) -> None:
         checkpoint.begin(unfinished)  # where a search's first walk fails, nothing was told yet
@@ -211,10 +200,7 @@ def _solved(task: Task, checkpoint: Checkpoint, show: Show, unfinished: Callable
 
     show("preparing", 0.0)
     try:
-        if task.problem is not None:
-            return solve(task.problem, progress=joint, resume=checkpoint.state, checkpoint=save)
-        return solve_like_the_paper(task.trials, bench=task.bench, options=PaperOptions(seed=task.seed),
-                                    progress=paper, resume=checkpoint.state, checkpoint=save)
+        return solve(task.problem, progress=tell, resume=checkpoint.state, checkpoint=save)
     except InputError as error:
         if error.where != "resume":
             raise

@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.contact_fit import table as module
-from vsf_drake.analysis.contact_fit.scores import Assessment, LeftOut
-from vsf_drake.analysis.contact_fit.table import RIGHT_WITHIN_M, assess, bench_score, sweep_fulcrum
+from vsf_drake.analysis.contact_fit import assessment as module
+from vsf_drake.analysis.contact_fit.assessment import (
+    RIGHT_WITHIN_M,
+    Assessment,
+    LeftOut,
+    assess,
+    bench_score,
+    sweep_fulcrum,
+)
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import resource
@@ -34,13 +40,11 @@ def trials():
 class Model:
     """A finished fit that walks as the unfitted model does."""
 
-    series = ("vertical", "cop_fore_aft")
-    bench = None
-    report_step_s = 2e-3
-
     def __init__(self, walker, trials):
-        self.walker, self.trials = walker, tuple(trials)
-        self.labels = tuple(trial.path.stem for trial in trials)
+        self.walker = walker
+        self.fit = SimpleNamespace(
+            trials=tuple(trials), labels=tuple(trial.path.stem for trial in trials), bench=None,
+            options=SimpleNamespace(series=("vertical", "cop_fore_aft"), report_step_s=2e-3))
         self.asked, self.lock = [], threading.Lock()
 
     def check(self):
@@ -251,7 +255,7 @@ def test_a_strategy_that_does_not_fit_again_leaves_nothing_out(scored, trials):
 def test_the_bench_is_scored_in_newtons_per_millimetre(measured_bench):
     measured = np.array([*measured_bench.stiffness_n_per_m, measured_bench.heel_stiffness_n_per_m])
     off = 1e3 * np.array([1.0, -1.0, 0.0, 2.0, 0.0, 5.0])
-    model = SimpleNamespace(bench=measured_bench, bench_stiffness=lambda: measured + off)
+    model = SimpleNamespace(fit=SimpleNamespace(bench=measured_bench), bench_stiffness=lambda: measured + off)
     found = bench_score(model)
     assert found.fulcrum_mm == pytest.approx((66, 87, 108, 129, 151))
     assert found.measured_n_per_mm == pytest.approx((10.0, 13.739, 18.440, 24.316, 32.0))
@@ -259,9 +263,10 @@ def test_the_bench_is_scored_in_newtons_per_millimetre(measured_bench):
     assert found.rmse_n_per_mm == pytest.approx(np.sqrt(6 / 5)), "without the heel"
     assert (found.heel_measured_n_per_mm, found.heel_model_n_per_mm) == pytest.approx((65.0, 70.0))
     without = replace(measured_bench, heel_stiffness_n_per_m=None)
-    model = SimpleNamespace(bench=without, bench_stiffness=lambda: np.array(without.stiffness_n_per_m))
+    model = SimpleNamespace(fit=SimpleNamespace(bench=without),
+                            bench_stiffness=lambda: np.array(without.stiffness_n_per_m))
     assert bench_score(model).heel_model_n_per_mm is None and bench_score(model).rmse_n_per_mm == 0.0
-    assert bench_score(SimpleNamespace(bench=None)) is None
+    assert bench_score(SimpleNamespace(fit=SimpleNamespace(bench=None))) is None
 
 
 def test_a_fit_that_failed_is_not_judged(trials):

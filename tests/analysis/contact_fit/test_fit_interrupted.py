@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, solve
-from vsf_drake.analysis.contact_fit.problem import SOLVERS
+from vsf_drake.analysis.contact_fit.options import SOLVERS
 from vsf_drake.analysis.contact_fit.solve import Search
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
@@ -45,7 +45,7 @@ def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(trial, walker, monkeypatch
     assert count == 3
 
 
-def test_time_left_is_what_the_searches_that_ended_took_for_each_that_has_not(trial, walker, monkeypatch):
+def test_the_share_that_is_done_is_by_what_the_searches_that_ended_took_for_each_that_has_not(trial, walker, monkeypatch):
     fit = ContactFit([trial], walker=walker, options=ContactFitOptions(starts=3))
     clock, told = SimpleNamespace(now=0.0), []
 
@@ -58,6 +58,5 @@ def test_time_left_is_what_the_searches_that_ended_took_for_each_that_has_not(tr
     monkeypatch.setattr(searches, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(searches, "_start", lambda fit, i: fit.parameters.start)
     monkeypatch.setattr(searches, "search", ten_seconds_long)
-    searches.run_searches(fit, progress=told.append)
-    assert [p.left_s for p in told[:5]] == [None] * 5
-    assert [p.left_s for p in told[5:]] == [30.0 - p.elapsed_s for p in told[5:]]
+    searches.run_searches(fit, progress=lambda _, share: told.append((clock.now, share)))
+    assert [share for _, share in told[5:]] == pytest.approx([now / 30.0 for now, _ in told[5:]])

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement
-from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, MidRangeScore, verdict
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitSolution, PaperOptions
+from vsf_drake.analysis.contact_fit.assessment import Assessment, BenchScore, MidRangeScore, bench_score, verdict
+from vsf_drake.analysis.contact_fit.paper import PaperEnd
+from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.analysis.contact_fit.solve import search
-from vsf_drake.analysis.contact_fit.table import bench_score, failed_table
-from vsf_drake.analysis.contact_fit.terms import bench_of
+from vsf_drake.analysis.contact_fit.table import failed_table
+from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.contact_file import model_with
 from vsf_drake.files import resource
@@ -62,7 +64,7 @@ def test_the_model_is_that_of_the_simulated_bench(few_free, curves):
     fit = few_free(*FREE, bench=curves)
     u = fit.parameters.start + np.array([0.5, 0.5, 0.0, 0.0, 0.0])
     values = {"contact.forefoot.stiffness", "contact.forefoot.exponent"}
-    walk = {name: value for name, value in fit._bench._map.at(u).values.items() if name in values}
+    walk = {name: value for name, value in fit._shared.at(u).values.items() if name in values}
     pressed = run_bench(model_with(fit.walker.model, walk), fulcrums_m=curves.fulcrum_m).forefoot
     simulated = []
     for setting in pressed:
@@ -89,26 +91,30 @@ def test_a_displacement_of_the_models_own_is_found_again(few_free, curves):
 
 def test_the_papers_solution_is_pressed_likewise(curves, soft, fit_walker, few_free):
     """With nothing fitted both are the model as it stands."""
-    paper = SimpleNamespace(values={}, converged=True, stopped_by="its rule")
-    found = PaperSolution(trials=(soft,), labels=("low_1",), walker=fit_walker, bench=curves, paper=paper)
+    def paper(bench):
+        end = PaperEnd(state=None, values={}, initial_values={}, converged=True, stopped_by="its rule")
+        fit = ContactFit([soft], walker=fit_walker, bench=bench, options=PaperOptions())
+        return ContactFitSolution(fit=fit, success=True, message="its rule", end=end, wall_s=0.0)
+
+    found = paper(curves)
     plain = bench_of(fit_walker.model.foot, curves)
     np.testing.assert_array_equal(found.bench_displacement(), plain.displacement({})[0])
     np.testing.assert_array_equal(found.bench_stiffness(), plain.evaluate({})[0])
     with pytest.raises(ValueError, match="no bench"):
-        replace(found, bench=None).bench_displacement()
+        paper(None).bench_displacement()
 
 
 def test_scores_are_in_millimetres_with_the_heel_apart(curves):
     stiffness = np.array([*curves.stiffness_n_per_m, curves.heel_stiffness_n_per_m])
     off = 1e-3 * np.array([0.3, -0.3, 0.0, 0.4, 0.0, 2.0])
-    model = SimpleNamespace(bench=curves, bench_stiffness=lambda: stiffness, bench_displacement=lambda: np.array(
+    model = SimpleNamespace(fit=SimpleNamespace(bench=curves), bench_stiffness=lambda: stiffness, bench_displacement=lambda: np.array(
         [*curves.mid_range_m, curves.heel_mid_range_m]) + off)
     found = bench_score(model).mid_range
     assert np.subtract(found.model_mm, found.measured_mm) == pytest.approx([0.3, -0.3, 0.0, 0.4, 0.0], abs=1e-9)
     assert found.rmse_mm == pytest.approx(np.sqrt(0.34 / 5)), "without the heel"
     assert found.heel_model_mm - found.heel_measured_mm == pytest.approx(2.0)
     bare = replace(curves, mid_range_m=None, heel_mid_range_m=None, mid_range_uncertainty_m=None)
-    model = SimpleNamespace(bench=bare, bench_stiffness=lambda: stiffness)
+    model = SimpleNamespace(fit=SimpleNamespace(bench=bare), bench_stiffness=lambda: stiffness)
     assert bench_score(model).mid_range is None
 
 
@@ -131,9 +137,11 @@ def words(bench):
     metrics = {"grf_rmse_bw": 0.02, "null_model_grf_rmse_bw": None}
     score = SimpleNamespace(label="a", role="fitted", metrics=metrics, floor_grf_rmse_bw=None, sweep=None)
     told = SimpleNamespace(names=("offset.height",), unidentified=(), singular_values=[3.0], at_bound=(), together=())
-    solution = SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in (0.066, 0.151)], uncertainty=told, best=0,
-                               searches=[SimpleNamespace(cost=1.0, success=True)],
-                               noise_ratios=lambda: [(SimpleNamespace(trial="a", name="vertical"), 0.5)])
+    terms = (SimpleNamespace(trial="a", name="vertical", residual=np.array([0.5])),)
+    end = JointEnd(u=np.zeros(1), evaluation=SimpleNamespace(terms=terms), uncertainty=told, best=0,
+                   searches=(SimpleNamespace(cost=1.0, success=True),))
+    fit = SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in (0.066, 0.151)])
+    solution = SimpleNamespace(fit=fit, end=end, message="done")
     return verdict(solution, Assessment(scores=(score,), left_out=(), bench=bench))
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
-from vsf_drake.analysis.contact_fit.solve import prior_samples, problem_key, run_searches
+from vsf_drake.analysis.contact_fit.solve import prior_samples, run_searches
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 
@@ -107,10 +107,11 @@ def test_a_fit_resumed_from_a_file_ends_as_if_never_interrupted(fit, ended, afte
 
 def test_an_interrupted_search_is_begun_anew(fit, ended):
     """The state that was kept is that of the last search that ended."""
-    states = []
+    states, told = [], []
 
-    def interrupt(progress):
-        if progress.search == 2 and progress.evaluations >= 2:
+    def interrupt(what, share):
+        told.append(what)
+        if sum(what.startswith("search 2") for what in told) == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -121,7 +122,7 @@ def test_an_interrupted_search_is_begun_anew(fit, ended):
 
 def test_fewer_starts_than_were_done_take_the_first_of_them(fit, ended):
     state = json.loads(ended["states"][2])
-    state["key"] = problem_key(fit(starts=2))
+    state["key"] = fit(starts=2).key
     same(run_searches(fit(starts=2), resume=state), ended["searches"][:2])
 
 
@@ -144,11 +145,11 @@ def test_state_of_another_problem_is_refused(fit, few_free, ended, soft, stiff, 
                    "evaluations": 1, "failed": 0}]}])
 def test_a_damaged_state_is_refused(fit, damage):
     with pytest.raises(InputError, match="no state of such a fit"):
-        run_searches(fit(), resume={"key": problem_key(fit())} | damage)
+        run_searches(fit(), resume={"key": fit().key} | damage)
 
 
 def test_a_state_without_searches_is_refused_too(fit):
-    for wrong in ({"key": problem_key(fit())}, {}):
+    for wrong in ({"key": fit().key}, {}):
         with pytest.raises(InputError):
             run_searches(fit(), resume=wrong)
 
@@ -185,13 +186,13 @@ def test_samples_at_which_the_walk_fails_are_not_started_from(fit, monkeypatch):
     assert any(np.array_equal(second.start, u) for u in samples)
 
 
-def test_progress_tells_search_lowest_cost_and_time(fit, ended):
+def test_progress_tells_search_lowest_cost_and_share(fit, ended):
     told = []
-    found = run_searches(fit(), progress=told.append)
-    assert [p.search for p in told] == sorted(p.search for p in told)
-    assert {p.search for p in told} == {1, 2, 3} and {p.searches for p in told} == {3}
-    costs, times = [p.cost for p in told], [p.elapsed_s for p in told]
-    assert costs == sorted(costs, reverse=True) and costs[-1] == min(s.cost for s in found)
-    assert times == sorted(times)
-    assert all(p.left_s is None for p in told if p.search == 1)
-    assert all(p.left_s >= 0.0 for p in told if p.search > 1)
+    found = run_searches(fit(), progress=lambda *what: told.append(what))
+    assert list(dict.fromkeys(what.split(",")[0] for what, _ in told)) == [f"search {i} of 3" for i in (1, 2, 3)]
+    costs = [float(what.rsplit(" ", 1)[1]) for what, _ in told]
+    assert costs == sorted(costs, reverse=True)
+    assert told[-1][0] == f"search 3 of 3, best cost {min(s.cost for s in found):.1f}"
+    shares = [share for what, share in told if what.startswith("search 1")]
+    assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1 / 3
+    assert all(0.0 <= share <= 1.0 for _, share in told)

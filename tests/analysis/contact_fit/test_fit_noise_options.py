@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.problem import ContactFitOptions
-from vsf_drake.analysis.contact_fit.recordings import SERIES, FitNoise
+from vsf_drake.analysis.contact_fit.options import ContactFitOptions
+from vsf_drake.analysis.contact_fit.options import SERIES, FitNoise
 from vsf_drake.errors import InputError
 
 
@@ -36,23 +36,23 @@ def test_samples_that_are_far_apart_count_in_full_and_never_more():
 
 
 @pytest.mark.parametrize("name", [*SERIES, "correlation_s"])
-@pytest.mark.parametrize("value", [0.0, -0.1, math.inf, math.nan, "0.1", None])
+@pytest.mark.parametrize("value", [0.0, -0.1, 1.1, math.inf, math.nan, "0.1", None])
 def test_what_is_no_noise_is_refused_by_name(name, value):
-    with pytest.raises(InputError, match="no standard deviation or time") as caught:
-        FitNoise(**{name: value})
+    with pytest.raises(InputError, match=r"outside its physical range|not a (finite )?number") as caught:
+        ContactFitOptions(noise=FitNoise(**{name: value}))
     assert caught.value.where == f"noise.{name}"
 
 
 @pytest.mark.parametrize(("changes", "where", "match"), [
     ({"series": ()}, "series", "must name series"), ({"series": ("vertical", "vertical")}, "series", "each once"),
-    ({"series": ("moment",)}, "series", "'moment' is not compared. There are: fore_aft, lateral"),
+    ({"series": ("moment",)}, "series[0]", "'moment' is not known. Known are: fore_aft, lateral"),
     ({"series": ("resultant", "vertical")}, "series", "same data twice"),
-    ({"solver": "newton"}, "solver", "no solver. There are: gauss_newton, snopt, ipopt, nlopt"),
-    ({"starts": 0}, "starts", "whole number from 1"), ({"starts": 2.0}, "starts", "whole number"),
-    ({"screened": 0}, "screened", "from 1 on"), ({"seed": -1}, "seed", "from 0 on"),
-    ({"iterations": True}, "iterations", "whole number"), ({"tolerance": 0.0}, "tolerance", "above 0"),
-    ({"step_s": 0.02}, "step_s", "at most 0.01"), ({"report_step_s": -1e-3}, "report_step_s", "above 0"),
-    ({"step_s": math.nan}, "step_s", "above 0"), ({"tolerance": "1e-5"}, "tolerance", "not usable")])
+    ({"solver": "newton"}, "solver", "not known. Known are: gauss_newton, snopt, ipopt, nlopt"),
+    ({"starts": 0}, "starts", "at least 1"), ({"starts": 2.0}, "starts", "whole number"),
+    ({"screened": 0}, "screened", "at least 1"), ({"seed": -1}, "seed", "at least 0"),
+    ({"iterations": True}, "iterations", "whole number"), ({"tolerance": 0.0}, "tolerance", "physical range"),
+    ({"step_s": 0.02}, "step_s", "and 0.01 s"), ({"report_step_s": -1e-3}, "report_step_s", "range"),
+    ({"step_s": math.nan}, "step_s", "not a finite"), ({"tolerance": "1e-5"}, "tolerance", "not a number")])
 def test_options_that_cannot_be_are_refused_by_name(changes, where, match):
     with pytest.raises(InputError, match=match) as caught:
         ContactFitOptions(**changes)

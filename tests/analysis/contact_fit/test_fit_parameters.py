@@ -115,7 +115,7 @@ def test_changes_reach_the_named_parameters_and_no_others():
     assert changed.by_name[PLAIN.name] is PLAIN
     assert changed.by_name[LOG.name] == replace(LOG, prior=False)
     assert changed.names == (PLAIN.name, FROZEN.name, LOG.name)
-    assert changed.with_prior.tolist() == [True, False, False]
+    assert [item.prior for item in changed.free] == [True, False, False]
     assert EVERY.by_name[FROZEN.name].frozen, "the set itself stays as it was"
 
 

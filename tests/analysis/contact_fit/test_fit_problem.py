@@ -10,7 +10,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
-from vsf_drake.analysis.contact_fit.problem import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.walk import Walker
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -121,7 +122,7 @@ def test_a_fit_refuses_what_cannot_be_fitted_before_it_begins(soft, stiff, fit_w
 
 def test_a_held_out_trial_is_checked_before_a_fit_is_judged(soft):
     class Done:
-        trials, labels, series = (soft,), ("low_1",), SERIES
+        fit = SimpleNamespace(trials=(soft,), labels=("low_1",), options=SimpleNamespace(series=SERIES))
 
         def check(self):
             pass

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
-from vsf_drake.analysis.contact_fit.problem import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, solve
 from vsf_drake.analysis.contact_fit.solve import Search, run_searches, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit import terms as module
-from vsf_drake.analysis.contact_fit.recordings import FitNoise
+from vsf_drake.analysis.contact_fit import problem as module
+from vsf_drake.analysis.contact_fit.options import FitNoise
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.plates import PlateRecording
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
-from vsf_drake.analysis.contact_fit.recordings import FitNoise
-from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, uncertainty
-from vsf_drake.analysis.contact_fit.terms import Term
+from vsf_drake.analysis.contact_fit.options import FitNoise
+from vsf_drake.analysis.contact_fit.uncertainty import NORMAL_95, SURE_SHARE, uncertainty
+from vsf_drake.analysis.contact_fit.problem import Term
 
 NOISE = FitNoise(correlation_s=0.05)
 TIMES = np.arange(0.0, 0.8, 0.01)

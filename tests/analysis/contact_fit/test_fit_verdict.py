@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.paper_solution import PaperSolution
-from vsf_drake.analysis.contact_fit.scores import Assessment, BenchScore, FulcrumSweep, LeftOut, verdict
+from vsf_drake.analysis.contact_fit.assessment import Assessment, BenchScore, FulcrumSweep, LeftOut, verdict
+from vsf_drake.analysis.contact_fit.paper import PaperEnd
+from vsf_drake.analysis.contact_fit.solution import JointEnd
 
 
 def score(label="soft", role="fitted", error=0.02, null=None, floor=None, sweep=None):
@@ -31,11 +33,11 @@ def told(names=("offset.height", "contact.heel.force", "curve.knee_angle_r.0", "
 
 
 def solution(*, fulcrums=(0.066, 0.151), ratios=(0.8,), searches=None, best=0, uncertainty=None):
-    searches = searches or [searched()]
-    return SimpleNamespace(
-        trials=[SimpleNamespace(fulcrum_m=x) for x in fulcrums], searches=searches, best=best,
-        uncertainty=uncertainty or told(),
-        noise_ratios=lambda: [(SimpleNamespace(trial=f"soft{i}", name="vertical"), r) for i, r in enumerate(ratios)])
+    terms = [SimpleNamespace(trial=f"soft{i}", name="vertical", residual=np.array([r])) for i, r in enumerate(ratios)]
+    end = JointEnd(u=np.zeros(1), evaluation=SimpleNamespace(terms=terms), uncertainty=uncertainty or told(),
+                   searches=tuple(searches or [searched()]), best=best)
+    return SimpleNamespace(fit=SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in fulcrums]), end=end,
+                           message="done")
 
 
 def bench(off=0.5, heel=(65.0, 67.25)):
@@ -174,8 +176,9 @@ def test_a_lower_search_that_did_not_converge_is_told():
 
 @pytest.mark.parametrize("measured", [None, bench()])
 def test_the_papers_fit_is_told_to_know_nothing_of_its_errors(measured):
-    paper = PaperSolution(trials=(SimpleNamespace(fulcrum_m=0.1),), labels=("soft",), walker=None, bench=None,
-                          paper=SimpleNamespace(converged=True, stopped_by="it stayed within 0.1 N"))
+    paper = solution(fulcrums=(0.1,))
+    paper.end = PaperEnd(state=None, values={}, initial_values={}, converged=True, stopped_by="it stayed within 0.1 N")
+    paper.message = paper.end.stopped_by
     found = words(paper, measured=measured)
     assert says(found, "to the resultant force alone") and says(found, "It ended so: it stayed within 0.1 N.")
     assert not any(says(found, part) for part in ("searches", "told by the data", "times that noise"))

@@ -4,14 +4,15 @@
     solution = solve(fit)
     judged = assess(solution, [load_trial("other.yaml")])
     save_contact(solution.contact(verdict(solution, judged)), "contact.yaml")
+
+With `options=PaperOptions()` the fit is that of McGeehan et al. 2021, done as it is written.
 """
 
+from vsf_drake.analysis.contact_fit.assessment import Assessment, assess, verdict
+from vsf_drake.analysis.contact_fit.options import ContactFitOptions, FitNoise, PaperOptions
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
-from vsf_drake.analysis.contact_fit.problem import ContactFit, ContactFitOptions
-from vsf_drake.analysis.contact_fit.recordings import FitNoise
-from vsf_drake.analysis.contact_fit.scores import Assessment, verdict
+from vsf_drake.analysis.contact_fit.problem import ContactFit
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, solve
-from vsf_drake.analysis.contact_fit.table import assess
 
 __all__ = ("Assessment", "ContactFit", "ContactFitOptions", "ContactFitSolution", "FitNoise", "FitParameter",
-           "FitParameters", "assess", "solve", "standard_parameters", "verdict")
+           "FitParameters", "PaperOptions", "assess", "solve", "standard_parameters", "verdict")

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.analysis.contact_fit.parameters import (
-    CURVE,
     DAMPING_TIME,
-    HEIGHT,
-    LAW,
-    PATH,
+    OF_TRIAL,
     PATH_COEFFICIENTS,
     REFERENCE_DEPTH_M,
     FitParameters,
-    curve_coefficients,
-    meanings,
     zones_of,
 )
 from vsf_drake.errors import InputError
@@ -28,6 +24,8 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.variables import Course, Variable
 
 OFFSET_HEIGHT = "offset.height"
+_CURVE = re.compile(r"curve\.([^.]+)\.(\d+)")
+_LAW = re.compile(r"contact\.([^.]+)\.(force|exponent|damping_time)")
 
 
 @dataclass(frozen=True)
@@ -66,112 +64,124 @@ class TrialMap:
     def __init__(
         self, parameters: FitParameters, variables: Mapping[str, Variable], label: str | None, trial: Trial | None
     ) -> None:
-        self.parameters = parameters
-        self._label, self._means = label, meanings(parameters.by_name, variables)
-        self._heights = sum(mean.kind == HEIGHT for mean in self._means.values())
-        self._laws = [zone for zone in zones_of(variables) if f"contact.{zone}.force" in parameters.by_name]
-        self._known = {name: self._target(name) for name in parameters.by_name}
-        self.courses = () if trial is None else _courses(self._known, trial, curve_coefficients(parameters.by_name))
+        self.parameters, names = parameters, parameters.by_name
+        self._laws = [zone for zone in zones_of(variables) if f"contact.{zone}.force" in names]
+        for zone in self._laws:
+            _check_law(zone, names)
+        if DAMPING_TIME in names and not self._laws:
+            raise _refused(f"{DAMPING_TIME} has no law to belong to",
+                           "Give contact.ZONE.force and contact.ZONE.exponent too")
+        coefficients = curve_coefficients(names)
+        self._targets = {name: self._target(name, label, variables) for name in names}
+        self.courses = () if trial is None else _courses(
+            [target[0] for target in self._targets.values() if target], trial, coefficients)
 
     def at(self, u: np.ndarray) -> WalkValues:
         """The walk's values at u (P,)."""
-        values = self.parameters.values(u)
-        walk = self._walk(values)
-        by: dict[str, np.ndarray] = {}
-        slopes = self.parameters.slopes(u)
-        for p, name in enumerate(self.parameters.names):
-            for variable, slope in self._slopes(name, values):
-                by.setdefault(variable, np.zeros(len(self.parameters)))[p] += slope * slopes[p]
-        names = tuple(by)
-        return WalkValues(values=walk, names=names,
-                          by=np.array([by[name] for name in names]).reshape(len(names), len(self.parameters)))
-
-    def _target(self, name: str) -> str | None:
-        """The variable that a parameter sets; "" for those of a law, None for another trial's path."""
-        mean = self._means[name]
-        if mean.kind == LAW:
-            return ""
-        if mean.kind == HEIGHT:
-            return OFFSET_HEIGHT if self._label is not None else None
-        if mean.kind == PATH and mean.owner != self._label:
-            return None
-        return f"course.{mean.course}" if mean.course else name
-
-    def _walk(self, values: Mapping[str, float]) -> dict[str, float]:
+        values, slopes = self.parameters.values(u), self.parameters.slopes(u)
+        free = {name: p for p, name in enumerate(self.parameters.names)}
         walk: dict[str, float] = {}
-        for name, value in values.items():
-            target = self._known[name]
+        by: dict[str, np.ndarray] = {}
+
+        def depends(variable: str, name: str, slope: float) -> None:
+            if name in free:
+                by.setdefault(variable, np.zeros(len(free)))[free[name]] += slope * slopes[free[name]]
+
+        for name, target in self._targets.items():
             if target:
-                walk[target] = walk.get(target, 0.0) + self._share(name) * value
+                variable, share = target
+                walk[variable] = walk.get(variable, 0.0) + share * values[name]
+                depends(variable, name, share)
         for zone in self._laws:
-            force, n, time = self._law(zone, values)
-            walk[f"contact.{zone}.stiffness"] = force / REFERENCE_DEPTH_M**n
-            walk[f"contact.{zone}.exponent"] = n
-            walk[f"contact.{zone}.damping"] = time * n * force / REFERENCE_DEPTH_M
-        return walk
-
-    def _share(self, name: str) -> float:
-        """What a parameter counts for in its variable: 1, but heights of trials are deviations from their mean."""
-        mean = self._means[name]
-        return 1.0 if mean.kind != HEIGHT else float(mean.owner == self._label) - 1.0 / self._heights
-
-    def _law(self, zone: str, values: Mapping[str, float]) -> tuple[float, float, float]:
-        """Force (N), exponent and damping time (s) of a zone."""
-        own = f"contact.{zone}."
-        return (values[f"{own}force"], values[f"{own}exponent"],
-                values.get(f"{own}damping_time", values.get(DAMPING_TIME, 0.0)))
-
-    def _slopes(self, name: str, values: Mapping[str, float]) -> list[tuple[str, float]]:
-        """Variables that a parameter changes, with d variable / d parameter."""
-        target = self._known[name]
-        if target is None:
-            return []
-        if target:
-            return [(target, self._share(name))]
-        kind = name.rsplit(".", maxsplit=1)[-1]
-        zones = self._laws if name == DAMPING_TIME else [self._means[name].owner]
-        found: list[tuple[str, float]] = []
-        for zone in zones:
-            if name == DAMPING_TIME and f"contact.{zone}.damping_time" in values:
-                continue
-            force, n, time = self._law(zone, values)
+            own = f"contact.{zone}."
+            of_force, of_exponent, of_time = f"{own}force", f"{own}exponent", f"{own}damping_time"
+            of_time = of_time if of_time in values else DAMPING_TIME
+            force, n, time = values[of_force], values[of_exponent], values[of_time]
             k, b = force / REFERENCE_DEPTH_M**n, time * n * force / REFERENCE_DEPTH_M
-            stiffness, damping = f"contact.{zone}.stiffness", f"contact.{zone}.damping"
-            if kind == "force":
-                found += [(stiffness, k / force), (damping, b / force)]
-            elif kind == "exponent":
-                found += [(stiffness, -k * np.log(REFERENCE_DEPTH_M)), (f"contact.{zone}.exponent", 1.0),
-                          (damping, b / n)]
-            else:
-                found.append((damping, b / time))
-        return found
+            walk |= {f"{own}stiffness": k, of_exponent: n, f"{own}damping": b}
+            depends(f"{own}stiffness", of_force, k / force)
+            depends(f"{own}stiffness", of_exponent, -k * np.log(REFERENCE_DEPTH_M))
+            depends(of_exponent, of_exponent, 1.0)
+            depends(f"{own}damping", of_force, b / force)
+            depends(f"{own}damping", of_exponent, b / n)
+            depends(f"{own}damping", of_time, b / time)
+        return WalkValues(values=walk, names=tuple(by), by=np.array([*by.values()]).reshape(len(by), len(free)))
+
+    def _target(self, name: str, label: str | None, variables: Collection[str]) -> tuple[str, float] | None:
+        """The variable that a parameter is added to, and its share in it; None for one of a law or of another trial."""
+        if match := OF_TRIAL.fullmatch(name):
+            if match["height"]:
+                heights = sum(name.endswith(".height") and bool(OF_TRIAL.fullmatch(name))
+                              for name in self.parameters.by_name)
+                return None if label is None else (OFFSET_HEIGHT, float(match["label"] == label) - 1.0 / heights)
+            return (f"course.path.{match['path']}", 1.0) if match["label"] == label else None
+        if _CURVE.fullmatch(name):
+            return f"course.{name}", 1.0
+        law = _LAW.fullmatch(name)
+        if name == DAMPING_TIME or (law and law[1] in self._laws):
+            return None
+        if name not in variables:
+            raise _refused(f"{name} is no parameter of a contact fit",
+                           "See vsf_drake.analysis.contact_fit.parameters for the names")
+        return name, 1.0
 
 
-class _Sampled:
-    """A family of functions of time, worked out once for each of the few grids of times that walks have."""
+def curve_coefficients(names: Collection[str]) -> int:
+    """How many coefficients each curve has; 0 without curves.
 
-    def __init__(self, family: Callable[[np.ndarray], np.ndarray]) -> None:
-        self._known = functools.lru_cache(maxsize=8)(lambda times: family(np.frombuffer(times)))
+    Raises:
+        InputError: not all the same number, some are missing, or fewer than a periodic cubic spline needs.
+    """
+    by: dict[str, list[int]] = {}
+    for name in names:
+        if match := _CURVE.fullmatch(name):
+            by.setdefault(match[1], []).append(int(match[2]))
+        elif name.startswith("curve."):
+            by.setdefault(name, []).append(-1)
+    count = max(map(len, by.values()), default=0)
+    if any(sorted(indices) != [*range(count)] for indices in by.values()):
+        raise _refused("the curves' coefficients are not 0, 1, 2 ... up to the same number",
+                       "They are named curve.COORDINATE.NUMBER")
+    if 0 < count < 4:
+        raise _refused(f"{count} coefficients make no periodic curve", "At least 4 are needed")
+    return count
 
-    def member(self, i: int) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda times: self._known(np.ascontiguousarray(times, dtype=float).tobytes())[:, i]
+
+def _check_law(zone: str, names: Collection[str]) -> None:
+    own = f"contact.{zone}."
+    if f"{own}exponent" not in names or not {f"{own}damping_time", DAMPING_TIME} & set(names):
+        raise _refused(f"the law of zone {zone} is told by half",
+                       f"With {own}force give {own}exponent, and {own}damping_time or {DAMPING_TIME}; "
+                       "they may be frozen")
+    for twice in ("stiffness", "damping"):
+        if f"{own}{twice}" in names:
+            raise _refused(f"{own}{twice} and {own}force set the same", "Give one of them")
 
 
-def _courses(known: Mapping[str, str | None], trial: Trial, coefficients: int) -> tuple[Course, ...]:
+def _refused(what: str, right: str | None = None) -> InputError:
+    return InputError(what, where="parameters", right=right)
+
+
+def _courses(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[Course, ...]:
     found: list[Course] = []
-    families: dict[str, _Sampled] = {}
-    for target in dict.fromkeys(target for target in known.values() if target and target.startswith("course.")):
-        name = target.removeprefix("course.")
+    families: dict[str, Callable[[int], Callable[[np.ndarray], np.ndarray]]] = {}
+    for name in dict.fromkeys(target.removeprefix("course.") for target in targets if target.startswith("course.")):
         kind, coordinate, index = name.rsplit(".", 2)
+        if kind == "path" and int(index) >= PATH_COEFFICIENTS:
+            raise _refused(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path")
         if kind not in families:
-            families[kind] = _Sampled(_curves(trial, coefficients) if kind == CURVE else
+            families[kind] = _members(_curves(trial, coefficients) if kind == "curve" else
                                       window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
-        if kind == PATH and int(index) >= PATH_COEFFICIENTS:
-            raise InputError(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path", where="parameters")
-        found.append(Course(name=name, coordinate=coordinate, shape=families[kind].member(int(index))))
+        found.append(Course(name=name, coordinate=coordinate, shape=families[kind](int(index))))
     return tuple(found)
 
 
 def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:
     phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
     return lambda times: basis(phase(times))
+
+
+def _members(family: Callable[[np.ndarray], np.ndarray]) -> Callable[[int], Callable[[np.ndarray], np.ndarray]]:
+    """The functions of a family by number, all worked out once for each of the few grids of times that walks have."""
+    known = functools.lru_cache(maxsize=8)(lambda times: family(np.frombuffer(times)))
+    return lambda i: lambda times: known(np.ascontiguousarray(times, dtype=float).tobytes())[:, i]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,11 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.subject import SIDES
+
+PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
+DAMPING_TIME = "contact.damping_time"
+OF_TRIAL = re.compile(rf"trial\.(?P<label>.+)\.(?:(?P<height>height)|path\.(?P<path>(?:{'|'.join(PATH_COORDINATES)})"
+                      r"\.\d+))")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,28 +57,23 @@ class FitParameter:
     why: str = ""
 
     def __post_init__(self) -> None:
-        def refuse(what: str, right: str) -> InputError:
-            return InputError(what, where=f"parameter {self.name}", right=right)
+        def demand(right: bool, what: str, remedy: str) -> None:
+            if not right:
+                raise InputError(what, where=f"parameter {self.name}", right=remedy)
 
-        numbers = {name: getattr(self, name) for name in ("start", "low", "high", "mean", "scale")}
-        for name, value in numbers.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise refuse(f"{name} is {value!r}", "It must be a finite number")
-        for name in ("prior", "frozen", "logarithmic"):
-            if not isinstance(getattr(self, name), bool):
-                raise refuse(f"{name} is {getattr(self, name)!r}", "It must be True or False")
-        if not self.low < self.high:
-            raise refuse(f"its bounds cross: low {self.low:g}, high {self.high:g} {self.unit}",
-                         "The lower bound must be below the upper one")
-        if self.logarithmic and self.low <= 0.0:
-            raise refuse(f"its lower bound is {self.low:g} {self.unit}",
-                         "It must be positive: the search is in logarithms")
+        for name in ("start", "low", "high", "mean", "scale"):
+            value = getattr(self, name)
+            demand(isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value),
+                   f"{name} is {value!r}", "It must be a finite number")
+        demand(self.low < self.high, f"its bounds cross: low {self.low:g}, high {self.high:g} {self.unit}",
+               "The lower bound must be below the upper one")
+        demand(not self.logarithmic or self.low > 0.0, f"its lower bound is {self.low:g} {self.unit}",
+               "It must be positive: the search is in logarithms")
         for name in ("start", "mean"):
-            if not self.low <= numbers[name] <= self.high:
-                raise refuse(f"its {name}, {numbers[name]:g} {self.unit}, lies outside its bounds "
-                             f"{self.low:g} to {self.high:g}", f"Move the bounds or give another {name}")
-        if not self.scale > 0.0:
-            raise refuse(f"its scale is {self.scale:g}", "It must be above 0")
+            demand(self.low <= getattr(self, name) <= self.high,
+                   f"its {name}, {getattr(self, name):g} {self.unit}, lies outside its bounds "
+                   f"{self.low:g} to {self.high:g}", f"Move the bounds or give another {name}")
+        demand(self.scale > 0.0, f"its scale is {self.scale:g}", "It must be above 0")
 
     def to_u(self, value: float) -> float:
         """The search coordinate of a value."""
@@ -100,11 +100,11 @@ class FitParameters:
 
     def __init__(self, items: Iterable[FitParameter]) -> None:
         self.items = tuple(items)
-        names = [item.name for item in self.items]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(f"the parameter {twice[0]} stands twice", where="parameters")
-        self.by_name = {item.name: item for item in self.items}
+        self.by_name: dict[str, FitParameter] = {}
+        for item in self.items:
+            if item.name in self.by_name:
+                raise InputError(f"the parameter {item.name} stands twice", where="parameters")
+            self.by_name[item.name] = item
         self.free = tuple(item for item in self.items if not item.frozen)
         if not self.free:
             raise InputError("all parameters are frozen", where="parameters", right="Free at least one")
@@ -119,11 +119,6 @@ class FitParameters:
         Raises:
             InputError: there is no such parameter, or what comes out is none.
         """
-        known = {field.name for field in dataclasses.fields(FitParameter)} - {"name"}
-        if isinstance(names, str) or not fields.keys() <= known:
-            raise InputError(f"{names!r} is no list of names" if isinstance(names, str) else
-                             f"a parameter has no {min(fields.keys() - known)}", where="parameters",
-                             right=f"Give a list of names, and of each {', '.join(sorted(known))}")
         for name in names:
             if name not in self.by_name:
                 raise InputError(f"there is no parameter {name!r}", where="parameters",
@@ -142,11 +137,6 @@ class FitParameters:
         return (np.array([item.to_u(item.low) for item in self.free]),
                 np.array([item.to_u(item.high) for item in self.free]))
 
-    @property
-    def with_prior(self) -> np.ndarray:
-        """(P,) bool."""
-        return np.array([item.prior for item in self.free])
-
     def values(self, u: np.ndarray) -> dict[str, float]:
         """All values by name, the frozen ones too, at u (P,)."""
         if np.shape(u) != (len(self.free),):
@@ -164,53 +154,6 @@ class FitParameters:
         return np.array([item.slope(values[item.name]) for item in self.free])
 
 
-# What the name of a fit's parameter says (`standard_parameters` lists the names).
-
-
-PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
-DAMPING_TIME = "contact.damping_time"
-LAW, CURVE, HEIGHT, PATH, VARIABLE = "law", "curve", "height", "path", "variable"
-_TRIAL = re.compile(rf"trial\.(.+)\.(?:(height)|path\.({'|'.join(PATH_COORDINATES)})\.(\d+))")
-_CURVE = re.compile(r"curve\.([^.]+)\.(\d+)")
-_LAW = re.compile(r"contact\.([^.]+)\.(force|exponent|damping_time)")
-
-
-@dataclass(frozen=True)
-class Meaning:
-    """Of a parameter.
-
-    Attributes:
-        kind: LAW, CURVE, HEIGHT, PATH or VARIABLE.
-        owner: label of the trial that it belongs to, or zone of its law; "" for none or all.
-        course: what follows "course." in the name of the walk's variable, for curves and paths.
-    """
-
-    kind: str
-    owner: str = ""
-    course: str = ""
-
-
-def meanings(names: Collection[str], variables: Collection[str]) -> dict[str, Meaning]:
-    """Of each name.
-
-    Args:
-        variables: names that a walk knows.
-
-    Raises:
-        InputError: a name means nothing; a zone's law is not told as a whole, or twice; the coefficients of the curves
-            are not 0, 1, 2 ... up to the same number, or too few.
-    """
-    zones = {zone for zone in zones_of(variables) if f"contact.{zone}.force" in names}
-    for zone in sorted(zones):
-        _check_law(zone, names)
-    found = {name: _meaning(name, zones, variables) for name in names}
-    if DAMPING_TIME in names and not zones:
-        raise _refused(f"{DAMPING_TIME} has no law to belong to",
-                       "Give contact.ZONE.force and contact.ZONE.exponent too")
-    curve_coefficients(names)
-    return found
-
-
 def zones_of(variables: Iterable[str]) -> list[str]:
     """Zones of the foot whose walk has these variables."""
     return [name.split(".")[1] for name in variables if name.startswith("contact.") and name.endswith(".stiffness")]
@@ -218,67 +161,8 @@ def zones_of(variables: Iterable[str]) -> list[str]:
 
 def owner(name: str) -> str | None:
     """The label of the trial that a parameter belongs to alone, or None."""
-    match = _TRIAL.fullmatch(name)
-    return match[1] if match else None
-
-
-def curve_coefficients(names: Collection[str] | Mapping[str, object]) -> int:
-    """How many coefficients each curve has; 0 without curves.
-
-    Raises:
-        InputError: not all the same number, some are missing, or fewer than a periodic cubic spline needs.
-    """
-    by: dict[str, list[int]] = {}
-    for name in names:
-        if not name.startswith("curve."):
-            continue
-        match = _CURVE.fullmatch(name)
-        if not match:
-            raise _refused(f"the curves' coefficients are not 0, 1, 2 ... up to the same number: {name}",
-                           "They are named curve.COORDINATE.NUMBER")
-        by.setdefault(match[1], []).append(int(match[2]))
-    if not by:
-        return 0
-    counts = {len(indices) for indices in by.values()}
-    if len(counts) != 1 or any(sorted(indices) != list(range(len(indices))) for indices in by.values()):
-        raise _refused("the curves' coefficients are not 0, 1, 2 ... up to the same number")
-    count = counts.pop()
-    if count < 4:
-        raise _refused(f"{count} coefficients make no periodic curve", "At least 4 are needed")
-    return count
-
-
-def _meaning(name: str, zones: set[str], variables: Iterable[str]) -> Meaning:
-    trial, curve, law = _TRIAL.fullmatch(name), _CURVE.fullmatch(name), _LAW.fullmatch(name)
-    if trial:
-        if trial[2]:
-            return Meaning(HEIGHT, owner=trial[1])
-        return Meaning(PATH, owner=trial[1], course=f"path.{trial[3]}.{trial[4]}")
-    if curve:
-        return Meaning(CURVE, course=name)
-    if name == DAMPING_TIME:
-        return Meaning(LAW)
-    if law and law[1] in zones:
-        return Meaning(LAW, owner=law[1])
-    if name in variables:
-        return Meaning(VARIABLE)
-    raise _refused(f"{name} is no parameter of a contact fit",
-                   "See vsf_drake.analysis.contact_fit.parameters for the names")
-
-
-def _check_law(zone: str, names: Collection[str]) -> None:
-    own = f"contact.{zone}."
-    if f"{own}exponent" not in names or not {f"{own}damping_time", DAMPING_TIME} & set(names):
-        raise _refused(f"the law of zone {zone} is told by half",
-                       f"With {own}force give {own}exponent, and {own}damping_time or {DAMPING_TIME}; "
-                       "they may be frozen")
-    for twice in ("stiffness", "damping"):
-        if f"{own}{twice}" in names:
-            raise _refused(f"{own}{twice} and {own}force set the same", "Give one of them")
-
-
-def _refused(what: str, right: str | None = None) -> InputError:
-    return InputError(what, where="parameters", right=right)
+    match = OF_TRIAL.fullmatch(name)
+    return match["label"] if match else None
 
 
 # The parameters that a contact fit starts from.
@@ -298,7 +182,6 @@ def _refused(what: str, right: str | None = None) -> InputError:
 # A law's stiffness in N/m^exponent and its exponent cannot be told apart by what a foot carries; a force at a depth
 # that it reaches, and the exponent, can. All prior widths are choices, for the reason given with each.
 
-
 REFERENCE_DEPTH_M = 9e-3
 """To which the bench's 600 N presses the nominal foot: 600 N / 65 N/mm at the heel, / 63 N/mm at the forefoot."""
 ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
@@ -306,7 +189,6 @@ ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
 and the one that moves it sideways."""
 CURVE_COEFFICIENTS = 8
 PATH_COEFFICIENTS = 6
-_ANGLE_SD, _CURVE_SD = math.radians(1.5), math.radians(0.5)
 
 
 def standard_parameters(
@@ -324,31 +206,32 @@ def standard_parameters(
         paths: each trial has a slow correction of the pelvis's path.
 
     Raises:
-        InputError: see `FitParameters`.
+        InputError: there is no such side or joint angle.
     """
     if side not in SIDES:
         raise InputError(f"{side!r} is no side", where="side", right=f"It must be {' or '.join(SIDES)}")
-    unknown = sorted(set(curves) - {name[: -len(f"_{side[0]}")].removeprefix("coordinate.") for name in variables})
+    unknown = sorted(name for name in curves if f"coordinate.{name}_{side[0]}" not in variables)
     if unknown:
         raise InputError(f"there is no joint angle {unknown[0]!r}", where="curves",
                          right="Give names without the side, such as hip_flexion")
     zones = zones_of(variables)
-    suffix = side[0]
     items = [item for zone in zones for item in _zone(variables, zone, damping_by_zone)]
     if not damping_by_zone:
-        items.append(_damping_time("contact.damping_time", _default_time(variables, zones[-1])))
-    items += _geometry()
-    items += [_plain(f"coordinate.{name}_{suffix}", "rad", _ANGLE_SD, 10,
-                     "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
-    items += [_plain(f"curve.{name}_{suffix}.{i}", "rad", _CURVE_SD, 10, "sliding skin and crosstalk")
+        items.append(_damping_time(variables, zones[-1], DAMPING_TIME))
+    items += [_zero("offset.height", "m", 0.01, 4, "length of the prosthesis and of the limb in its socket"),
+              _zero("offset.fore_aft", "m", 0.01, 4, "where the foot is bolted on"),
+              _zero("offset.alignment", "rad", math.radians(3.0), 4, "what a prosthetist sets")]
+    items += [_zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(1.5), 10,
+                    "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
+    items += [_zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(0.5), 10, "sliding skin and crosstalk")
               for name in curves for i in range(CURVE_COEFFICIENTS)]
-    items += [_stiffness(variables, f"socket.{axis}.stiffness", frozen=axis != "tz")
-              for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
+    items += [_scaled(variables, f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
+                      frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
     if heights and len(labels) > 1:
-        items += [_plain(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
+        items += [_zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]
     if paths:
-        items += [_plain(f"trial.{label}.path.{name}.{i}", "m", 1e-3, 10, "a slow drift that no foot could make")
+        items += [_zero(f"trial.{label}.path.{name}.{i}", "m", 1e-3, 10, "a slow drift that no foot could make")
                   for label in labels for name in PATH_COORDINATES for i in range(PATH_COEFFICIENTS)]
     items += [_scaled(variables, "keel.flexural_modulus", 0.1, "data sheets of G10/FR4 differ by 20 %"),
               _scaled(variables, "fulcrum.stiffness", 0.3, "calibrated to two published end points")]
@@ -359,48 +242,35 @@ def standard_parameters(
 
 def _zone(variables: Mapping[str, Variable], zone: str, own_damping: bool) -> list[FitParameter]:
     k, n = (variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent"))
-    force = k * REFERENCE_DEPTH_M**n
+    force, exponent = k * REFERENCE_DEPTH_M**n, max(n, 1.2)
     found = [
         FitParameter(name=f"contact.{zone}.force", unit="N", start=force, low=force / 8, high=force * 8, mean=force,
                      scale=0.5, logarithmic=True, why="the bench knows the foam under one load point, no more"),
-        FitParameter(name=f"contact.{zone}.exponent", unit="1", start=max(n, 1.2), low=1.0, high=2.0,
-                     mean=max(n, 1.2), scale=0.3, why="foam hardens; McGeehan 2021 starts from 1"),
-        _plain(f"contact.{zone}.rise", "m", 4e-3, 4, "the sole is drawn flat; soles are round"),
+        FitParameter(name=f"contact.{zone}.exponent", unit="1", start=exponent, low=1.0, high=2.0, mean=exponent,
+                     scale=0.3, why="foam hardens; McGeehan 2021 starts from 1"),
+        _zero(f"contact.{zone}.rise", "m", 4e-3, 4, "the sole is drawn flat; soles are round"),
         _scaled(variables, f"contact.{zone}.full_damping_depth", 0.5, "0.1 % body weight for twice of it")]
     if own_damping:
-        found.append(_damping_time(f"contact.{zone}.damping_time", _default_time(variables, zone)))
+        found.append(_damping_time(variables, zone, f"contact.{zone}.damping_time"))
     return found
 
 
-def _default_time(variables: Mapping[str, Variable], zone: str) -> float:
-    k, n, b = (variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent", "damping"))
-    return float(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
+def _damping_time(variables: Mapping[str, Variable], zone: str, name: str) -> FitParameter:
+    k, n, b = (variables[f"contact.{zone}.{of}"].default for of in ("stiffness", "exponent", "damping"))
+    time = float(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
+    return FitParameter(name=name, unit="s", start=time, low=time / 20, high=time * 20, mean=time, scale=0.7,
+                        logarithmic=True, why="10 % loss a load cycle by default, a choice")
 
 
-def _damping_time(name: str, default: float) -> FitParameter:
-    return FitParameter(name=name, unit="s", start=default, low=default / 20, high=default * 20, mean=default,
-                        scale=0.7, logarithmic=True, why="10 % loss a load cycle by default, a choice")
-
-
-def _geometry() -> list[FitParameter]:
-    return [_plain("offset.height", "m", 0.01, 4, "length of the prosthesis and of the limb in its socket"),
-            _plain("offset.fore_aft", "m", 0.01, 4, "where the foot is bolted on"),
-            _plain("offset.alignment", "rad", math.radians(3.0), 4, "what a prosthetist sets")]
-
-
-def _plain(name: str, unit: str, scale: float, reach: float, why: str) -> FitParameter:
+def _zero(name: str, unit: str, scale: float, reach: float, why: str) -> FitParameter:
     """Zero unless the data say otherwise."""
     return FitParameter(name=name, unit=unit, start=0.0, low=-reach * scale, high=reach * scale, mean=0.0, scale=scale,
                         why=why)
 
 
-def _stiffness(variables: Mapping[str, Variable], name: str, *, frozen: bool) -> FitParameter:
-    v = variables[name]
-    return FitParameter(name=name, unit=v.unit, start=v.default, low=v.low, high=v.high, mean=v.default, scale=0.5,
-                        logarithmic=True, frozen=frozen, why="measured sockets fix it within a factor of two")
-
-
-def _scaled(variables: Mapping[str, Variable], name: str, scale: float, why: str) -> FitParameter:
+def _scaled(
+    variables: Mapping[str, Variable], name: str, scale: float, why: str, *, frozen: bool = True
+) -> FitParameter:
     v = variables[name]
     return FitParameter(name=name, unit=v.unit, start=v.default, low=v.low, high=v.high, mean=v.default, scale=scale,
-                        logarithmic=True, frozen=True, why=why)
+                        logarithmic=True, frozen=frozen, why=why)

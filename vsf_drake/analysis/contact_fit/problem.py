@@ -1,4 +1,4 @@
-"""The joint contact fit as a mathematical program.
+"""A contact fit as a problem: trials of one person, a bench, and the residuals of both with exact derivatives.
 
     minimise    1/2 sum_trials sum_series weight^2 |model(u) - measured|^2 / sd^2
               + 1/2 sum_bench  |stiffness(u) - measured|^2 / sd^2, mid-range displacement likewise where it was measured
@@ -6,36 +6,71 @@
     subject to  low <= u <= high
 
 over u, the parameters in standard deviations of their prior (`parameters`), with exact derivatives, but for the
-direction of walking and the instants at which a foot counts as loaded, which are taken as they are.
+direction of walking and the instants at which a foot counts as loaded, which are taken as they are. That is the joint
+strategy; the paper's procedure (`paper`) walks the same trials and has an objective of its own.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
+from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivity
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner, standard_parameters
-from vsf_drake.analysis.contact_fit.recordings import (
+from vsf_drake.analysis.contact_fit.options import (
     COP,
     FORCES,
+    PAPER,
     RESULTANT,
-    SERIES,
-    FitNoise,
-    check_recordings,
-    labels_of,
+    ContactFitOptions,
+    PaperOptions,
 )
-from vsf_drake.analysis.contact_fit.terms import BenchTerms, Term, TrialTerms
+from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner, standard_parameters
+from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
+from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+from vsf_drake.simulation.courses import Course
+from vsf_drake.simulation.many.cases import digest
+from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.walk import Walk, Walker
+
+BENCH, MID_RANGE, PRIOR = "bench", "mid-range displacement", "prior"
+STRIDE = 4
+"""Every fourth instant of a series at 500 Hz, every fourth percent of a stance: they are no more independent."""
+_LEAST_RESULTANT_N = 1.0
+"""Below this a resultant's direction, and with it its derivative, means nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One series of residuals.
+
+    Attributes:
+        name: of the series, as in `FitNoise`. trial: label of the trial, or "bench" or "prior".
+        times_s: (n,) s, when each was measured; None where errors are independent of each other.
+        residual: (n,) model minus measurement in standard deviations.
+        by: (n, P) by the search coordinates; P = 0 where no derivatives were asked for.
+        weight: of each in the cost, see `FitNoise.weight`.
+    """
+
+    name: str
+    trial: str
+    times_s: np.ndarray | None
+    residual: np.ndarray
+    by: np.ndarray
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +97,15 @@ class ContactFit:
 
     Args:
         trials: one or more, at one or more positions of the fulcrum.
-        bench: the measured bench of this foot, so that what is fitted stays that foot; None to leave it out.
-        parameters: what may change; `standard_parameters` by default. See `parameters.changed` to free or freeze some.
-        options: how.
+        bench: the measured bench of this foot, so that what is fitted stays that foot; None to leave it out. A fit by
+            the paper's strategy is only judged by it.
+        parameters: what may change in a joint fit; `standard_parameters` by default. See `parameters.changed` to free
+            or freeze some.
+        options: how; those of the paper's strategy are `PaperOptions`.
         walker: of the subject and the trials' model, built before; made here if None.
-        labels: of the trials; their files' names if None.
+        labels: of the trials, by which parameters of a single trial are named; their files' names if None.
 
     Attributes:
-        labels: of the trials, by which parameters of a single trial are named.
         evaluations: how many points were evaluated.
 
     Raises:
@@ -78,39 +114,72 @@ class ContactFit:
 
     def __init__(
         self, trials: Sequence[Trial], *, bench: BenchMeasurement | None = None,
-        parameters: FitParameters | None = None, options: ContactFitOptions | None = None, walker: Walker | None = None,
-        labels: Sequence[str] | None = None
+        parameters: FitParameters | None = None, options: ContactFitOptions | PaperOptions | None = None,
+        walker: Walker | None = None, labels: Sequence[str] | None = None
     ) -> None:
         self.options = options or ContactFitOptions()
         check_recordings(trials, series=self.options.series)
         self.trials, self.bench = tuple(trials), bench
-        if bench is not None and not isinstance(bench, BenchMeasurement):
-            raise InputError(f"is a {type(bench).__name__}, no BenchMeasurement", where="bench",
-                             right="Give what load_bench_file returns")
-        if labels is not None and len(labels) != len(self.trials):
-            raise InputError(f"{len(labels)} labels for {len(self.trials)} trials", where="labels")
         self.labels = labels_of(self.trials) if labels is None else tuple(labels)
+        if len(self.labels) != len(self.trials):
+            raise InputError(f"{len(self.labels)} labels for {len(self.trials)} trials", where="labels")
         subject, model = self.trials[0].subject, self.trials[0].model
         self.walker = walker or Walker(subject, model)
         if (self.walker.subject, self.walker.model) != (subject, model):
             raise InputError("is of another subject or model than the trials", where="walker")
         self.parameters = parameters or standard_parameters(
             self.walker.variables, subject.prosthetic_side, self.labels)
-        self._check_own_parameters()
+        for name in self.parameters.by_name:
+            if owner(name) not in (None, *self.labels):
+                raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
+                                 right=f"The trials are: {', '.join(self.labels)}")
         self.evaluations = 0
-        self._terms = [self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
-        self._bench = None if bench is None else BenchTerms(
-            model.foot, bench, self.parameters, self.walker.variables)
+        self._terms = [] if self.options.strategy == PAPER else [
+            self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
+        self._shared = TrialMap(self.parameters, self.walker.variables, None, None)
+        self._machine = None if bench is None else bench_of(model.foot, bench)
         self._last: tuple[np.ndarray, bool, Evaluation] | None = None
+
+    @property
+    def key(self) -> str:
+        """A hash of all that decides how the fit goes: recordings, parameters, options, model, bench."""
+        options = {name: value for name, value in to_plain(self.options).items() if name not in self.options.only_ends}
+        return digest({
+            "trials": [(label, fingerprint(trial), trial.fulcrum_m, to_plain(trial.offsets))
+                       for label, trial in zip(self.labels, self.trials, strict=True)],
+            "parameters": to_plain(self.parameters.items), "options": options,
+            "model": to_plain(self.walker.model), "subject": to_plain(self.walker.subject),
+            "bench": to_plain(self.bench)})
+
+    def resumed(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """What a checkpoint holds beside its key. Raises InputError if it was left by another fit."""
+        if state.get("key") != self.key:
+            raise InputError("was left by a fit of other trials, parameters or options", where="resume",
+                             right="Give the same ones again, or begin anew")
+        return {name: value for name, value in state.items() if name != "key"}
+
+    def walk(
+        self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,
+        courses: Sequence[Course] = (), with_respect_to: Sequence[str] = ()
+    ) -> tuple[Comparison, WalkResult, Walk]:
+        """A trial's walk with these values of its variables, beside its plate.
+
+        Raises:
+            SimulationError: the walk diverges.
+        """
+        walk = self.walker.walk(
+            trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m, start_s=trial.start_s,
+            end_s=trial.end_s, step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to,
+            courses=courses)
+        result = self.walker.result(walk, trial, trial.offsets, energy=False)
+        return compare(result, trial.prosthetic_plate), result, walk
 
     def terms_of(self, trial: Trial, label: str | None) -> TrialTerms:
         """The comparison of any trial under this fit's parameters; `label` None if it has none of its own."""
         if label is not None and (label not in self.labels or self.trials[self.labels.index(label)] is not trial):
             raise InputError(f"{label!r} is not this trial's label", where="label",
                              right="A trial that was not fitted has none: give None")
-        return TrialTerms(self.walker, trial, label or trial.path.stem,
-                          TrialMap(self.parameters, self.walker.variables, label, trial), noise=self.options.noise,
-                          series=self.options.series, step_s=self.options.step_s)
+        return TrialTerms(self, trial, label)
 
     def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
         """The residuals at u (P,); trials are walked side by side.
@@ -122,21 +191,25 @@ class ContactFit:
         if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] >= derivatives:
             return self._last[2]
         self.evaluations += 1
-        found: list[Term] = []
-        if len(self._terms) == 1:
-            found += self._terms[0].terms(u, derivatives=derivatives)
-        else:
-            with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
-                for terms in pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms):
-                    found += terms
-        if self._bench is not None:
-            found += self._bench.terms(u, derivatives=derivatives)
-        found.append(self._prior(u, derivatives))
+        with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
+            each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms)
+            found = [term for terms in each for term in terms]
+        prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
+        found += [*self._bench_terms(u, derivatives),
+                  Term(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
+                       by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
         evaluation = Evaluation(
             residual=np.concatenate([term.weight * term.residual for term in found]),
             jacobian=np.vstack([term.weight * term.by for term in found]), terms=tuple(found))
         self._last = (u.copy(), derivatives, evaluation)
         return evaluation
+
+    @property
+    def machine(self) -> BenchStiffness:
+        """Presses this foot as the bench did. Raises ValueError if the fit has no bench."""
+        if self._machine is None:
+            raise ValueError("this fit has no bench")
+        return self._machine
 
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
         """(m,) N/m on the bench at u, the heel last if it was measured.
@@ -145,20 +218,30 @@ class ContactFit:
             ValueError: the fit has no bench.
             SimulationError: the foot gives way.
         """
-        if self._bench is None:
-            raise ValueError("this fit has no bench")
-        return self._bench.stiffness(u)
+        return self.machine.evaluate(self._shared.at(u).values)[0]
 
     def bench_displacement(self, u: np.ndarray) -> np.ndarray:
-        """(m,) m of mid-range displacement on the bench at u, in the order of `bench_stiffness`.
+        """(m,) m of mid-range displacement on the bench at u; order and errors as of `bench_stiffness`."""
+        return self.machine.displacement(self._shared.at(u).values)[0]
 
-        Raises:
-            ValueError: the fit has no bench, or none with displacements.
-            SimulationError: the foot gives way.
-        """
-        if self._bench is None:
-            raise ValueError("this fit has no bench")
-        return self._bench.displacement(u)
+    def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[Term]:
+        bench, machine = self.bench, self._machine
+        if bench is None or machine is None:
+            return []
+        at = self._shared.at(u)
+        names = at.names if derivatives else ()
+        rows = [(BENCH, machine.evaluate, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
+                 bench.uncertainty_n_per_m),
+                (MID_RANGE, machine.displacement, bench.mid_range_m, bench.heel_mid_range_m,
+                 bench.mid_range_uncertainty_m)]
+        found = []
+        for name, press, forefoot, heel, sd in rows:
+            if forefoot is not None and sd is not None:
+                model, by = press(at.values, names)
+                measured = np.array([*forefoot, *([] if heel is None else [heel])])
+                found.append(Term(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
+                                  by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
+        return found
 
     def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
         """The fit for Drake's solvers: bounded variables u and one cost with its gradient.
@@ -176,81 +259,78 @@ class ContactFit:
                 return evaluate(x, derivatives=False).cost
             at = evaluate(ExtractValue(x).ravel())
             gradient = at.jacobian.T @ at.residual
-            seeds = np.array([entry.derivatives() for entry in x])
-            return AutoDiffXd(at.cost, gradient @ seeds)
+            return AutoDiffXd(at.cost, gradient @ np.array([entry.derivatives() for entry in x]))
 
         program.AddCost(cost, vars=u)
         program.SetInitialGuess(u, self.parameters.start)
         return program
 
-    def _prior(self, u: np.ndarray, derivatives: bool) -> Term:
-        rows = np.flatnonzero(self.parameters.with_prior)
-        by = np.eye(len(u))[rows] if derivatives else np.zeros((len(rows), 0))
-        return Term(name="prior", trial="prior", times_s=None, residual=u[rows], by=by, weight=1.0)
 
-    def _check_own_parameters(self) -> None:
-        for name in self.parameters.by_name:
-            if owner(name) not in (None, *self.labels):
-                raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
-                                 right=f"The trials are: {', '.join(self.labels)}")
+class TrialTerms:
+    """One trial under a fit's parameters: its walk, and its residuals with derivatives."""
+
+    def __init__(self, fit: ContactFit, trial: Trial, label: str | None) -> None:
+        self.fit, self.trial, self.label = fit, trial, label or trial.path.stem
+        self.map = TrialMap(fit.parameters, fit.walker.variables, label, trial)
+
+    def walk(
+        self, u: np.ndarray, *, derivatives: bool = False, step_s: float | None = None, fulcrum_m: float | None = None
+    ) -> tuple[Comparison, WalkResult, np.ndarray | None, tuple[np.ndarray, ...]]:
+        """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2, P) m of each CoP.
+
+        Raises:
+            SimulationError: the walk diverges.
+        """
+        at = self.map.at(u)
+        comparison, result, walk = self.fit.walk(
+            self.trial, at.values, step_s=step_s or self.fit.options.step_s, fulcrum_m=fulcrum_m,
+            courses=self.map.courses, with_respect_to=at.names if derivatives else ())
+        if not derivatives:
+            return comparison, result, None, ()
+        assert walk.sensitivity is not None
+        by = compare_sensitivity(comparison, result, walk.sensitivity)
+        return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
+
+    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[Term]:
+        """The residuals at u. Raises SimulationError if the walk diverges."""
+        c, result, force_by, cop_by = self.walk(u, derivatives=derivatives)
+        rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
+        model, measured = c.model[rows], c.measured[rows]
+        by = np.zeros((len(rows), 3, 0)) if force_by is None else force_by[rows]
+        weight_n = self.trial.subject.mass_kg * GRAVITY
+        found, late = [], []
+        for name in self.fit.options.series:
+            if name in FORCES:
+                i = FORCES.index(name)
+                found.append(self._term(name, c.time_s[rows], (model - measured)[:, i] / weight_n, by[:, i] / weight_n))
+            elif name == RESULTANT:
+                size, wanted = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
+                way = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]
+                found.append(self._term(name, c.time_s[rows], (size - wanted) / weight_n,
+                                        np.einsum("ni,nip->np", way, by) / weight_n))
+            else:
+                axis, length = COP.index(name), result.foot_length_m
+                for i, stance in enumerate(c.stances):
+                    error = (stance.model_cop - stance.measured_cop)[::STRIDE, axis] / length
+                    slope = cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
+                    instants = np.linspace(stance.measured.start_s, stance.measured.end_s, len(error))
+                    # Where either foot is not loaded there is no centre to compare; the force says so.
+                    late.append(self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope)))
+        return found + late
+
+    def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> Term:
+        noise = self.fit.options.noise
+        sd = getattr(noise, name)
+        spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * noise.correlation_s
+        return Term(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
+                    weight=noise.weight(spacing))
 
 
-# How a contact fit is to be done.
-
-
-SOLVERS = ("gauss_newton", "snopt", "ipopt", "nlopt")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ContactFitOptions:
-    """Options of the joint fit.
-
-    Attributes:
-        series: what is compared, names of `recordings.SERIES`; the force components and the fore-aft centre of
-            pressure by default, because the resultant alone accepts nonsense.
-        noise: how wrong that is expected to be.
-        starts: searches, the first from the parameters' own start, the others from the best of `screened` samples.
-        screened: Latin hypercube samples of the prior that are tried for each further start.
-        seed: of the samples.
-        solver: "gauss_newton" (bounded trust region, scipy), "snopt" or "ipopt" (Drake, exact gradients), "nlopt"
-            (global: DIRECT and then a local search, Drake).
-        iterations: most evaluations of a search; for "nlopt" of its global part.
-        tolerance: a search has converged when a step betters the cost by less than this part of it.
-        step_s: of the walks during the search. report_step_s: of those that are reported.
+def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
+    """The machine that presses this foot as it was measured.
 
     Raises:
-        InputError: an option is none of what it may be.
+        InputError: the carriage of this foot does not reach a position.
     """
-
-    series: tuple[str, ...] = (*FORCES, *COP)
-    noise: FitNoise = field(default_factory=FitNoise)
-    starts: int = 5
-    screened: int = 12
-    seed: int = 0
-    solver: str = "gauss_newton"
-    iterations: int = 100
-    tolerance: float = 1e-5
-    step_s: float = 2e-3
-    report_step_s: float = 1e-3
-
-    def __post_init__(self) -> None:
-        unknown = [name for name in self.series if name not in SERIES]
-        if unknown or not self.series or len(set(self.series)) != len(self.series):
-            raise InputError(f"{unknown[0]!r} is not compared" if unknown else "must name series, each once",
-                             where="series", right=f"There are: {', '.join(SERIES)}")
-        if RESULTANT in self.series and any(name in FORCES for name in self.series):
-            raise InputError("the resultant and its components are the same data twice", where="series",
-                             right=f"Give {RESULTANT}, or some of {', '.join(FORCES)}")
-        if not isinstance(self.noise, FitNoise):
-            raise InputError(f"is a {type(self.noise).__name__}, no FitNoise", where="noise")
-        if self.solver not in SOLVERS:
-            raise InputError(f"{self.solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
-        for name, least in (("starts", 1), ("screened", 1), ("seed", 0), ("iterations", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InputError(f"{value!r} is not usable", where=name,
-                                 right=f"It must be a whole number from {least} on")
-        for name in ("tolerance", "step_s", "report_step_s"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value <= 0.01:
-                raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0 and at most 0.01")
+    return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
+                          max_load_n=bench.max_load_n, mid_range=bench.mid_range_m is not None)

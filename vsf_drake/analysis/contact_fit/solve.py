@@ -1,12 +1,10 @@
-"""One search of a contact fit, from one start to where it ends, by the solver that the options name."""
+"""The search of a joint contact fit: from several starts, each by the solver that the options name."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,14 +14,10 @@ from scipy.stats import norm, qmc
 
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.problem import ContactFit, Evaluation
-from vsf_drake.analysis.contact_fit.recordings import FitNoise
-from vsf_drake.analysis.contact_fit.terms import Term
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.json_file import plain
 
-Progress = Callable[[int, float], None]
-"""Called with the number of evaluations so far and the lowest cost."""
 ENOUGH, AGAIN = 0.5, 3
 """A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is
 then begun again where it stopped, this often. Trust regions that are scaled by the distance to the bounds can stop
@@ -32,6 +26,8 @@ INSIDE = 0.1
 """So far within the bounds, in standard deviations of the prior, searches begin."""
 LOST = 100.0
 """What a failed simulation costs, over what the search began with, where a solver wants a number."""
+_TYPICAL = 30.0
+"""Evaluations of a usual search, for the progress of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +50,77 @@ class Search:
     failed: int
 
 
-def search(fit: ContactFit, start: np.ndarray, progress: Progress | None = None) -> Search:
-    """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error."""
-    low, high = fit.parameters.bounds
-    start = np.clip(start, low, high)
+def run_searches(
+    fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[dict[str, Any]], None] | None = None
+) -> tuple[Search, ...]:
+    """All searches of the options, in their order; see `solution.solve`.
+
+    The first begins at the parameters' own start, each further one at the best of some samples of the prior. All draws
+    come from the seed and the search's number, so that an interrupted fit goes on as it would have, search by search.
+    """
+    starts = fit.options.starts
+    done = [] if resume is None else _resumed(fit.resumed(resume), fit)
+    began, before, ended = time.perf_counter(), len(done), 0.0
+    for i in range(len(done), starts):
+        def told(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
+            if progress:
+                best = min([cost, *(s.cost for s in done)])
+                share = (i + evaluations / (evaluations + _TYPICAL)) / starts
+                if i > before:  # by the time that the searches which ended took
+                    share = (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
+                progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
+
+        done.append(search(fit, _start(fit, i), told))
+        ended = time.perf_counter() - began
+        if checkpoint:
+            checkpoint({"key": fit.key, "searches": plain([vars(s) for s in done])})
+    return tuple(done)
+
+
+def _resumed(state: Mapping[str, Any], fit: ContactFit) -> list[Search]:
+    found = []
+    try:
+        for row in state["searches"][: fit.options.starts]:
+            ends = {name: np.array(row[name], dtype=float).reshape(len(fit.parameters)) for name in ("start", "u")}
+            costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
+            found.append(Search(**{**row, **ends, **costs}))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("is no state of such a fit", where="resume") from error
+    return found
+
+
+def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.ndarray:
+    """(count, P) Latin hypercube samples u of the prior: stratified, normal, within the bounds."""
+    low, high = parameters.bounds
+    sampler = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed))
+    below, above = norm.cdf(low), norm.cdf(high)
+    u: np.ndarray = norm.ppf(below + sampler.random(count) * (above - below))
+    return np.clip(u, low, high)
+
+
+def _start(fit: ContactFit, i: int) -> np.ndarray:
+    if i == 0:
+        return fit.parameters.start
+    samples, costs = prior_samples(fit.parameters, fit.options.screened, [fit.options.seed, i]), []
+    for u in samples:
+        try:
+            costs.append(fit.evaluate(u, derivatives=False).cost)
+        except SimulationError:
+            costs.append(np.inf)
+    return samples[int(np.argmin(costs))]
+
+
+def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> Search:
+    """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
+
+    Args:
+        progress: called with the number of evaluations so far and the lowest cost.
+    """
+    start = np.clip(start, *fit.parameters.bounds)
     tried = _Tried(fit, progress)
-    if not np.isfinite(tried.cost(start)):
+    first = tried.at(start)
+    if first is None or not np.isfinite(first.cost):
         return Search(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
                       message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
                       failed=tried.failed)
@@ -87,9 +148,9 @@ def _left_to_gain(fit: ContactFit, u: np.ndarray) -> float:
 
 
 class _Tried:
-    """Evaluates for a solver and keeps the best point; a failed simulation is an infinite cost."""
+    """Evaluates for a solver and keeps the best point; a failed simulation is None."""
 
-    def __init__(self, fit: ContactFit, progress: Progress | None) -> None:
+    def __init__(self, fit: ContactFit, progress: Callable[[int, float], None] | None) -> None:
         self.fit, self.progress = fit, progress
         self.count = self.failed = 0
         self.failure, self.interrupted = "", False
@@ -111,10 +172,6 @@ class _Tried:
         if self.progress:
             self.progress(self.count, self.best_cost)
         return evaluation
-
-    def cost(self, u: np.ndarray) -> float:
-        evaluation = self.at(u)
-        return np.inf if evaluation is None else evaluation.cost
 
     def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
         """For solvers that take no infinite cost: a failed simulation costs LOST times what the search began with."""
@@ -140,259 +197,22 @@ def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bo
         evaluation = tried.at(u)
         return lost if evaluation is None else evaluation.residual
 
-    def jacobian(u: np.ndarray) -> np.ndarray:
-        return fit.evaluate(u).jacobian
-
-    solution = least_squares(residual, begin, jac=jacobian, bounds=(low, high), ftol=fit.options.tolerance, xtol=1e-6,
-                             gtol=1e-8, max_nfev=fit.options.iterations)
+    solution = least_squares(residual, begin, jac=lambda u: fit.evaluate(u).jacobian, bounds=(low, high),
+                             ftol=fit.options.tolerance, xtol=1e-6, gtol=1e-8, max_nfev=fit.options.iterations)
     return bool(solution.success), str(solution.message)
 
 
 def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
     """SNOPT, IPOPT or NLopt on the mathematical program."""
-    program, options, chosen = fit.program(tried.evaluate), SolverOptions(), fit.options
-    if chosen.solver == "snopt":
-        solver: SnoptSolver | IpoptSolver | NloptSolver = SnoptSolver()
-        options.SetOption(solver.id(), "Major iterations limit", chosen.iterations)
-        options.SetOption(solver.id(), "Major optimality tolerance", 1e-4)
-    elif chosen.solver == "ipopt":
-        solver = IpoptSolver()
-        options.SetOption(solver.id(), "max_iter", chosen.iterations)
-        options.SetOption(solver.id(), "tol", 1e-4)
-        options.SetOption(solver.id(), "hessian_approximation", "limited-memory")
-    else:
-        solver = NloptSolver()
-        options.SetOption(solver.id(), "algorithm", "GN_DIRECT_L")
-        options.SetOption(solver.id(), "max_eval", chosen.iterations)
-    result = solved(solver, program, start, options, tried)
-    if chosen.solver == "nlopt":
+    name, iterations = fit.options.solver, fit.options.iterations
+    solver, settings = {
+        "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4}),
+        "ipopt": (IpoptSolver, {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"}),
+        "nlopt": (NloptSolver, {"algorithm": "GN_DIRECT_L", "max_eval": iterations})}[name]
+    options = SolverOptions()
+    for setting, value in settings.items():
+        options.SetOption(solver.id(), setting, value)
+    result = solved(solver(), fit.program(tried.evaluate), start, options, tried)
+    if name == "nlopt":
         return _gauss_newton(fit, tried, tried.best)
-    return bool(result.is_success()), f"{chosen.solver}: {result.get_solution_result().name}"
-
-
-# Several searches from different starts: what a single minimum is worth.
-#
-# The first search begins at the parameters' own start. Each further one begins at the best of some Latin hypercube
-# samples of the prior (stratified, normal, within the bounds). All draws come from the seed and the search's number, so
-# that an interrupted fit goes on as it would have, search by search.
-
-
-@dataclass(frozen=True)
-class FitProgress:
-    """Where a fit is.
-
-    Attributes:
-        search, searches: the one that runs, from 1, and how many there will be.
-        evaluations: in this search. cost: the lowest so far, of all searches.
-        elapsed_s, left_s: time since the fit began (went on, if resumed), and a guess of what is left; None at first.
-    """
-
-    search: int
-    searches: int
-    evaluations: int
-    cost: float
-    elapsed_s: float
-    left_s: float | None
-
-
-def run_searches(
-    fit: ContactFit, *, progress: Callable[[FitProgress], None] | None = None, resume: Mapping[str, Any] | None = None,
-    checkpoint: Callable[[dict[str, Any]], None] | None = None
-) -> tuple[Search, ...]:
-    """All searches of the options, in their order.
-
-    Args:
-        progress: called after each evaluation.
-        resume: what `checkpoint` was last called with by a fit of the same problem; finished searches are not repeated.
-        checkpoint: called with plain values after each search.
-
-    Raises:
-        InputError: `resume` is of another problem, or damaged.
-    """
-    key = problem_key(fit)
-    done = _resumed(resume, key, fit)
-    began, finished_before, ended = time.perf_counter(), len(done), 0.0
-    for i in range(len(done), fit.options.starts):
-        def told(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
-            if progress is None:
-                return
-            elapsed, own = time.perf_counter() - began, i - finished_before
-            left = ended / own * (fit.options.starts - i) - (elapsed - ended) if own else None
-            best = min([cost, *(s.cost for s in done)])
-            progress(FitProgress(search=i + 1, searches=fit.options.starts, evaluations=evaluations, cost=best,
-                                 elapsed_s=elapsed, left_s=None if left is None else max(left, 0.0)))
-
-        done.append(search(fit, _start(fit, i), told))
-        ended = time.perf_counter() - began
-        if checkpoint:
-            checkpoint({"key": key, "searches": [_plain(s) for s in done]})
-    return tuple(done)
-
-
-def problem_key(fit: ContactFit) -> str:
-    """A hash of all that decides how a fit goes: recordings, parameters, options, model, bench."""
-    content = {"trials": [(label, fingerprint(trial), trial.fulcrum_m, asdict(trial.offsets))
-                          for label, trial in zip(fit.labels, fit.trials, strict=True)],
-               "parameters": [asdict(item) for item in fit.parameters.items], "options": asdict(fit.options),
-               "model": asdict(fit.walker.model), "subject": asdict(fit.walker.subject),
-               "bench": None if fit.bench is None else asdict(fit.bench)}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.ndarray:
-    """(count, P) Latin hypercube samples u of the prior: stratified, normal, within the bounds."""
-    low, high = parameters.bounds
-    sampler = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed))
-    below, above = norm.cdf(low), norm.cdf(high)
-    u: np.ndarray = norm.ppf(below + sampler.random(count) * (above - below))
-    return np.clip(u, low, high)
-
-
-def _start(fit: ContactFit, i: int) -> np.ndarray:
-    if i == 0:
-        return fit.parameters.start
-    samples = prior_samples(fit.parameters, fit.options.screened, [fit.options.seed, i])
-    costs = [_cost(fit, u) for u in samples]
-    return samples[int(np.argmin(costs))]
-
-
-def _cost(fit: ContactFit, u: np.ndarray) -> float:
-    try:
-        return fit.evaluate(u, derivatives=False).cost
-    except SimulationError:
-        return np.inf
-
-
-def _plain(found: Search) -> dict[str, Any]:
-    def plain(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return value.tolist()
-        return None if isinstance(value, float) and not np.isfinite(value) else value
-
-    return {name: plain(value) for name, value in vars(found).items()}
-
-
-def _resumed(resume: Mapping[str, Any] | None, key: str, fit: ContactFit) -> list[Search]:
-    if resume is None:
-        return []
-    if resume.get("key") != key:
-        raise InputError("was left by a fit of other trials, parameters or options", where="resume",
-                         right="Give the same ones again, or begin anew")
-    found = []
-    try:
-        for plain in resume["searches"][: fit.options.starts]:
-            fields = dict(plain)
-            for name in ("start", "u"):
-                fields[name] = np.array(fields[name], dtype=float).reshape(len(fit.parameters))
-            for name in ("start_cost", "cost"):
-                fields[name] = np.inf if fields[name] is None else float(fields[name])
-            found.append(Search(**fields))
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError("is no state of such a fit", where="resume") from error
-    return found
-
-
-# How well the data of a fit tell its parameters.
-#
-# The weighted Jacobian J by u (standard deviations of the prior) at the solution gives H = J^T J. Errors that are
-# correlated in time enter through J^T W R W J with R their correlation, so that
-#
-#     cov(u) = H^-1 (sum_terms J^T R J + prior) H^-1
-#
-# whatever weight the series got. Singular values of the data's part of J say how much more the data know than the prior
-# in each direction: below 1 they know less.
-
-
-SURE_SHARE = 0.5
-"""A parameter whose standard error is above this part of its prior's is not identified: what is said of it is mostly
-what was believed before (a choice)."""
-CLOSE = 0.9
-"""Correlation from which two parameters are named together."""
-_TOLD = 0.3
-"""Least share of a parameter in a direction for it to be named."""
-UNTOLD, _PART = 1e-12, 1e-6
-"""A direction with less of the largest information than this is told by nothing; parameters with more than this part in
-it have no error."""
-NORMAL_95 = 1.959964
-"""97.5 % quantile of the normal distribution."""
-
-
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """Of P free parameters, in their order.
-
-    Attributes:
-        names: of the parameters.
-        standard_error: (P,) in the parameter's unit (of a logarithmic one: its value times the relative error).
-        interval: (P, 2) 95 % interval in the parameter's unit, cut at the bounds.
-        share_of_prior: (P,) standard error over that of the prior.
-        correlation: (P, P).
-        singular_values: (P,) of the data's Jacobian by u, falling.
-        weakest: for each direction that the data tell less of than the prior: its singular value and, by name, the
-            parameters that it is made of.
-        at_bound: names that ended on a bound; their errors are not to be trusted.
-        unidentified: names whose share of the prior is above SURE_SHARE.
-        together: pairs of names with a correlation above CLOSE, and that correlation.
-    """
-
-    names: tuple[str, ...]
-    standard_error: np.ndarray
-    interval: np.ndarray
-    share_of_prior: np.ndarray
-    correlation: np.ndarray
-    singular_values: np.ndarray
-    weakest: tuple[tuple[float, dict[str, float]], ...]
-    at_bound: tuple[str, ...]
-    unidentified: tuple[str, ...]
-    together: tuple[tuple[str, str, float], ...]
-
-
-def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term], noise: FitNoise) -> Uncertainty:
-    """At the solution u (P,) with the terms of its evaluation, derivatives included.
-
-    Directions that neither data nor prior tell have infinite errors.
-    """
-    count = len(parameters)
-    information, spread, data = np.zeros((count, count)), np.zeros((count, count)), [np.zeros((0, count))]
-    for term in terms:
-        weighted = term.weight * term.by
-        information += weighted.T @ weighted
-        if term.times_s is None:
-            spread += weighted.T @ weighted
-        else:
-            pulled = term.weight * weighted
-            spread += pulled.T @ noise.correlation(term.times_s) @ pulled
-        if term.name != "prior":
-            data.append(weighted)
-    known, directions = np.linalg.eigh(information)
-    untold = known <= UNTOLD * known[-1]
-    told = directions[:, ~untold]
-    inverse = told @ np.diag(1.0 / known[~untold]) @ told.T
-    covariance = inverse @ spread @ inverse
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    sd[(np.abs(directions[:, untold]) > _PART).any(axis=1)] = np.inf
-    scale = np.where((sd > 0.0) & np.isfinite(sd), sd, 1.0)
-    correlation = covariance / np.outer(scale, scale)
-    np.fill_diagonal(correlation, 1.0)
-    _, singular, rows = np.linalg.svd(np.vstack(data), full_matrices=True)
-    singular = np.concatenate([singular, np.zeros(count - len(singular))])
-    names = parameters.names
-    low, high = parameters.bounds
-    at_bound = tuple(name for name, x, a, b in zip(names, u, low, high, strict=True)
-                     if min(x - a, b - x) < 1e-3 * (b - a))
-    ends = [[item.from_u(float(x - NORMAL_95 * s)) if np.isfinite(s) else item.low,
-             item.from_u(float(x + NORMAL_95 * s)) if np.isfinite(s) else item.high]
-            for item, x, s in zip(parameters.free, u, sd, strict=True)]
-    pairs = [(names[i], names[j], float(correlation[i, j])) for i, j in zip(*np.triu_indices(count, 1), strict=True)
-             if abs(correlation[i, j]) > CLOSE]
-    return Uncertainty(
-        names=names, standard_error=sd * parameters.slopes(u), interval=np.array(ends), share_of_prior=sd,
-        correlation=correlation, singular_values=singular,
-        weakest=tuple((float(s), _made_of(names, row)) for s, row in zip(singular, rows, strict=True) if s < 1.0),
-        at_bound=at_bound, unidentified=tuple(name for name, s in zip(names, sd, strict=True) if s > SURE_SHARE),
-        together=tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))))
-
-
-def _made_of(names: Sequence[str], direction: np.ndarray) -> dict[str, float]:
-    order = np.argsort(-np.abs(direction))
-    return {names[i]: float(direction[i]) for i in order if abs(direction[i]) > _TOLD}
+    return bool(result.is_success()), f"{name}: {result.get_solution_result().name}"

@@ -22,8 +22,13 @@ from vsf_drake.analysis.comparison import (
     r_squared,
     rmse,
 )
-from vsf_drake.analysis.contact_fit.scores import FulcrumSweep
-from vsf_drake.analysis.contact_fit.table import SWEEP_POSITIONS, SWEEP_STEP_S, sweep_positions, swept
+from vsf_drake.analysis.contact_fit.assessment import (
+    SWEEP_POSITIONS,
+    SWEEP_STEP_S,
+    FulcrumSweep,
+    sweep_positions,
+    swept,
+)
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.sweep_table import as_walk
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk

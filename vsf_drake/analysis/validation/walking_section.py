@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.comparison import PERCENT, r_squared, rmse, uniform_grid
-from vsf_drake.analysis.contact_fit.scores import FulcrumSweep
+from vsf_drake.analysis.contact_fit.assessment import FulcrumSweep
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
 from vsf_drake.analysis.validation.walking_ensembles import (
     LEAST_FOR_R,
