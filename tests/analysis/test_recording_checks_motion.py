@@ -8,15 +8,18 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from vsf_drake.analysis.recording.check import Check, grade, worst
-from vsf_drake.analysis.recording.examine import knee_axis, smoothness, walking, zeroed
-from vsf_drake.analysis.recording.marker_checks import (
+from vsf_drake.analysis.recording.motion_checks import (
     cluster_motion,
     filtered_before,
     gaps_filled,
     high_content,
     joint_gaps,
+    knee_axis,
     leg_lengths,
     residuals,
+    smoothness,
+    walking,
+    zeroed,
 )
 from vsf_drake.motion.markers.joint_angles import joint_angles
 from vsf_drake.motion.markers.schema import Gap

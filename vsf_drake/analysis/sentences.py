@@ -1,25 +1,23 @@
-"""Sentences about results: the prose stands in `templates/*.txt.j2`, Python hands over numbers and decisions."""
+"""Sentences about results: the prose stands in `wording/*.txt.j2`, Python hands over numbers and decisions."""
 
 from __future__ import annotations
 
-import re
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+import jinja2
 
 
 @cache
-def template(name: str) -> Template:
-    """The template `name`.txt.j2. Its filter `percent` shows a share; numbers are shown as in "%.1f"|format(x)."""
-    found = Environment(loader=FileSystemLoader(Path(__file__).with_name("templates")), undefined=StrictUndefined,
-                        trim_blocks=True, lstrip_blocks=True, autoescape=False)
-    found.filters["percent"] = lambda share: f"{100 * share:.1f} %"
-    return found.get_template(f"{name}.txt.j2")
+def _environment() -> jinja2.Environment:
+    found = jinja2.Environment(loader=jinja2.PackageLoader("vsf_drake.analysis", "wording"), trim_blocks=True,
+                               lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    found.filters["form"] = format
+    return found
 
 
-def sentences(name: str, **numbers: Any) -> tuple[str, ...]:
-    """What a template says: one text for each of its lines that begin with "- ", without its line breaks."""
-    said = re.split(r"^- ", template(name).render(numbers), flags=re.MULTILINE)
-    return tuple(re.sub(r"\s*\n\s*", " ", text.strip()) for text in said if text.strip())
+def say(template: str, part: str = "", /, **numbers: Any) -> list[str]:
+    """The paragraphs that `wording/TEMPLATE.txt.j2`, or its macro `part`, makes of numbers, each on one line."""
+    found = _environment().get_template(f"{template}.txt.j2")
+    text = str(getattr(found.module, part)(**numbers)) if part else found.render(numbers)
+    return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]

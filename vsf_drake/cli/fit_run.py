@@ -82,7 +82,8 @@ class Task:
         Raises:
             InputError: see `recordings.check_recordings`, `ContactFit`, `with_frozen`.
         """
-        given = {name: value for name, value in (("starts", self.starts), ("solver", self.solver)) if value is not None}
+        given: dict[str, Any] = {name: value for name, value in (("starts", self.starts), ("solver", self.solver))
+                                 if value is not None}
         series = (*((RESULTANT,) if self.resultant else FORCES), *(COP if self.cop else ()))
         options = PaperOptions(seed=self.seed) if self.strategy == PAPER else ContactFitOptions(
             series=series, seed=self.seed, **given)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial

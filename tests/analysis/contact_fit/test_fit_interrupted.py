@@ -45,7 +45,7 @@ def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(trial, walker, monkeypatch
     assert count == 3
 
 
-def test_the_share_that_is_done_is_by_what_the_searches_that_ended_took_for_each_that_has_not(trial, walker, monkeypatch):
+def test_the_share_that_is_done_goes_by_the_time_of_searches_that_ended(trial, walker, monkeypatch):
     fit = ContactFit([trial], walker=walker, options=ContactFitOptions(starts=3))
     clock, told = SimpleNamespace(now=0.0), []
 

@@ -12,10 +12,10 @@ from vsf_drake.analysis.bench_metrics import mid_range_displacement
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitSolution, PaperOptions
 from vsf_drake.analysis.contact_fit.assessment import Assessment, BenchScore, MidRangeScore, bench_score, verdict
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
+from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.contact_fit.table import failed_table
-from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.contact_file import model_with
 from vsf_drake.files import resource
@@ -107,8 +107,9 @@ def test_the_papers_solution_is_pressed_likewise(curves, soft, fit_walker, few_f
 def test_scores_are_in_millimetres_with_the_heel_apart(curves):
     stiffness = np.array([*curves.stiffness_n_per_m, curves.heel_stiffness_n_per_m])
     off = 1e-3 * np.array([0.3, -0.3, 0.0, 0.4, 0.0, 2.0])
-    model = SimpleNamespace(fit=SimpleNamespace(bench=curves), bench_stiffness=lambda: stiffness, bench_displacement=lambda: np.array(
-        [*curves.mid_range_m, curves.heel_mid_range_m]) + off)
+    displaced = np.array([*curves.mid_range_m, curves.heel_mid_range_m]) + off
+    model = SimpleNamespace(fit=SimpleNamespace(bench=curves), bench_stiffness=lambda: stiffness,
+                            bench_displacement=lambda: displaced)
     found = bench_score(model).mid_range
     assert np.subtract(found.model_mm, found.measured_mm) == pytest.approx([0.3, -0.3, 0.0, 0.4, 0.0], abs=1e-9)
     assert found.rmse_mm == pytest.approx(np.sqrt(0.34 / 5)), "without the heel"

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.options import ContactFitOptions
-from vsf_drake.analysis.contact_fit.options import SERIES, FitNoise
+from vsf_drake.analysis.contact_fit.options import SERIES, ContactFitOptions, FitNoise
 from vsf_drake.errors import InputError
 
 

@@ -9,8 +9,8 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import MathematicalProgram
 
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.walk import Walker
 

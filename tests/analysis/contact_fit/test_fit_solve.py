@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from vsf_drake.analysis.contact_fit.options import SOLVERS
 from vsf_drake.analysis.contact_fit.problem import ContactFit
 from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.errors import SimulationError

@@ -71,6 +71,8 @@ def test_every_parameter_has_the_value_of_the_solution_within_its_interval(solut
         assert item.from_u(row["value_in_prior_sd"]) == pytest.approx(row["value"], rel=1e-9, abs=1e-12)
         assert row["standard_error"] > 0.0 and row["share_of_prior"] > 0.0
         assert row["low"] <= low and high <= row["high"]
+        ends = [item.from_u(s.u[solution.fit.parameters.names.index(item.name)]) for s in solution.end.alike()]
+        assert row["spread_over_starts"] == (pytest.approx(np.ptp(ends), abs=1e-12) if len(ends) > 1 else None)
 
 
 def test_correlations_are_those_of_the_free_parameters(solution, table):
@@ -103,8 +105,8 @@ def test_bench_and_searches_are_those_of_the_solution(solution, table):
     np.testing.assert_allclose([*bench["model_n_per_mm"], bench["heel_model_n_per_mm"]], stiffness)
     apart = np.subtract(bench["model_n_per_mm"], bench["measured_n_per_mm"])
     assert bench["rmse_n_per_mm"] == pytest.approx(math.sqrt(np.mean(apart**2)))
-    assert [search["cost"] for search in table["searches"]] == [s.cost for s in solution.searches]
-    assert table["best_search"] == solution.best
+    assert [search["cost"] for search in table["searches"]] == [s.cost for s in solution.end.searches]
+    assert table["best_search"] == solution.end.best
 
 
 def test_tables_that_are_made_up_for_tests_of_the_report_have_the_keys_of_real_ones(table, solution, held):
@@ -147,5 +149,5 @@ def test_a_failed_fit_tells_how_it_went_and_no_parameter(solution, held):
     assert table["parameters"] == [] and "correlations" not in table and len(table["searches"]) == 2
     assert [trial["role"] for trial in table["trials"]] == ["fitted", "fitted", "held out"]
     assert json.loads(json.dumps(table, allow_nan=False)) == table
-    bare = failed_table(solution.trials, "the walk fails", strategy="joint", options={"seed": 3})
+    bare = failed_table(solution.fit.trials, "the walk fails", strategy="joint", options={"seed": 3})
     assert bare["searches"] == [] and bare["seed"] == 3 and bare["options"] == {"seed": 3}

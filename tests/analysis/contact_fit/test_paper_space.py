@@ -8,14 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from vsf_drake.analysis.contact_fit.paper import FRICTION, PaperSpace, paper_space, zones
+from vsf_drake.analysis.contact_fit.options import PaperOptions
+from vsf_drake.analysis.contact_fit.paper import FRICTION, PaperSpace, paper_space
+from vsf_drake.analysis.contact_fit.parameters import zones_of
 from vsf_drake.errors import InputError
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.motion.trial_record import default_model
 from vsf_drake.parameters import Subject
 from vsf_drake.simulation.walk import Walker
 
-BOUNDS = {"fold": 10.0, "exponents": (1.0, 2.0), "full_damping_mm": (0.2, 5.0), "friction": False}
 LAW = ("stiffness", "exponent", "damping", "full_damping_depth")
 
 
@@ -26,17 +27,17 @@ def variables():
 
 def test_initial_guess_is_the_papers(variables):
     """n = 1, full damping at 1 mm, b in N s/mm half of k in N/mm, one stiffness for all five zones."""
-    space = paper_space(variables, 3.0, **BOUNDS)
-    assert len(zones(variables)) == 5
-    assert space.names == tuple(f"contact.{zone}.{name}" for zone in zones(variables) for name in LAW)
+    space = paper_space(variables, 3.0, PaperOptions())
+    assert len(zones_of(variables)) == 5
+    assert space.names == tuple(f"contact.{zone}.{name}" for zone in zones_of(variables) for name in LAW)
     values = space.values(space.start)
-    for zone in zones(variables):
+    for zone in zones_of(variables):
         assert [values[f"contact.{zone}.{name}"] for name in LAW] == pytest.approx([3e3, 1.0, 1.5e3, 1e-3])
 
 
 def test_sphere_a_millimetre_deep_carries_its_stiffness_whatever_the_exponent(variables):
     """Stiffness in N/mm^n; damping in N s/mm, in full at the full-damping depth."""
-    space = paper_space(variables, 3.0, **BOUNDS)
+    space = paper_space(variables, 3.0, PaperOptions())
     for exponent in (1.0, 1.5, 2.0):
         x = np.tile([4.0, exponent, 2.5, 0.8], 5)
         values = space.values(x)
@@ -47,8 +48,8 @@ def test_sphere_a_millimetre_deep_carries_its_stiffness_whatever_the_exponent(va
 
 
 def test_friction_is_varied_only_if_asked_for(variables):
-    assert not set(FRICTION) & set(paper_space(variables, 3.0, **BOUNDS).names)
-    space = paper_space(variables, 3.0, **BOUNDS | {"friction": True})
+    assert not set(FRICTION) & set(paper_space(variables, 3.0, PaperOptions()).names)
+    space = paper_space(variables, 3.0, PaperOptions(friction=True))
     values = space.values(space.start)
     assert [values[name] for name in FRICTION] == [0.5, 0.3, 0.1]
 
@@ -58,7 +59,7 @@ def test_friction_is_varied_only_if_asked_for(variables):
                                    {"full_damping_mm": (0.2, 500.0)}, {"fold": 1e30}])
 def test_bounds_that_leave_out_the_initial_guess_or_the_models_range_are_refused(variables, wrong):
     with pytest.raises(InputError):
-        paper_space(variables, 3.0, **BOUNDS | wrong)
+        paper_space(variables, 3.0, PaperOptions(**wrong))
 
 
 def two_parameters(start, low, high):

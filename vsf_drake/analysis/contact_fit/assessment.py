@@ -20,7 +20,7 @@ from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_o
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.analysis.sentences import sentences
+from vsf_drake.analysis.sentences import say
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
 
@@ -186,8 +186,8 @@ def _trial_score(
     floor: float | None
 ) -> TrialScore:
     comparison, result = solution.predict(trial, label, step_s=solution.fit.options.report_step_s)
-    judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
-              for curve in others or [None]]
+    curves: list[np.ndarray | None] = [*others] or [None]
+    judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=c) for c in curves]
     metrics = min(judged, key=lambda m: m["null_model_grf_rmse_bw"]) if others else judged[0]
     weight, length, stance = metrics["body_weight_n"], result.foot_length_m, comparison.stances[0]
     return TrialScore(
@@ -309,7 +309,7 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         if kind == "trial" or {row.left_out for row in own} != alone:
             left_out.append((kind, [row.grf_rmse_bw for row in own if row.grf_rmse_bw is not None],
                              [", ".join(row.left_out) for row in own if row.failed]))
-    return sentences(
+    return tuple(say(
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
         paper={"fitted": PAPER_BW, "bench": PAPER_BENCH_N_PER_MM, "mid_range": PAPER_MID_RANGE_MM},
         one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
@@ -322,7 +322,7 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         below=[s.label for s in scores if s.floor_grf_rmse_bw is not None
                and s.metrics["grf_rmse_bw"] < s.floor_grf_rmse_bw],
         left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
-        joint=_joint(solution.end) if isinstance(solution.end, JointEnd) else None)
+        joint=_joint(solution.end) if isinstance(solution.end, JointEnd) else None))
 
 
 def _joint(end: JointEnd) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def search_like_the_paper(
     """
     options = fit.options
     assert isinstance(options, PaperOptions)
-    state = _initial(fit, options) if resume is None else _resumed(fit.resumed(resume))
+    state = _initial(fit, options) if resume is None else read_state(fit.resumed(resume))
     space = paper_space(fit.walker.variables, state.stiffness, options)
     began = time.perf_counter() - state.wall_s
     while True:
@@ -123,7 +123,8 @@ def search_like_the_paper(
             checkpoint({"key": fit.key, **asdict(state)})
 
 
-def _resumed(plain: Mapping[str, Any]) -> PaperState:
+def read_state(plain: Mapping[str, Any]) -> PaperState:
+    """What a checkpoint holds of a search. Raises InputError if that is none."""
     try:
         return PaperState(**{**plain, "best": tuple(plain["best"]), "history": tuple(map(tuple, plain["history"]))})
     except (KeyError, TypeError, ValueError) as error:

@@ -141,6 +141,12 @@ class ContactFit:
         self._last: tuple[np.ndarray, bool, Evaluation] | None = None
 
     @property
+    def joint(self) -> ContactFitOptions:
+        """The options of a fit by the joint strategy."""
+        assert isinstance(self.options, ContactFitOptions)
+        return self.options
+
+    @property
     def key(self) -> str:
         """A hash of all that decides how the fit goes: recordings, parameters, options, model, bench."""
         options = {name: value for name, value in to_plain(self.options).items() if name not in self.options.only_ends}
@@ -319,7 +325,7 @@ class TrialTerms:
         return found + late
 
     def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> Term:
-        noise = self.fit.options.noise
+        noise = self.fit.joint.noise
         sd = getattr(noise, name)
         spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * noise.correlation_s
         return Term(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,

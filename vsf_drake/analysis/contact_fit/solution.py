@@ -105,10 +105,10 @@ class ContactFitSolution:
             FitError: the fit failed.
         """
         self.check()
-        subject, options, shared = self.fit.walker.subject, self.fit.options, self._walk_values(None)
+        subject, shared = self.fit.walker.subject, self._walk_values(None)
         own = [(label, trial, self._walk_values(label))
                for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)]
-        told = {"seed": options.seed} | ({} if self.strategy == PAPER else {"solver": options.solver})
+        told = {} if self.strategy == PAPER else {"solver": self.fit.joint.solver}
         return FittedContact(
             format=FORMAT, strategy=self.strategy, converged=True, verdict=verdict, values=self.walk_values,
             subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
@@ -118,7 +118,7 @@ class ContactFitSolution:
                 name=label, fingerprint=fingerprint(trial), path=_splines(values, "path"),
                 height_m=values.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0))
                 for label, trial, values in own),
-            provenance={**provenance({}), **told})
+            provenance={**provenance({}), "seed": self.fit.options.seed, **told})
 
     def predict(
         self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
@@ -236,7 +236,7 @@ def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> Co
     def at(i: int, *, success: bool, message: str) -> ContactFitSolution:
         u, terms = searches[i].u, fit.evaluate(searches[i].u)
         end = JointEnd(u=u, evaluation=terms, searches=searches, best=i,
-                       uncertainty=uncertainty(fit.parameters, u, terms.terms, fit.options.noise))
+                       uncertainty=uncertainty(fit.parameters, u, terms.terms, fit.joint.noise))
         return ContactFitSolution(fit=fit, success=success, message=message, end=end,
                                   wall_s=time.perf_counter() - began)
 

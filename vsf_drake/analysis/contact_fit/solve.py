@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
+from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverInterface, SolverOptions
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import norm, qmc
 
@@ -59,7 +59,7 @@ def run_searches(
     The first begins at the parameters' own start, each further one at the best of some samples of the prior. All draws
     come from the seed and the search's number, so that an interrupted fit goes on as it would have, search by search.
     """
-    starts = fit.options.starts
+    starts = fit.joint.starts
     done = [] if resume is None else _resumed(fit.resumed(resume), fit)
     began, before, ended = time.perf_counter(), len(done), 0.0
     for i in range(len(done), starts):
@@ -81,7 +81,7 @@ def run_searches(
 def _resumed(state: Mapping[str, Any], fit: ContactFit) -> list[Search]:
     found = []
     try:
-        for row in state["searches"][: fit.options.starts]:
+        for row in state["searches"][: fit.joint.starts]:
             ends = {name: np.array(row[name], dtype=float).reshape(len(fit.parameters)) for name in ("start", "u")}
             costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
             found.append(Search(**{**row, **ends, **costs}))
@@ -102,7 +102,7 @@ def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.
 def _start(fit: ContactFit, i: int) -> np.ndarray:
     if i == 0:
         return fit.parameters.start
-    samples, costs = prior_samples(fit.parameters, fit.options.screened, [fit.options.seed, i]), []
+    samples, costs = prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), []
     for u in samples:
         try:
             costs.append(fit.evaluate(u, derivatives=False).cost)
@@ -125,7 +125,7 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
                       message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
                       failed=tried.failed)
     start_cost = tried.best_cost
-    method = _gauss_newton if fit.options.solver == "gauss_newton" else _drake
+    method = _gauss_newton if fit.joint.solver == "gauss_newton" else _drake
     success, message = method(fit, tried, start)
     for _ in range(AGAIN):
         if not success or _left_to_gain(fit, tried.best) <= ENOUGH:
@@ -198,21 +198,21 @@ def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bo
         return lost if evaluation is None else evaluation.residual
 
     solution = least_squares(residual, begin, jac=lambda u: fit.evaluate(u).jacobian, bounds=(low, high),
-                             ftol=fit.options.tolerance, xtol=1e-6, gtol=1e-8, max_nfev=fit.options.iterations)
+                             ftol=fit.joint.tolerance, xtol=1e-6, gtol=1e-8, max_nfev=fit.joint.iterations)
     return bool(solution.success), str(solution.message)
 
 
 def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
     """SNOPT, IPOPT or NLopt on the mathematical program."""
-    name, iterations = fit.options.solver, fit.options.iterations
-    solver, settings = {
-        "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4}),
-        "ipopt": (IpoptSolver, {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"}),
-        "nlopt": (NloptSolver, {"algorithm": "GN_DIRECT_L", "max_eval": iterations})}[name]
-    options = SolverOptions()
+    name, iterations = fit.joint.solver, fit.joint.iterations
+    ways: dict[str, tuple[SolverInterface, dict[str, Any]]] = {
+        "snopt": (SnoptSolver(), {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4}),
+        "ipopt": (IpoptSolver(), {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"}),
+        "nlopt": (NloptSolver(), {"algorithm": "GN_DIRECT_L", "max_eval": iterations})}
+    (solver, settings), options = ways[name], SolverOptions()
     for setting, value in settings.items():
-        options.SetOption(solver.id(), setting, value)
-    result = solved(solver(), fit.program(tried.evaluate), start, options, tried)
+        options.SetOption(solver.solver_id(), setting, value)
+    result = solved(solver, fit.program(tried.evaluate), start, options, tried)
     if name == "nlopt":
         return _gauss_newton(fit, tried, tried.best)
     return bool(result.is_success()), f"{name}: {result.get_solution_result().name}"

@@ -193,7 +193,7 @@ def _joint(solution: ContactFitSolution, end: JointEnd) -> dict[str, Any]:
         "unidentified": known.unidentified, "unidentified_above_share": SURE_SHARE,
         "together": [{"names": [a, b], "correlation": c} for a, b, c in known.together], "together_above": CLOSE,
         "at_bound": known.at_bound,
-        "noise": {"assumed": asdict(solution.fit.options.noise),
+        "noise": {"assumed": asdict(solution.fit.joint.noise),
                   "ratios": [{"trial": term.trial, "series": term.name, "ratio": ratio}
                              for term, ratio in end.noise_ratios()]}}
 

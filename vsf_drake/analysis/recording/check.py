@@ -10,14 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
+
+from vsf_drake.analysis.sentences import say
 
 MARKS = ("good", "doubtful", "unusable")
 
 GOOD_BW, DOUBTFUL_BW = 0.03, 0.10
 """Change of the force (body weights) up to which an error is good, and up to which doubtful. The smaller is what a
 curve merely stretched from another trial misses (2-3 %), the larger twice the published error of the model (5 %)."""
-FARTHEST_BW = 0.3
-"""Cost up to which a sensitivity is quoted as a number (a choice): beyond it nothing is linear."""
 HIP_BW_PER_DEG, KNEE_BW_PER_DEG, ALIGNMENT_BW_PER_DEG = 0.075, 0.04, 0.037
 HEIGHT_BW_PER_MM, FORE_AFT_BW_PER_MM = 0.028, 0.03 / 5
 FITTED_HIP_BW_PER_DEG = 0.02
@@ -66,6 +67,15 @@ class Check:
             raise ValueError(f"{self.mark!r} is no mark")
 
 
+def told(
+    part: str, name: str, mark: str, value: float | None, unit: str, *, side: str | None = None,
+    stance: int | None = None, cost_bw: float | None = None, needed: bool = False, **numbers: Any
+) -> Check:
+    """A check whose sentence the macro `part` of `wording/recording.txt.j2` makes of mark, value and `numbers`."""
+    [sentence] = say("recording", part, c={"mark": mark, "value": value, "side": side, "stance": stance, **numbers})
+    return Check(name, mark, value, unit, sentence, side, stance, cost_bw, needed)
+
+
 def grade(value: float, good: float, doubtful: float) -> str:
     """The mark of an error of size |value| with these two limits; NaN is unusable."""
     size = abs(value)
@@ -100,11 +110,6 @@ def overall(checks: Iterable[Check]) -> str:
     checks = list(checks)
     return worst([grade(expected_error(checks), GOOD_BW, DOUBTFUL_BW),
                   *(check.mark for check in checks if check.needed or check.mark == "unusable")])
-
-
-def cost(share_bw: float) -> str:
-    """How an error's cost (body weights, from a linear sensitivity) is said: linear no further than a third."""
-    return f"about {100 * share_bw:.0f} %" if share_bw < FARTHEST_BW else f"more than {100 * FARTHEST_BW:.0f} %"
 
 
 def at_most(mark: str, limit: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context
+from pydrake.multibody.tree import BodyIndex
 
 from vsf_drake.analysis.recording.check import Check, overall
 from vsf_drake.motion.contacts import Contact
@@ -19,7 +19,6 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
-from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.person import PersonHandles, add_person
 
 FLAT_RAD = np.radians(1.5)
@@ -45,7 +44,6 @@ class FootMotion:
     """Points of one foot over time, in W.
 
     Attributes:
-        side: "right" or "left".
         time_s: (n,) s, evenly spaced.
         heel_W, toe_W, ankle_W: (n, 3) m; heel and toe on the sole, at one height when it is flat.
         lowest_m: (n,) m, height of the foot's lowest point.
@@ -84,12 +82,12 @@ class FootMotion:
         return (self.time_s >= start_s) & (self.time_s <= end_s)
 
 
-def shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
+def _shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
     """The instants (s) at two shares of a stance."""
     return stance.start_s + share[0] * stance.duration_s, stance.start_s + share[1] * stance.duration_s
 
 
-def whole(stance: Stance, usual_s: float | None) -> Stance | None:
+def _whole(stance: Stance, usual_s: float | None) -> Stance | None:
     """The stance with the end that the record cuts placed so that it lasts `usual_s`; None where that is unknown."""
     if stance.complete:
         return stance
@@ -105,16 +103,16 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
 
     The longest run within 1.5 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
     """
-    laid_out = whole(stance, usual_s)
-    if laid_out is None or not foot.time_s[0] <= shares(laid_out, MIDDLE)[0] + SLACK_S:
+    laid_out = _whole(stance, usual_s)
+    if laid_out is None:
         return None
-    stance = laid_out
-    middle = np.flatnonzero(foot.rows(*shares(stance, MIDDLE)))
-    if len(middle) < FEWEST_FRAMES or foot.time_s[-1] < shares(stance, MIDDLE)[1] - SLACK_S:
+    start, end = _shares(laid_out, MIDDLE)
+    middle = np.flatnonzero(foot.rows(start, end))
+    if foot.time_s[0] > start + SLACK_S or foot.time_s[-1] < end - SLACK_S or len(middle) < FEWEST_FRAMES:
         return None
     pitch = foot.pitch_rad
     usual = float(np.median(pitch[middle]))
-    longest = longest_run(foot.rows(*shares(stance, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
+    longest = longest_run(foot.rows(*_shares(laid_out, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
     if len(longest) < FEWEST_FRAMES or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S:
         return middle
     return longest
@@ -125,10 +123,9 @@ def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: flo
 
     A stance that the record cuts counts if its mid-stance is there, laid out to last `usual_s`.
     """
-    laid_out = [stance for stance in (whole(stance, usual_s) for stance in stances) if stance is not None
-                and foot.time_s[0] <= shares(stance, MIDDLE)[0] and shares(stance, MIDDLE)[1] <= foot.time_s[-1]]
-    ranges = [float(np.ptp(foot.pitch_rad[rows])) for stance in laid_out
-              if (rows := foot.rows(*shares(stance, MIDDLE))).any()]
+    middles = [_shares(laid_out, MIDDLE) for stance in stances if (laid_out := _whole(stance, usual_s)) is not None]
+    ranges = [float(np.ptp(foot.pitch_rad[rows])) for start, end in middles
+              if foot.time_s[0] <= start and end <= foot.time_s[-1] and (rows := foot.rows(start, end)).any()]
     return bool(ranges) and float(np.median(ranges)) > TURNS_RAD
 
 
@@ -137,9 +134,13 @@ def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:
 
     NaN where the point is. With the centre of pressure as point it is the slip of the sole under the load.
     """
-    origin, R = _frame(foot)
-    fixed = np.einsum("nji,nj->ni", R, np.asarray(point_W) - origin)
-    R_dot, v = np.gradient(R, foot.time_s, axis=0), np.gradient(origin, foot.time_s, axis=0)
+    x = foot.toe_W - foot.heel_W
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross(foot.ankle_W - foot.heel_W, x)
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    R = np.stack([x, y, np.cross(x, y)], axis=2)  # of a frame at the heel: x to the toe, y left
+    fixed = np.einsum("nji,nj->ni", R, np.asarray(point_W) - foot.heel_W)
+    R_dot, v = np.gradient(R, foot.time_s, axis=0), np.gradient(foot.heel_W, foot.time_s, axis=0)
     return (v + np.einsum("nij,nj->ni", R_dot, fixed))[:, :2]
 
 
@@ -149,27 +150,9 @@ def floor_point(foot: FootMotion) -> np.ndarray:
     return np.column_stack([middle[:, :2], np.zeros(len(middle))])
 
 
-def _frame(foot: FootMotion) -> tuple[np.ndarray, np.ndarray]:
-    """Origin (n, 3) and axes (n, 3, 3) of the foot from its three points: x to the toe, y left."""
-    x = foot.toe_W - foot.heel_W
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    y = np.cross(foot.ankle_W - foot.heel_W, x)
-    y = y / np.linalg.norm(y, axis=1, keepdims=True)
-    return foot.heel_W, np.stack([x, y, np.cross(x, y)], axis=2)
-
-
-# A trial with all that was found about it. Schema only; `examine` makes it.
-
-
 @dataclass(frozen=True, eq=False)
 class MarkerEvidence:
-    """What a trial made from markers leaves to check.
-
-    Attributes:
-        tracked: the motion. calibration: the standing person. recording: the walk as read.
-        cutoff_hz: of the filter; None where the recording was taken as filtered already.
-        contacts: which plate is which foot.
-    """
+    """What a trial made from markers leaves to check; `cutoff_hz` is None where the recording was filtered already."""
 
     tracked: TrackedMotion
     calibration: Calibration
@@ -209,26 +192,12 @@ class Examined:
 # load, so its toe and heel go "into" the floor here by as much as the device would give.
 
 
-@dataclass(frozen=True)
-class _Points:
-    """Points of one foot: bodies, places in them (k, 3), radii (k,); the first three are heel, toe and ankle."""
-
-    bodies: list
-    p_BP: np.ndarray
-    radius: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class ModelMotion:
-    """What the model's person does: both feet by side, and the body's centre of mass (x, y, z in W, m)."""
-
-    feet: dict[str, FootMotion]
-    centre_of_mass: CoordinateTrajectory
-
-
-def model_motion(subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, *,
-                 offsets: GeometricOffsets | None = None) -> ModelMotion:
-    """The feet and the centre of mass of the model's person at the trajectory's instants.
+def model_motion(
+    subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, *,
+    offsets: GeometricOffsets | None = None
+) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
+    """The feet of the model's person by side, and the body's centre of mass (x, y, z in W, m), at the trajectory's
+    instants.
 
     `lowest_m` is that of the contact spheres. The heel and toe of the prosthesis are those of its flat sole below its
     rearmost and foremost sphere.
@@ -248,52 +217,44 @@ def model_motion(subject: Subject, model: ModelParameters, trajectory: Coordinat
         set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
                   alignment=offsets.alignment_rad)
     prosthetic = subject.prosthetic_side
-    points = {prosthetic: _prosthetic(person),
-              "left" if prosthetic == "right" else "right": _intact(person, model, prosthetic)}
+    points = {prosthetic: _prosthetic(person)}
+    points["left" if prosthetic == "right" else "right"] = _intact(person, model, prosthetic)
     motion = trajectory.ordered(person.coordinate_names)
     columns = [plant.GetJointByName(name).position_start() for name in motion.names]
     q: np.ndarray = np.zeros(plant.num_positions())
-    places = {side: np.empty((len(motion.time_s), len(item.bodies), 3)) for side, item in points.items()}
-    centre = np.empty((len(motion.time_s), 3))
+    bodies = sorted({int(body) for of_foot, _, _ in points.values() for body in of_foot})
+    centre, poses = np.empty((len(motion.time_s), 3)), np.empty((len(motion.time_s), len(bodies), 3, 4))
     for i, row in enumerate(motion.values):
         q[columns] = row
         plant.SetPositions(context, q)
         centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
-        for side, item in points.items():
-            places[side][i] = _places(plant, context, item)
-    lowest = {side: (places[side][:, 3:, 2] - item.radius[3:]).min(axis=1) for side, item in points.items()}
-    feet = {side: FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
-                             lowest_m=lowest[side], prosthetic=side == prosthetic, undeformed=side == prosthetic)
-            for side, place in places.items()}
-    return ModelMotion(feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source))
+        poses[i] = [plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(body))).GetAsMatrix34()
+                    for body in bodies]
+    feet = {}
+    for side, (of_foot, p_BP, radius) in points.items():
+        X = poses[:, [bodies.index(int(body)) for body in of_foot]]
+        place = np.einsum("nkij,kj->nki", X[..., :3], p_BP) + X[..., 3]
+        own = side == prosthetic
+        feet[side] = FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
+                                lowest_m=(place[:, 3:, 2] - radius).min(axis=1), prosthetic=own, undeformed=own)
+    return feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source)
 
 
-def _places(plant: MultibodyPlant, context: Context, item: _Points) -> np.ndarray:
-    """(k, 3) the points in W; poses of bodies are asked for once each."""
-    poses: dict[int, np.ndarray] = {}
-    for body in item.bodies:
-        if int(body) not in poses:
-            poses[int(body)] = plant.EvalBodyPoseInWorld(context, plant.get_body(body)).GetAsMatrix34()
-    X: np.ndarray = np.array([poses[int(body)] for body in item.bodies])
-    return np.einsum("kij,kj->ki", X[:, :, :3], item.p_BP) + X[:, :, 3]
-
-
-def _with_sites(own_bodies: list, own: np.ndarray, sites: ContactSites) -> _Points:
-    return _Points([*own_bodies, *sites.body_indices], np.vstack([own, sites.p_BS]),
-                   np.concatenate([np.zeros(len(own)), sites.radius]))
+_Points = tuple[list[BodyIndex], np.ndarray, np.ndarray]
+"""Of one foot: bodies, and places in them (k, 3): heel, toe, ankle, and the spheres, whose radii are the third."""
 
 
 def _prosthetic(person: PersonHandles) -> _Points:
-    parameters = person.foot.parameters
+    parameters, sites = person.foot.parameters, person.foot.sites
     x = [1e-3 * value for zone in parameters.zones for value in zone.x_mm]
     sole, frame = sole_height(parameters), person.foot.frame.index()
-    own = np.array([[min(x), 0.0, sole], [max(x), 0.0, sole],
-                    [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m]])
-    return _with_sites([frame] * 3, own, person.foot.sites)
+    own = [[min(x), 0.0, sole], [max(x), 0.0, sole], [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m]]
+    return [frame] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]), sites.radius
 
 
 def _intact(person: PersonHandles, model: ModelParameters, prosthetic: str) -> _Points:
-    body, side = person.body, "left" if prosthetic == "right" else "right"
+    body, side, sites = person.body, "left" if prosthetic == "right" else "right", person.intact_sites
     rear = -model.intact_foot.ankle_x_ratio * body.foot_length
-    own = np.array([[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], np.zeros(3)])
-    return _with_sites([person.segments[f"foot_{side}"].index()] * 3, own, person.intact_sites)
+    own = [[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], [0.0, 0.0, 0.0]]
+    segment = person.segments[f"foot_{side}"].index()
+    return [segment] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]), sites.radius

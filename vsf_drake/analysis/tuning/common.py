@@ -6,10 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any
-
-import jinja2
 
 from vsf_drake.errors import InputError
 from vsf_drake.schema import check, choice, quantity
@@ -138,18 +135,3 @@ def _check_pair(where: str, pair: Any) -> None:
     if not pair[0] < pair[1]:
         raise InputError(f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}", where=where,
                          right="No setting meets both: give the lower one first")
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    found = jinja2.Environment(loader=jinja2.PackageLoader("vsf_drake.analysis.tuning", "wording"), trim_blocks=True,
-                               lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    found.filters["form"] = format
-    return found
-
-
-def say(template: str, part: str, **numbers: Any) -> list[str]:
-    """The paragraphs that the macro `part` of `wording/TEMPLATE.txt.j2` makes of numbers, each on one line."""
-    module = _environment().get_template(f"{template}.txt.j2").module
-    text = str(getattr(module, part)(**numbers))
-    return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check, say
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Compromise, Setting, Sweep, Task
 from vsf_drake.analysis.tuning.level1.uncertainty import Draw, FulcrumUncertainty, difference

@@ -12,7 +12,8 @@ from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
 from vsf_drake.analysis.drake_solve import solved
-from vsf_drake.analysis.tuning.common import Check, say
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.tuning.common import Check
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution

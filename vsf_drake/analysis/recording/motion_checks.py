@@ -1,0 +1,270 @@
+"""Whether angles, the pelvis's path and markers are those of a person who walks forward, and belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from vsf_drake.analysis.recording.check import (
+    DOUBTFUL_BW,
+    FITTED_HIP_BW_PER_DEG,
+    GOOD_BW,
+    HIP_BW_PER_DEG,
+    Check,
+    at_most,
+    grade,
+    told,
+    worst,
+)
+from vsf_drake.motion.events import longest_run
+from vsf_drake.motion.markers.schema import Gap
+
+MAIN = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
+        "ankle_angle_l")
+"""The sagittal angles, none of which is zero in a standing person."""
+EXACT_RAD = 1e-9
+ZERO_DEG = 0.3
+"""Standing angles this close to zero, all of them, are not a person's but a subtraction's (a choice)."""
+FEWEST_ANGLES = 3
+ZEROED_TILT_DEG, ZEROED_HIP_DEG = 2.0, 8.0
+"""Pelvic tilt is about 11-12 degrees forward in walking and in standing, and mean hip flexion about 18 (Schwartz 2008,
+means); zeroed at standing they become about 0 and 3-6."""
+ANKLE_DEG = 20.0
+AXIS_DEG = 10.0
+"""Turn of a knee's axis that its own coupling of motions, some 5 degrees, and skin do not explain (a choice)."""
+LEAST_FLEXION_DEG = 30.0
+"""A knee that bends less does not show its axis (a choice)."""
+SPEED_M_PER_S = (0.3, 2.2)
+"""Walking speed: prosthesis users 0.85 to 1.0 on average (Hermodsson 1994), able-bodied up to 2 before they run."""
+HEADING_DEG = (20.0, 45.0)
+"""Direction of walking against x: the model's socket and knee turn about y, forces along x are called fore-aft."""
+BOB_M = (0.01, 0.10)
+"""Rise and fall of the pelvis within a trial, 30-50 mm in usual walking (a choice around it)."""
+JUMP_M_PER_S2 = 30.0
+"""Acceleration of a pelvis that no walk reaches (a choice: three times gravity)."""
+REST_M_PER_S = 0.05
+BELT_M_PER_S = 0.3
+"""Backward speed of standing feet that no ground allows (a choice)."""
+ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)
+"""Content of angles above 12 Hz: 0.4 degrees of hip are 3 % body weight."""
+ROUGH_HZ = 12.0
+"""Twice the usual cut-off of 6 Hz: what is above it in an angle is noise, or a stride that was cut and pasted."""
+
+
+def zeroed(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, float] | None,
+           speed_m_per_s: np.ndarray) -> Check:
+    """Whether angles (n,) by coordinate look as if standing had been subtracted from them.
+
+    Args:
+        standing_rad: angles at standing, where a standing trial was measured.
+        speed_m_per_s: (n,) of the pelvis over the floor.
+    """
+    def found(mark: str, value: float, unit: str = "deg", *, relative: Sequence[str] = (), subtracted: bool = False,
+              calibrated: bool = False, hips: Sequence[float] = ()) -> Check:
+        return told("zeroed", "angles zeroed at standing", mark, value, unit, relative=relative, subtracted=subtracted,
+                    calibrated=calibrated, hips=hips, hip_bw_per_deg=HIP_BW_PER_DEG)
+
+    known = {key: np.asarray(angles_rad[key]) for key in MAIN if key in angles_rad}
+    first = [key for key, values in known.items() if abs(values[0]) < EXACT_RAD and np.ptp(values) > EXACT_RAD]
+    if len(first) >= FEWEST_ANGLES:
+        return found("unusable", float(len(first)), "1", relative=first)
+    still = speed_m_per_s < REST_M_PER_S
+    standing = dict(standing_rad or {})
+    if not standing and still.any():
+        standing = {key: float(np.mean(values[still])) for key, values in known.items()}
+    main = [abs(np.degrees(standing[key])) for key in MAIN if key in standing and np.ptp(known.get(key, [0, 1])) > 0]
+    if len(main) >= FEWEST_ANGLES:
+        value = float(np.max(main))
+        if value < ZERO_DEG:
+            return found("doubtful" if standing_rad else "unusable", value, subtracted=True)
+        if standing_rad:
+            return found("good", value, calibrated=True)
+    tilt = float(np.degrees(np.mean(known["pelvis_tilt"])))
+    hips = [float(np.degrees(np.mean(known[key]))) for key in ("hip_flexion_r", "hip_flexion_l") if key in known]
+    near_zero = abs(tilt) < ZEROED_TILT_DEG and hips and max(map(abs, hips)) < ZEROED_HIP_DEG
+    return found("doubtful" if near_zero else "good", tilt, hips=hips)
+
+
+def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Check | None:
+    """Whether the intact ankle's mean is that of an ankle measured from a right angle."""
+    key = f"ankle_angle_{intact_side[0]}"
+    if key not in angles_rad:
+        return None
+    value = float(np.degrees(np.mean(angles_rad[key])))
+    return told("ankle_offset", "ankle's zero", "good" if abs(value) < ANKLE_DEG else "doubtful", value, "deg",
+                side=intact_side)
+
+
+def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
+    """Whether the knee bends about the axis from which its angles are measured.
+
+    A hinge that bends by theta about an axis turned by phi (about the thigh's length) from the measured one shows
+    sin(adduction) = sin(phi) sin(theta), by geometry: cross-talk. phi is the slope of the one sine against the other.
+    None where the knee bends too little or the angles are not known.
+    """
+    names = f"knee_angle_{side[0]}", f"knee_adduction_{side[0]}"
+    if any(name not in angles_rad for name in names):
+        return None
+    flexion, adduction = (np.asarray(angles_rad[name]) for name in names)
+    if np.degrees(np.ptp(flexion)) < LEAST_FLEXION_DEG:
+        return None
+    slope = float(np.polyfit(np.sin(flexion), np.sin(adduction), 1)[0])
+    value = float(np.degrees(np.arcsin(np.clip(slope, -1.0, 1.0))))
+    return told("knee_axis", "knee's axis", "good" if abs(value) < AXIS_DEG else "doubtful", value, "deg", side=side)
+
+
+def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Check | None:
+    """The roughest sagittal angle: what it holds above 12 Hz. None if the sampling cannot tell."""
+    rate = 1.0 / float(np.median(np.diff(time_s)))
+    sizes = {key: high_content(angles_rad[key][:, None], rate, ROUGH_HZ) for key in MAIN if key in angles_rad}
+    known = {key: float(np.degrees(size)) for key, size in sizes.items() if size is not None}
+    if not known or rate <= 2.5 * ROUGH_HZ:
+        return None
+    angle = max(known, key=known.__getitem__)
+    return told("smoothness", "smoothness of angles", grade(known[angle], *ROUGH_DEG), known[angle], "deg",
+                cost_bw=HIP_BW_PER_DEG * known[angle], angle=angle, above_hz=ROUGH_HZ)
+
+
+def belt(feet_m_per_s: Sequence[float]) -> Check | None:
+    """Whether both feet slide backward alike while they stand flat, as on a belt; velocities (m/s) along x, forward +.
+
+    None if they do not.
+    """
+    speed = -float(np.median(feet_m_per_s)) if len(feet_m_per_s) > 1 else 0.0
+    if speed < BELT_M_PER_S or np.ptp(feet_m_per_s) > 0.5 * speed:
+        return None
+    return told("belt", "treadmill", "unusable", speed, "m/s")
+
+
+def walking(time_s: np.ndarray, pelvis_W: np.ndarray) -> list[Check]:
+    """Speed, direction and path of the pelvis (n, 3) m, on the laboratory's floor or, on a treadmill, on its belt."""
+    travel = (pelvis_W[-1] - pelvis_W[0])[:2]
+    speed = float(np.hypot(*travel)) / float(time_s[-1] - time_s[0])
+    usual = SPEED_M_PER_S[0] <= speed <= SPEED_M_PER_S[1]
+    found = [told("speed", "walking speed", "good" if usual else "doubtful", speed, "m/s")]
+    if speed >= SPEED_M_PER_S[0]:
+        heading = float(np.degrees(np.arctan2(travel[1], travel[0])))
+        found.append(told("heading", "direction of walking", grade(heading, *HEADING_DEG), heading, "deg"))
+    bob = float(np.ptp(pelvis_W[:, 2] - np.polyval(np.polyfit(time_s, pelvis_W[:, 2], 1), time_s)))
+    fits = BOB_M[0] <= bob <= BOB_M[1]
+    found.append(told("bob", "rise and fall of the pelvis", "good" if fits else "doubtful", bob, "m"))
+    jerks = np.linalg.norm(np.gradient(np.gradient(pelvis_W, time_s, axis=0), time_s, axis=0), axis=1)
+    if jerks.max() > JUMP_M_PER_S2:
+        found.append(told("jerk", "path of the pelvis", "doubtful", float(jerks.max()), "m/s^2",
+                          when_s=float(time_s[int(np.argmax(jerks))])))
+    return found
+
+
+# How well markers, rigid segments and the standing trial fit together.
+
+RESIDUAL_M = (0.010, 0.020)
+"""Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
+gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
+SEGMENT_M = 0.4
+"""Length of a thigh or a shank: what a marker is off, over it, is the error of an angle."""
+CLUSTER_M = (0.008, 0.015)
+"""Departure of a segment's markers from a rigid body: skin moves by 5 to 15 mm on thighs (a choice)."""
+JOINT_GAP_M = (0.020, 0.035)
+"""Distance between two segments' ideas of one joint centre: hip regressions alone err by 10 to 15 mm, and skin moves.
+Choices."""
+GAP_S = (0.1, 0.2)
+"""Longest gap filled without markers of the same segment to go by; the first is the default limit of filling."""
+BY_CLUSTER_S = (1.0, float("inf"))
+"""The same where the segment's other markers say where it was: without one of them for so long it rests on fewer."""
+SAME_LENGTH = (0.03, 0.08)
+"""Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
+SMOOTH_M = 2e-5
+"""Content above twice the cut-off (m, root mean square) that no camera is without: marker noise is 0.1 mm and more, and
+two decimals of a millimetre alone make 3e-6."""
+LEAST_BAND = 0.15
+"""Share of the spectrum that must lie above twice the cut-off to judge by it."""
+NAMED = 4
+"""How many of the worst are named in a sentence."""
+
+
+def residuals(rms_m: Mapping[str, float]) -> Check | None:
+    """Distance of each marker from where its segment's pose puts it."""
+    return _worst("residuals", "marker residuals", rms_m, RESIDUAL_M,
+                  bw_per_m=FITTED_HIP_BW_PER_DEG * float(np.degrees(1.0 / SEGMENT_M)))
+
+
+def cluster_motion(rms_m: Mapping[str, float]) -> Check | None:
+    """How far each segment's markers move against each other."""
+    return _worst("cluster_motion", "motion of rigid clusters", rms_m, CLUSTER_M)
+
+
+def joint_gaps(rms_m: Mapping[str, float]) -> Check | None:
+    """How far two neighbouring segments disagree about their joint's centre."""
+    return _worst("joint_gaps", "gaps in joints", rms_m, JOINT_GAP_M)
+
+
+def _worst(part: str, name: str, values_m: Mapping[str, float], limits: tuple[float, float], *,
+           bw_per_m: float | None = None) -> Check | None:
+    ranked = sorted((item for item in values_m.items() if np.isfinite(item[1])), key=lambda item: -item[1])
+    if not ranked:
+        return None
+    value = ranked[0][1]
+    names = ", ".join(f"{key.replace('_', ' ')} {1e3 * size:.1f}" for key, size in ranked[:NAMED])
+    return told(part, name, grade(value, *limits), 1e3 * value, "mm", names=names,
+                cost_bw=None if bw_per_m is None else bw_per_m * value)
+
+
+def gaps_filled(gaps: Sequence[Gap]) -> Check:
+    """What was filled, and the longest of it."""
+    longest = max(gaps, key=lambda gap: gap.end_s - gap.start_s, default=None)
+    marks = [grade(gap.end_s - gap.start_s - 1e-9, *(BY_CLUSTER_S if gap.how.startswith("rigid cluster") else GAP_S))
+             for gap in gaps]
+    return told("gaps_filled", "gaps filled", worst(marks), longest.end_s - longest.start_s if longest else 0.0, "s",
+                count=len(gaps), longest=longest)
+
+
+def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
+    """Right against left, for every length that is known on both sides."""
+    found = []
+    for key, right in lengths_m.items():
+        left = lengths_m.get(key.removesuffix("_right") + "_left") if key.endswith("_right") else None
+        if left is None or key.startswith("ankle"):
+            continue
+        value, what = left / right - 1.0, key.removesuffix("_right").replace("_", " ")
+        mark = grade(value, *SAME_LENGTH)
+        if not key.startswith("thigh"):  # below the knee a prosthesis may be as long as it likes
+            mark = at_most(mark, "doubtful")
+        found.append(told("leg_lengths", f"{what}, left against right", mark, value, "1", what=what, right=right,
+                          left=left))
+    return found
+
+
+def filtered_before(markers_m: Mapping[str, np.ndarray], rate_hz: float, *, cutoff_hz: float | None) -> Check | None:
+    """Whether the markers had been low-passed before we did: is there nothing above twice the cut-off?
+
+    Args:
+        markers_m: (frames, 3) by label as recorded, NaN in gaps.
+        cutoff_hz: of our filter; None where it was left out because the recording is already filtered.
+    """
+    above = 2 * (cutoff_hz or 6.0)
+    if above > (1 - LEAST_BAND) * rate_hz / 2:
+        return None
+    sizes = [size for values in markers_m.values() if (size := high_content(values, rate_hz, above)) is not None]
+    if not sizes:
+        return None
+    value = float(np.median(sizes))
+    noisy, left_out = value > SMOOTH_M, cutoff_hz is None
+    return told("filtered_before", "filter applied before", "doubtful" if noisy == left_out else "good", 1e3 * value,
+                "mm", above_hz=above, noisy=noisy, left_out=left_out)
+
+
+def high_content(values: np.ndarray, rate_hz: float, above_hz: float) -> float | None:
+    """Root mean square (m) of a marker's content above a frequency, over its longest unbroken stretch.
+
+    A quadratic is taken out and a Hann window laid over it, so that its ends do not leak into the band. None if short.
+    """
+    run = longest_run(np.isfinite(values).all(axis=1))
+    if len(run) < max(24, rate_hz / 2):
+        return None
+    x = np.arange(len(run)) / len(run)
+    series = values[run] - np.stack([np.polyval(np.polyfit(x, column, 2), x) for column in values[run].T], axis=1)
+    window = np.hanning(len(run))[:, None]
+    power = np.abs(np.fft.rfft(series * window, axis=0)) ** 2
+    band = np.fft.rfftfreq(len(run), 1.0 / rate_hz) > above_hz
+    return float(np.sqrt(2.0 * power[band].sum() / (len(run) * np.sum(window**2))))
