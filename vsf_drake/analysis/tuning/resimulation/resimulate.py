@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import say
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.resimulation.regulator import (
     LinearSteps,
     RegulatorWeights,
