@@ -17,7 +17,7 @@ from vsf_drake.analysis.intake import Intake
 from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, costs, expected_error
 from vsf_drake.analysis.recording.examine import mass_budget, overall_mark, person_table, trial_table
 from vsf_drake.analysis.recording.foot import Examined, FootMotion, flat_phase
-from vsf_drake.analysis.recording.marker_checks import RESIDUAL_M
+from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.formats.recording import SIDES
