@@ -41,9 +41,9 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.courses import Course
 from vsf_drake.simulation.many.cases import digest
 from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import Walk, Walker
 
 BENCH, MID_RANGE, PRIOR = "bench", "mid-range displacement", "prior"
