@@ -20,17 +20,16 @@ from vsf_drake.analysis.recording.foot import (
     slip_velocity,
     turns_in_stance,
 )
-from vsf_drake.motion.contacts import kinematic_stances, walking_direction
-from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.kinematics import PELVIS_TRANSLATIONS
+from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
+from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.frames import NOTE
 from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
-from vsf_drake.motion.plates import SIDES, os_to_world
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.motion.window import on_the_belt
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
+from vsf_drake.subject import PELVIS_TRANSLATIONS
 
 GRID_S = 1e-3
 EDGE_S = 0.1
