@@ -8,18 +8,7 @@ from vsf_drake.plants.visuals import add_foot_visuals
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces, to_symbolic
 
 __all__ = [
-    "FootHandles",
-    "FulcrumDrive",
-    "WiredFoot",
-    "add_foot",
-    "add_foot_visuals",
-    "add_fulcrum_drive",
-    "add_ground_geometry",
-    "follow_fulcrum",
-    "mirrored",
-    "place_fulcrum",
-    "share_generalized_forces",
-    "share_spatial_forces",
-    "to_symbolic",
-    "wire_foot",
+    "FootHandles", "FulcrumDrive", "WiredFoot", "add_foot", "add_foot_visuals", "add_fulcrum_drive",
+    "add_ground_geometry", "follow_fulcrum", "mirrored", "place_fulcrum", "share_generalized_forces",
+    "share_spatial_forces", "to_symbolic", "wire_foot",
 ]

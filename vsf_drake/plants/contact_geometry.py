@@ -43,7 +43,7 @@ from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlan
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch, check_ground
+from vsf_drake.ground import Ground, GroundPatch, check_ground, ground_arrays
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
 from vsf_drake.parameters import FootParameters, FrictionParameters
@@ -195,14 +195,15 @@ def add_ground_geometry(
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)
     _check_apart(ground.patches)
+    arrays = ground_arrays(ground, mu_static=foot.friction.mu_static, mu_kinetic=foot.friction.mu_kinetic)
     for i, patch in enumerate(ground.patches):
         if patch.stiffness_n_per_m is not None and contact == "hydroelastic":
             raise InputError("hydroelastic pads take the ground for rigid",
                              where=f"patches[{i}].stiffness_n_per_m", right="Leave it out, or take contact drake_point")
         properties = ProximityProperties()
         AddRigidHydroelasticProperties(1.0, properties)
-        AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, _ground_friction(patch, foot.friction, i),
-                           properties)
+        friction = _ground_friction(arrays["mu_static"][i], arrays["mu_kinetic"][i], foot.friction, i)
+        AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, friction, properties)
         name = f"ground_{i}"  # whatever its patch is called, so that a second ground is told
         try:
             plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
@@ -211,12 +212,10 @@ def add_ground_geometry(
                              right="Call add_ground_geometry once for all feet, with every patch") from error
 
 
-def _ground_friction(patch: GroundPatch, foot: FrictionParameters, row: int) -> CoulombFriction:
-    """What together with the foot's makes the patch's coefficients: Drake takes the harmonic mean."""
-    static = foot.mu_static if patch.mu_static is None else patch.mu_static
-    kinetic = min(static, foot.mu_kinetic if patch.mu_kinetic is None else patch.mu_kinetic)
+def _ground_friction(static: float, kinetic: float, foot: FrictionParameters, row: int) -> CoulombFriction:
+    """What together with the foot's makes a patch's coefficients: Drake takes the harmonic mean."""
     made = []
-    for name, mu, own in (("mu_static", static, foot.mu_static), ("mu_kinetic", kinetic, foot.mu_kinetic)):
+    for name, mu, own in (("mu_static", static, foot.mu_static), ("mu_kinetic", min(kinetic, static), foot.mu_kinetic)):
         if mu > 0.0 and 2.0 * own <= mu:
             raise InputError(f"{mu:g} is twice the foot's {own:g} or more; Drake takes the harmonic mean",
                              where=f"patches[{row}].{name}", right="Raise the foot's own coefficient")

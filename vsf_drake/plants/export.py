@@ -19,7 +19,7 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import add_contact_geometry
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_handles import ContactSites
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.solids import RIGHTWARD
 from vsf_drake.plants.visuals import add_foot_visuals
 
@@ -76,13 +76,11 @@ def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
 
 
 def _written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
-    foot = rigid_foot(parameters)
+    foot, fulcrum = rigid_foot(parameters), parameters.fulcrum
+    handles = foot.handles
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
-        starts, fulcrum = [link.p_KB[0] for link in foot.keel], parameters.fulcrum
-        over = int(np.clip(np.searchsorted(starts, fulcrum_m, side="right") - 1, 0, len(starts) - 1))
-        more |= {"over": foot.keel[over], "point": np.array([fulcrum_m, 0.0, 0.0]),
-                 "reach": [fulcrum.rearmost_m, fulcrum.foremost_m],
+        more |= {"over": foot.keel[handles.keel_body_at(fulcrum_m)], "point": np.array([fulcrum_m, 0.0, 0.0]),
                  "support": {"stiffness": fulcrum.stiffness_n_per_m,
                              "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s}}
     environment = Environment(loader=PackageLoader("vsf_drake.plants"), undefined=StrictUndefined, trim_blocks=True,
@@ -92,7 +90,10 @@ def _written(template: str, parameters: FootParameters, fulcrum_m: float | None,
         "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
         "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3))}
     text = environment.get_template(template).render(
-        foot=foot, name=NAME, fulcrum_m=fulcrum_m, axis=RIGHTWARD, sites=foot.sites, **more)
+        foot=foot, name=NAME, fulcrum_m=fulcrum_m, parameters=parameters, sites=handles.sites, axis=RIGHTWARD,
+        hinges=list(zip(handles.keel_joint_names, handles.joint_stiffness, handles.joint_damping, strict=True)),
+        slide=handles.carriage_joint_name, reach=[fulcrum.rearmost_m, fulcrum.foremost_m], mount=handles.mount.name(),
+        X_KM=handles.mount.GetFixedPoseInBodyFrame(), **more)
     head, end, tree = text.partition("-->\n")
     root = ET.fromstring(tree)
     ET.indent(root)
@@ -132,18 +133,9 @@ class Pad:
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """The revolute joint at the origin of a piece of the keel: N m/rad and N m s/rad."""
-
-    name: str
-    stiffness: float
-    damping: float
-
-
-@dataclass(frozen=True)
 class Link:
     """A rigid body: p_KB (3,) m its place with all coordinates zero, p_BBcm (3,) m its centre of mass, moments (3, 3)
-    kg m^2 about that, in its own frame; hinge: of a piece of the keel, with the link behind it."""
+    kg m^2 about that, in its own frame."""
 
     name: str
     mass: float
@@ -152,21 +144,16 @@ class Link:
     p_KB: np.ndarray
     drawings: tuple[Drawing, ...]
     pads: tuple[Pad, ...]
-    hinge: Hinge | None
 
 
 @dataclass(frozen=True)
 class RigidFoot:
-    """A foot to be written: frame, keel from A to the toe, carriage on its slide, and the mount M on the frame."""
+    """A foot to be written: frame, keel from A to the toe and carriage as links, and what it is in its plant."""
 
-    parameters: FootParameters
-    sites: ContactSites
+    handles: FootHandles
     frame: Link
     keel: tuple[Link, ...]
     carriage: Link
-    slide: str
-    mount: str
-    X_KM: RigidTransform
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -183,21 +170,13 @@ def rigid_foot(parameters: FootParameters) -> RigidFoot:
     add_contact_geometry(plant, foot, "drake_point")
     plant.Finalize()
     inspector = scene_graph.model_inspector()
-    hinges = [Hinge(name, float(stiffness), float(damping)) for name, stiffness, damping in zip(
-        foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True)]
     carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
-    return RigidFoot(
-        parameters=parameters, sites=foot.sites, frame=_link(plant, inspector, foot.frame),
-        keel=tuple(_link(plant, inspector, body, start, hinge)
-                   for body, start, hinge in zip(foot.keel, foot.keel_starts, hinges, strict=True)),
-        carriage=_link(plant, inspector, carriage), slide=foot.carriage_joint_name, mount=foot.mount.name(),
-        X_KM=foot.mount.GetFixedPoseInBodyFrame())
+    frame, *keel, last = (_link(plant, inspector, body, start) for body, start in zip(
+        (foot.frame, *foot.keel, carriage), (0.0, *foot.keel_starts, 0.0), strict=True))
+    return RigidFoot(handles=foot, frame=frame, keel=tuple(keel), carriage=last)
 
 
-def _link(
-    plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float = 0.0,
-    hinge: Hinge | None = None
-) -> Link:
+def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float) -> Link:
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
     drawings = tuple(Drawing(
@@ -207,8 +186,7 @@ def _link(
     return Link(
         name=body.name(), mass=inertia.get_mass(), p_BBcm=centre,
         moments=inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), p_KB=np.array([start, 0.0, 0.0]),
-        drawings=drawings, hinge=hinge,
-        pads=tuple(pad_of(inspector, i) for i in plant.GetCollisionGeometriesForBody(body)))
+        drawings=drawings, pads=tuple(pad_of(inspector, i) for i in plant.GetCollisionGeometriesForBody(body)))
 
 
 def pad_of(inspector: SceneGraphInspector, shape: GeometryId) -> Pad:

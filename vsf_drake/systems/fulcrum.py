@@ -6,7 +6,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -198,16 +198,6 @@ FulcrumCommand = FulcrumCommand_[float]
 # Motor, lead screw and carriage that move the fulcrum along the keel.
 
 
-class _Drive(NamedTuple):
-    """What the motor and the carriage do at an instant: A, V A, W, W, m/s²."""
-
-    current: Any
-    taken: Any
-    work: Any
-    losses: Any
-    acceleration: Any
-
-
 @TemplateSystem.define("FulcrumActuator_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 def FulcrumActuator_(T):
     class Impl(NamedParameters, LeafSystem_[T]):
@@ -320,7 +310,7 @@ def FulcrumActuator_(T):
             self._declare_value(name, 1, lambda context: _state(context)[i:i + 1], {ticket})
 
         def _current(self, context) -> np.ndarray:
-            return np.array([self._drive.Eval(context).current])
+            return np.array([self._drive.Eval(context)[0]])
 
         def _position_error(self, context) -> np.ndarray:
             return np.array([self._error(context)])
@@ -331,7 +321,8 @@ def FulcrumActuator_(T):
             within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
             return within - _state(context)[0]
 
-        def _calc_drive(self, context) -> _Drive:
+        def _calc_drive(self, context) -> tuple[Any, np.ndarray]:
+            """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
             c = self._constants(context)
             x, v = _state(context)[:2]
             turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
@@ -360,11 +351,10 @@ def FulcrumActuator_(T):
             taken = power if power > 0.0 else 0.0 * power
             losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
                       + motion.thread_loss * v + taken - power)
-            return _Drive(current, taken, motion.nut_force * v, losses, motion.acceleration)
+            return current, np.array([v, motion.acceleration, taken, motion.nut_force * v, losses])
 
         def DoCalcTimeDerivatives(self, context, derivatives) -> None:
-            drive, v = self._drive.Eval(context), _state(context)[1]
-            derivatives.SetFromVector(np.array([v, drive.acceleration, drive.taken, drive.work, drive.losses]))
+            derivatives.SetFromVector(self._drive.Eval(context)[1])
 
     return Impl
 

@@ -92,7 +92,14 @@ def SwingController_(T):
             constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
                          "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,
                          "least_stance": least_stance}
-            _check(signal, period, constants)
+            if signal not in SIGNALS:
+                raise InputError(f"{signal!r} is not known", where="signal", right=f"Known are: {', '.join(SIGNALS)}")
+            if not period > 0.0:
+                raise InputError(f"{period} s is no sampling period", where="period", right="It must be above 0 s")
+            for low, high in (("unload_force", "load_force"), ("stop_rate", "swing_rate")):
+                if not constants[low] < constants[high]:
+                    raise InputError(f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
+                                     where=high, right=f"It must be above {low}")
             self._signal, self._period = signal, float(period)
             self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
             self._grf_port = self.DeclareVectorInputPort("grf", 3)
@@ -146,17 +153,6 @@ def SwingController_(T):
 
 def _state(context) -> Any:
     return context.get_discrete_state_vector().CopyToVector()
-
-
-def _check(signal: str, period: float, constants: dict[str, float]) -> None:
-    if signal not in SIGNALS:
-        raise InputError(f"{signal!r} is not known", where="signal", right=f"Known are: {', '.join(SIGNALS)}")
-    if not period > 0.0:
-        raise InputError(f"{period} s is no sampling period", where="period", right="It must be above 0 s")
-    for low, high in (("unload_force", "load_force"), ("stop_rate", "swing_rate")):
-        if not constants[low] < constants[high]:
-            raise InputError(f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
-                             where=high, right=f"It must be above {low}")
 
 
 SwingController = SwingController_[float]
