@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 from virtual_laboratory.motion import COORDINATES, SEGMENTS, Person
 from virtual_laboratory.placing import RATE_HZ
 from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.trc import write_trc
 from vsf_drake.files import replaced
-from vsf_drake.motion.formats.tables import write_trc
 from vsf_drake.parameters import GRAVITY
 
 MARKER_HZ, STANDING_S = 100, 1.0

@@ -30,6 +30,7 @@ from made_scenario import one_of_everything
 from made_trial import TrialFiles
 from made_tuning import made_arrays, made_schedule, made_table, small_table
 from mutations import mutated
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.schedule import load_schedule
@@ -49,7 +50,7 @@ from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.formats.tables import read_storage, write_forces_mot, write_trc
+from vsf_drake.motion.formats.tables import read_storage, write_forces_mot
 from vsf_drake.motion.manifest import load_manifest, load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trial import load_trial

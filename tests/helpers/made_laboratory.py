@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from made_person import Person, markers, poses, walking_angles
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
+from vsf_drake.motion.formats.tables import write_forces_mot
 from vsf_drake.motion.markers.schema import FootTrack
 
 MASS = 78.0

@@ -9,9 +9,10 @@ import pytest
 import yaml
 from made_person import Person
 from made_walk import ANGLES, FORCE_TIME, MASS, feet, plates, standing, walk
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
+from vsf_drake.motion.formats.tables import write_forces_mot
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.trial import PLACEHOLDER_KG, load_trial, model_ankle, trial_from_recordings, write_trial_files

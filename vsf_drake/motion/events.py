@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
+
+from vsf_drake.motion.markers.schema import FootTrack
 
 THRESHOLD_N = 20.0
 MINIMUM_S = 0.15
@@ -149,14 +150,7 @@ SHARPEN_S = 0.12
 NEAR_FLOOR_M = 0.04
 
 
-class Foot(Protocol):
-    """Heel and toe, (n, 3) m in W: `motion.markers.schema.FootTrack` has them."""
-
-    heel_W: np.ndarray
-    toe_W: np.ndarray
-
-
-def kinematic_stances(time_s: np.ndarray, foot: Foot, pelvis_W: np.ndarray, *,
+def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray, *,
                       forward_W: np.ndarray | None = None) -> list[Stance]:
     """When a foot stands on the ground, as far as its motion tells, in order of time.
 
@@ -184,7 +178,7 @@ def kinematic_stances(time_s: np.ndarray, foot: Foot, pelvis_W: np.ndarray, *,
     return [_sharpened(stance, time_s, foot) for stance in _pair(time_s, events)]
 
 
-def walking_direction(feet: Mapping[str, Foot], pelvis_W: np.ndarray) -> np.ndarray:
+def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np.ndarray:
     """(2,) unit vector in the floor: the mean direction from heel to toe."""
     pointing = np.sum([np.mean((foot.toe_W - foot.heel_W)[:, :2], axis=0) for foot in feet.values()], axis=0)
     travelled = (pelvis_W[-1] - pelvis_W[0])[:2]
@@ -234,7 +228,7 @@ def _pair(time_s: np.ndarray, events: list[tuple[float, bool]]) -> list[Stance]:
     return stances
 
 
-def _sharpened(stance: Stance, time_s: np.ndarray, foot: Foot) -> Stance:
+def _sharpened(stance: Stance, time_s: np.ndarray, foot: FootTrack) -> Stance:
     """The same stance with the ends that the record shows moved to where heel and toe tell them more sharply."""
     start, end = stance.start_s, stance.end_s
     heel, toe = (np.gradient(point, time_s, axis=0) for point in (foot.heel_W, foot.toe_W))

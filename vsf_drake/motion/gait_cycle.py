@@ -38,14 +38,16 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
         InputError: no stance was seen as a whole.
         ValueError: the stances overlap or are not in order of time.
     """
-    file, stances = None, source
     if isinstance(source, Trial):
         plate = source.prosthetic_plate
-        file, stances = source.path, find_stances(plate.time_s, plate.force_W[:, 2])
+        stances: Sequence[Stance] = find_stances(plate.time_s, plate.force_W[:, 2])
+    else:
+        stances = source
     seen = [stance for stance in stances if stance.complete]
     if not seen:
-        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance", file=file,
-                         where="forces", right="A gait cycle needs strike and lift-off of the prosthetic foot")
+        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance",
+                         file=source.path if isinstance(source, Trial) else None, where="forces",
+                         right="A gait cycle needs strike and lift-off of the prosthetic foot")
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
         raise ValueError("stances must follow each other")
     stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE

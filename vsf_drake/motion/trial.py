@@ -94,10 +94,12 @@ def load_trial(path: str | Path) -> Trial:
         trial = _trial_from_angles(path, manifest, named, sides, model, fulcrum_m, inputs)
     else:
         person, stated = load_stated_subject(named["subject"])
-        read = partial(read_trial, **vars(manifest.laboratory))
-        standing = read(named["standing"]) if "standing" in named else None
-        walk = read(named["markers"], forces=named.get("forces"))
-        marker_map = manifest.marker_map and load_marker_map(named.get("marker_map", manifest.marker_map))
+        axes = vars(manifest.laboratory)
+        standing = read_trial(named["standing"], **axes) if "standing" in named else None
+        walk = read_trial(named["markers"], forces=named.get("forces"), **axes)
+        marker_map = None
+        if manifest.marker_map is not None:
+            marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
         trial = trial_from_recordings(
             standing, walk, marker_map, person, fulcrum_m=fulcrum_m, stated=stated, hip=manifest.hip_centre,
             cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz, plate_sides=sides,

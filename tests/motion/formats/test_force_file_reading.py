@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.tables import write_storage, write_trc
+from vsf_drake.motion.formats.tables import write_storage
 
 COUNT = 50
 TIME = np.arange(COUNT) / 100.0

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from made_c3d import MadePlate, rectangle, write_c3d
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.tables import write_trc
 
 FRAMES = 50
 AT = np.random.default_rng(2).uniform([0, -0.25, 0.05], [0.3, 0.25, 1.6], (14, 3))

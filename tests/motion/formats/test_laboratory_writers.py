@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.motion import Recording, read_trial
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.formats.tables import write_forces_mot, write_trc
+from vsf_drake.motion.formats.tables import write_forces_mot
 
 RNG = np.random.default_rng(5)
 FRAMES = 40

@@ -8,11 +8,11 @@ from tempfile import TemporaryDirectory
 import made_person
 import numpy as np
 import pytest
+from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.recording import SIDES
-from vsf_drake.motion.formats.tables import write_trc
 from vsf_drake.motion.markers.maps import SHIPPED, choose_map, load_marker_map, suggest_map
 
 SAMPLES = {

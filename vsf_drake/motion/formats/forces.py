@@ -40,12 +40,12 @@ _TORQUES = ("m{a}{n}", "m{a}_{n}", "moment_{a}_{n}", "t{a}{n}", "t{a}_{n}", "tor
 
 @dataclass(frozen=True)
 class PlateColumns:
-    """The columns of one plate; None where it has none."""
+    """The columns of one plate along x, y, z; None where it has none."""
 
     name: str
-    force: tuple[str, str, str]
-    point: tuple[str | None, str | None, str | None]
-    torque: tuple[str | None, str | None, str | None]
+    force: tuple[str, ...]
+    point: tuple[str | None, ...]
+    torque: tuple[str | None, ...]
     twist: str | None = None
 
 
@@ -129,7 +129,8 @@ def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate
 
     point, torque = (np.column_stack([numbers(name) for name in names]) for names in (plate.point, plate.torque))
     has_point = sum(name is not None for name in plate.point) >= 2
-    return RawPlate(plate.name, force, point if has_point else None, torque, plate.twist and numbers(plate.twist))
+    twist = None if plate.twist is None else numbers(plate.twist)
+    return RawPlate(plate.name, force, point if has_point else None, torque, twist)
 
 
 def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:

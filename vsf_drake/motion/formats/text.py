@@ -27,11 +27,11 @@ _NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(
               "none"}
 
 
-def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+def text_lines(path: Path, *, needed: str = "Save it as plain text (UTF-8)") -> Iterator[tuple[int, str]]:
     """The file's lines with their numbers from 1, without line ends, one byte a character.
 
     Raises:
-        InputError: the file is missing, cannot be read, is no text, or a line exceeds 4 million characters.
+        InputError: the file is missing, cannot be read, is no text (then `needed`), or has an endless line.
     """
     try:
         with open(path, encoding="latin-1") as stream:
@@ -40,7 +40,7 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
                 number += 1
                 if "\0" in line or len(line) >= LONGEST_LINE:
                     raise InputError("is not a text file", file=path, where=f"line {number}",
-                                     right="Save it as plain text (UTF-8)")
+                                     right=needed)
                 yield number, line.rstrip("\r\n").removeprefix("\xef\xbb\xbf" if number == 1 else "")
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None

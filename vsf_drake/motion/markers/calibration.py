@@ -225,10 +225,10 @@ class _Checker:
 
     def __init__(self, posture: Posture, file: str | Path) -> None:
         self.posture, self.points, self.file = posture, posture.points, file
-        self.at = posture.at
+        self.at, self.needed = posture.at, posture.needed
         self.places()
-        back = posture.middle("psis")
-        self.forward = facing(posture.middle("asis"), self.at("sacrum") if back is None else back)
+        front = 0.5 * (self.needed("asis_right") + self.needed("asis_left"))
+        self.forward = facing(front, posture.pelvis_back())
         self.left = np.cross([0.0, 0.0, 1.0], self.forward)
 
     def refuse(self, what: str, *roles: str, labels: tuple[str, ...] = (), right: str = _RIGHT) -> NoReturn:
@@ -241,7 +241,7 @@ class _Checker:
         self.sides()
         for side, out in (("right", -1.0), ("left", 1.0)):
             for upper, lower in pairwise(f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")):
-                if typical(self.at(upper) - self.at(lower), np.array([0.0, 0.0, 1.0])) < 0:
+                if typical(self.needed(upper) - self.needed(lower), np.array([0.0, 0.0, 1.0])) < 0:
                     self.refuse(f"the {_words(upper)} is below the {_words(lower)}", upper, lower)
             for inner, outer in (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")):
                 medial, lateral = self.at(f"{inner}_{side}"), self.at(f"{outer}_{side}")
@@ -261,14 +261,15 @@ class _Checker:
 
     def pelvis(self) -> None:
         roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
-        front = self.at("asis_left") - self.at("asis_right")
+        front = self.needed("asis_left") - self.needed("asis_right")
         slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
         if slope > ASKEW_RAD:
             self.refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} "
                         "degrees", *roles[:2])
-        if self.posture.middle("psis") is None:
+        right, left = self.at("psis_right"), self.at("psis_left")
+        if right is None or left is None:
             return
-        back = self.at("psis_left") - self.at("psis_right")
+        back = left - right
         lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
         cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
         if abs(cosine) < np.cos(ASKEW_RAD):
@@ -276,7 +277,7 @@ class _Checker:
                         f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged", *roles)
 
     def facing(self) -> None:
-        heel = {side: self.at(f"heel_{side}") for side in SIDES}
+        heel = {side: self.needed(f"heel_{side}") for side in SIDES}
         fore = {side: self.posture.forefoot(side) for side in SIDES}
         toes = {side: forefoot_labels(self.posture.found, side) for side in SIDES}
         backwards = [side for side in SIDES if typical(fore[side] - heel[side], self.forward) < 0]
@@ -286,7 +287,7 @@ class _Checker:
         for side in backwards:
             self.refuse("the foot points backwards: heel and toe seem exchanged", f"heel_{side}", labels=toes[side])
         for side in SIDES:
-            ankle, along = self.at(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
+            ankle, along = self.needed(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
             if typical(ankle - heel[side], along) < 0:
                 self.refuse("the ankle is behind the heel", f"ankle_lateral_{side}", f"heel_{side}")
             if typical(fore[side] - ankle, along) < 0:
@@ -309,7 +310,7 @@ class _Checker:
             for label in found.segments[segment]:
                 if label not in self.points:
                     continue
-                away = {name: float(np.nanmedian(_distance(self.points[label], self.at(upper), self.at(lower))))
+                away = {name: float(np.nanmedian(_distance(self.points[label], self.needed(upper), self.needed(lower))))
                         for name, (upper, lower) in ends.items()}
                 nearest = min(away, key=lambda name: away[name])
                 if away[segment] > away[nearest] + ASTRAY_M:

@@ -70,7 +70,7 @@ class _Builder:
 
     def __init__(self, posture: Posture, person: PersonFacts) -> None:
         self.posture, self.found, self.person = posture, posture.found, person
-        self.at = posture.at
+        self.at, self.needed = posture.at, posture.needed
         self.radius = 1e-3 * person.marker_radius_mm
         self.R: dict[str, np.ndarray] = {}
         self.p: dict[str, np.ndarray] = {}
@@ -87,15 +87,14 @@ class _Builder:
             ankle, ankle_axis = self.ankle(side, self.R[f"thigh_{side}"][..., :, 1])
             self.R[f"shank_{side}"] = frame_from(knee - ankle, ankle_axis)
             self.p[f"foot_{side}"] = ankle
-            along = self.posture.forefoot(side) - self.at(f"heel_{side}")
+            along = self.posture.forefoot(side) - self.needed(f"heel_{side}")
             self.R[f"foot_{side}"] = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
             self.R[f"foot_{side}"][~self.posture.foot_flat[side]] = np.nan
         return Anatomy(self.R, self.p, lengths, tuple(dict.fromkeys(self.method)), tuple(dict.fromkeys(self.notes)))
 
     def pelvis(self, hip: str) -> dict[str, float]:
-        asis_r, asis_l, back = self.at("asis_right"), self.at("asis_left"), self.posture.middle("psis")
-        if back is None:
-            back = self.at("sacrum")
+        asis_r, asis_l, back = self.needed("asis_right"), self.needed("asis_left"), self.posture.pelvis_back()
+        if any(self.at(f"psis_{side}") is None for side in SIDES):
             self.notes.append("The sacrum marker stands for the midpoint of the PSIS.")
         self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, back)
         width = float(np.nanmedian(np.linalg.norm(asis_r - asis_l, axis=-1)))
@@ -115,17 +114,17 @@ class _Builder:
         if self.person.leg_length_mm is not None:
             return 1e-3 * self.person.leg_length_mm
         side = "left" if self.person.prosthetic_side == "right" else "right"
-        asis, knee, ankle = self.at(f"asis_{side}"), self.at(f"knee_medial_{side}"), self.at(f"ankle_medial_{side}")
-        knee = self.at(f"knee_lateral_{side}") if knee is None else knee
+        asis, knee, ankle = self.needed(f"asis_{side}"), self.at(f"knee_medial_{side}"), self.at(f"ankle_medial_{side}")
+        knee = self.needed(f"knee_lateral_{side}") if knee is None else knee
         if ankle is None:
-            ankle = self.at(f"ankle_lateral_{side}")
+            ankle = self.needed(f"ankle_lateral_{side}")
             if hip in NEEDS_LEG_LENGTH:
                 self.notes.append("Leg length is to the lateral malleolus, for want of a medial marker.")
         return float(np.nanmedian(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
 
     def knee(self, side: str) -> tuple[np.ndarray, np.ndarray]:
         """Centre and axis to the left."""
-        hip, lateral = self.p[f"thigh_{side}"], self.at(f"knee_lateral_{side}")
+        hip, lateral = self.p[f"thigh_{side}"], self.needed(f"knee_lateral_{side}")
         left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"knee_medial_{side}"), self.at(f"thigh_plane_{side}")
         if medial is not None:
@@ -179,7 +178,7 @@ class _Builder:
 
     def ankle(self, side: str, knee_axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre and the direction that the shank's y is to take, to the left."""
-        knee, lateral = self.p[f"shank_{side}"], self.at(f"ankle_lateral_{side}")
+        knee, lateral = self.p[f"shank_{side}"], self.needed(f"ankle_lateral_{side}")
         left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"ankle_medial_{side}"), self.at(f"shank_plane_{side}")
         if medial is not None:
@@ -234,8 +233,7 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     """
     recording = right_handed(marker_map.rename(recording), marker_map)
     points = _points(recording, marker_map)
-    front, back = _middle(points, "asis"), _middle(points, "psis")
-    back = points.get("sacrum") if back is None else back
+    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
     if front is None or back is None:
         return recording
     ways = facing(front, back)
@@ -286,11 +284,11 @@ def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
     points = _points(recording, marker_map)
     roles = [role.removesuffix("_right") for role in points if role.endswith("_right")]
     pairs = {role: (points[f"{role}_right"], points[f"{role}_left"]) for role in roles if f"{role}_left" in points}
-    back = _middle(points, "psis") if "psis" in pairs else points.get("sacrum")
+    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
     fore = next((role for role in ("toe", "toe_tip", "met1", "met5") if role in pairs), None)
-    if len(pairs) < FEWEST_PAIRS or "asis" not in pairs or back is None or "heel" not in pairs or fore is None:
+    if len(pairs) < FEWEST_PAIRS or front is None or back is None or "heel" not in pairs or fore is None:
         return False
-    forward = facing(_middle(points, "asis"), back)
+    forward = facing(front, back)
     left = np.cross([0.0, 0.0, 1.0], forward)
     ahead = [typical(toe - heel, forward) for toe, heel in zip(pairs[fore], pairs["heel"], strict=True)]
     apart = [typical(on_left - on_right, left) for on_right, on_left in pairs.values()]
@@ -312,12 +310,9 @@ def typical(vector: np.ndarray, along: np.ndarray) -> float:
 
 
 def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray]:
-    """(n, 3) m by role, of the roles that the recording has a marker for."""
+    """(n, 3) m by role, of the roles that the recording has a marker for; and the middles "asis" and "psis"."""
     found = {role: next((s for s in spellings if s in recording.markers), None)
              for role, spellings in marker_map.roles.items()}
-    return {role: recording.markers[label] for role, label in found.items() if label is not None}
-
-
-def _middle(points: dict[str, np.ndarray], role: str) -> np.ndarray | None:
-    both = [points.get(f"{role}_{side}") for side in SIDES]
-    return None if both[0] is None or both[1] is None else 0.5 * (both[0] + both[1])
+    points = {role: recording.markers[label] for role, label in found.items() if label is not None}
+    return points | {role: 0.5 * (points[f"{role}_right"] + points[f"{role}_left"]) for role in ("asis", "psis")
+                     if {f"{role}_{side}" for side in SIDES} <= {*points}}

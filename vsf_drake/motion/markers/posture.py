@@ -61,10 +61,14 @@ class Posture:
         """(n, 3) of the marker with this role, None without one."""
         return self.points.get(self.found.roles.get(role, ""))
 
-    def middle(self, role: str) -> np.ndarray | None:
-        """(n, 3) midway between its markers on both sides, None without them."""
-        right, left = (self.at(f"{role}_{side}") for side in SIDES)
-        return None if right is None or left is None else 0.5 * (right + left)
+    def needed(self, role: str) -> np.ndarray:
+        """(n, 3) of the marker with a role that every map must have."""
+        return self.points[self.found.roles[role]]
+
+    def pelvis_back(self) -> np.ndarray:
+        """(n, 3) midway between the PSIS, or the sacrum's marker without them."""
+        right, left = (self.at(f"psis_{side}") for side in SIDES)
+        return self.needed("sacrum") if right is None or left is None else 0.5 * (right + left)
 
     def forefoot(self, side: str) -> np.ndarray:
         """(n, 3) that the foot points to."""
