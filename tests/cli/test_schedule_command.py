@@ -25,7 +25,7 @@ def made(monkeypatch):
         sweep = [row | {"cost": 2.0 + 1e-4 * (row["fulcrum_mm"] - best) ** 2} for row in made_table()["sweep"]]
         return small_table(fulcrum_mm=best, cost=2.0, sweep=sweep, fulcrum_interval_mm=[best - 3.0, best + 3.0])
 
-    def tuned(given, options, show, warm, tasks):
+    def tuned(given, options, show, warm):
         name = given.labels[0]
         state["calls"].append(given.labels)
         show("sweep", 0.5)

@@ -48,7 +48,7 @@ def made(monkeypatch):
     """The tuning replaced: called with the trials, the options and the warm start, it gives `made["table"]`."""
     state = {"table": small_table(), "arrays": {"sweep_mm": POSITIONS}, "calls": []}
 
-    def tuned(given, options, show, warm, tasks):
+    def tuned(given, options, show, warm):
         state["calls"].append((given, options, warm))
         show("sweep, 100.0 mm, cost 2", 0.5)
         if isinstance(state["table"], BaseException):

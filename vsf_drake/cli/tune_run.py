@@ -38,15 +38,9 @@ class WarmStart:
 
 
 def tune_trials(
-    given: TuningTrials, options: TuneOptions, *, show: Show, warm: WarmStart | None = None,
-    tasks: Sequence[str] | None = None
+    given: TuningTrials, options: TuneOptions, *, show: Show, warm: WarmStart | None = None
 ) -> Tuned:
-    """Tunes the foot to the trials.
-
-    An interrupt ends it early; what was found by then comes back, marked as not optimal.
-
-    Args:
-        tasks: name of the task that each trial is of; every trial its own if None.
+    """Tunes the foot to the trials; an interrupt leaves what was found by then, marked as not optimal.
 
     Raises:
         InputError: the data do not support the cost; an option cannot be used.
@@ -55,7 +49,7 @@ def tune_trials(
     """
     run = _motion_given if options.level == MOTION_GIVEN else _motion_free
     try:
-        table, arrays = run(given, options, show, warm, tasks)
+        table, arrays = run(given, options, show, warm)
     except InputError as error:
         raise as_option(error, None if warm is None else warm.file) from None
     made = dict(table["provenance"] or {})
@@ -70,16 +64,14 @@ def was_interrupted(table: Mapping[str, Any]) -> bool:
     return not table["optimal"] and INTERRUPTED in table["status"]
 
 
-def _motion_given(
-    given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
-) -> Tuned:
+def _motion_given(given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None) -> Tuned:
     """Level 1."""
     chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
                               "pareto": options.pareto, "joints": options.joints, "workers": options.workers}
     if options.quick:
         chosen |= {"sweep_mm": _QUICK_SWEEP_MM, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
     tuning = level1.StiffnessTuning(
-        given.trials, cost=options.cost, labels=given.labels, tasks=tasks, options=level1.TuningOptions(
+        given.trials, cost=options.cost, labels=given.labels, options=level1.TuningOptions(
             design=options.design, seed=options.seed, **{k: v for k, v in chosen.items() if v is not None}))
 
     def told(p: level1.TuningProgress) -> None:
@@ -90,22 +82,17 @@ def _motion_given(
     return level1.tuning_table(solution), level1.tuning_arrays(solution)
 
 
-def _motion_free(
-    given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None, tasks: Sequence[str] | None
-) -> Tuned:
+def _motion_free(given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None) -> Tuned:
     """Level 2."""
     if options.pareto is not None:
         raise InputError("is an option of level 1", where="--pareto", right="Leave it out, or give --level 1")
-    chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
-                              "method": options.method, "intervals": options.intervals,
-                              "seed": options.seed}
-    if options.quick:
-        chosen = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": (),
-                  "draws": 0} | {
-            name: value for name, value in chosen.items() if value is not None}
+    quick: dict[str, Any] = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": (),
+                             "draws": 0} if options.quick else {}
+    chosen = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm, "method": options.method,
+              "intervals": options.intervals, "seed": options.seed}
     tuning = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels, options=level2.StrideOptions(
         design=tuple(_DESIGN_OF_STRIDE.get(name, name) for name in options.design),
-        **{name: value for name, value in chosen.items() if value is not None}))
+        **quick | {name: value for name, value in chosen.items() if value is not None}))
 
     def told(what: str, fraction: float, iteration: Any = None) -> None:
         best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
