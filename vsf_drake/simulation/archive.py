@@ -42,8 +42,8 @@ def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lam
         sidecar: name of the YAML file that says the kind.
 
     Raises:
-        InputError: `out` or one of its parents is a file, cannot be created, holds anything else, or something in it is
-            in the way of a file or leads out of it.
+        InputError: `out` cannot be created, holds anything else, or something in it is in the way of a file or leads
+            out of it.
     """
     out = Path(out).absolute()
     try:
@@ -118,10 +118,7 @@ def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
 
 
 def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar: Mapping[str, Any]) -> None:
-    """Writes `arrays` and `sidecar` (plain values) into the existing `folder`.
-
-    The sidecar also gets the arrays' SHA-256, so that a mixed-up pair is noticed on reading.
-    """
+    """Writes `arrays` and `sidecar` (plain values, and the arrays' SHA-256) into the existing `folder`."""
     folder = Path(folder)
     write_npz(folder / ARRAYS_FILE, arrays)
     content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
@@ -129,11 +126,7 @@ def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar:
 
 
 def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays and sidecar of a result folder.
-
-    Raises:
-        InputError: a file is missing or damaged, or the two do not belong together.
-    """
+    """Arrays and sidecar of a result folder; InputError if one is missing or damaged, or they are not of one result."""
     path = Path(folder) / SIDECAR_FILE
     sidecar = load_plain(path, right="A result folder holds one")
     if not isinstance(sidecar, dict):
@@ -149,21 +142,21 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool, stale: Iterable
     new = {path.relative_to(source).as_posix(): sha256(path) for path in sorted(source.rglob("*"))
            if path.is_file() and path != source / RECORD_FILE}
     if not target.exists():
-        _write_record(source, {kind: new})
+        write_json(source / RECORD_FILE, {kind: new})
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(source, target)
         return
     _check_places(target, [RECORD_FILE, *new])
     record = _recorded(target)
     old = _earlier(target, kind, stale)
-    _write_record(target, record | {kind: old | new})
+    write_json(target / RECORD_FILE, record | {kind: old | new})
     if not add:
         remove_result(target, kind, new)
     for folder in sorted(path for path in source.rglob("*") if path.is_dir()):
         (target / folder.relative_to(source)).mkdir(exist_ok=True)
     for name in new:
         os.replace(source / name, target / name)
-    _write_record(target, record | {kind: old | new if add else new})
+    write_json(target / RECORD_FILE, record | {kind: old | new if add else new})
 
 
 def _check_places(out: Path, names: Iterable[str]) -> None:
@@ -207,10 +200,6 @@ def _undisturbed() -> Iterator[None]:
             signal.signal(each, handler)
         for number in came[:1]:
             signal.raise_signal(number)
-
-
-def _write_record(folder: Path, record: Mapping[str, Mapping[str, str | None]]) -> None:
-    write_json(folder / RECORD_FILE, record)
 
 
 def _recorded(folder: Path) -> dict[str, dict[str, str | None]]:

@@ -30,12 +30,7 @@ STEPS_PER_MM = 40.0
 
 
 class Bench:
-    """One bench, built once and pressed often: forefoot, or heel.
-
-    Args:
-        parameters: the foot.
-        heel: press the heel instead of the forefoot.
-    """
+    """One bench, built once and pressed often: forefoot, or with `heel` the heel."""
 
     def __init__(self, parameters: FootParameters, *, heel: bool = False) -> None:
         self.bench: BenchDiagram = make_bench(parameters, heel=heel)
@@ -49,9 +44,7 @@ class Bench:
     def press(self, *, fulcrum_m: float, max_load_n: float, speed_m_per_s: float) -> BenchSetting:
         """Raises the platen at constant speed until the load is reached.
 
-        Raises:
-            InputError: a value is out of range.
-            SimulationError: the foot gives way before the load is reached, or the run diverges.
+        InputError if a value is out of range; SimulationError if the foot gives way before, or the run diverges.
         """
         check_fulcrum(fulcrum_m, self.parameters)
         if not 200.0 < max_load_n <= 5000.0:
@@ -70,11 +63,7 @@ class Bench:
     ) -> BenchSetting:
         """Moves the platen along the path `platen_m` (m, from first touch, up) at `time_s` (s), both (n + 1,).
 
-        Args:
-            stop_at_n: ends at the first load (N) beyond this; then not reaching it is a failure.
-
-        Raises:
-            SimulationError: see `press`.
+        It ends at the first load (N) beyond `stop_at_n`; then not reaching it is a failure. Raises what `press` does.
         """
         stepper = Stepper(bench_mechanism(self.bench, self.context))
         tree = stepper.mechanism.tree

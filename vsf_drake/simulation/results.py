@@ -88,11 +88,7 @@ class WalkResult:
         _check_shapes(self, {**sizes, "N": np.shape(self.sphere_normal_n)[-1]})
 
     def column(self, name: str) -> np.ndarray:
-        """(n,) history of one coordinate.
-
-        Raises:
-            KeyError: the model has no such coordinate.
-        """
+        """(n,) history of one coordinate; KeyError if the model has no such."""
         if name not in self.coordinate_names:
             raise KeyError(f"there is no coordinate {name}; there are {', '.join(self.coordinate_names)}")
         return self.q[:, self.coordinate_names.index(name)]
@@ -153,11 +149,7 @@ def coordinate_unit(name: str) -> str:
 
 
 def save_walk(result: WalkResult, folder: str | Path) -> None:
-    """Writes `result` as a folder: all of it or nothing.
-
-    Raises:
-        InputError: see `result_folder`.
-    """
+    """Writes `result` as a folder: all of it or nothing; raises what `result_folder` does."""
     units = {name: coordinate_unit(name) for name in (*result.coordinate_names, *result.prescribed_names)}
     sidecar = {"kind": "walk", "format": FORMAT, **_scalars(result), "coordinate_units": units,
                "arrays": _describe(result, "")}
@@ -166,22 +158,13 @@ def save_walk(result: WalkResult, folder: str | Path) -> None:
 
 
 def load_walk(folder: str | Path) -> WalkResult:
-    """Reads what `save_walk` wrote; a walk with unconverged steps comes back with `converged` false.
-
-    Raises:
-        InputError: something is missing, damaged, or not a walk.
-    """
-    arrays, sidecar = read_archive(folder)
-    _check_kind(sidecar, "walk", folder)
+    """Reads what `save_walk` wrote, `converged` false included; InputError if it is missing, damaged, or not a walk."""
+    arrays, sidecar = _read(folder, "walk")
     return _build(WalkResult, {**sidecar, **arrays}, folder)
 
 
 def save_bench(result: BenchResult, folder: str | Path) -> None:
-    """Writes `result` as a folder: all of it or nothing.
-
-    Raises:
-        InputError: see `result_folder`.
-    """
+    """As `save_walk`."""
     arrays: dict[str, np.ndarray] = {}
     described: dict[str, Any] = {}
     passes: list[dict[str, Any]] = []
@@ -196,13 +179,8 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
 
 
 def load_bench(folder: str | Path) -> BenchResult:
-    """Reads what `save_bench` wrote.
-
-    Raises:
-        InputError: something is missing, damaged, or not a bench.
-    """
-    arrays, sidecar = read_archive(folder)
-    _check_kind(sidecar, "bench", folder)
+    """Reads what `save_bench` wrote; InputError if it is missing, damaged, or not a bench."""
+    arrays, sidecar = _read(folder, "bench")
     settings = []
     for i, scalars in enumerate(sidecar.get("settings") or ()):
         prefix = f"setting_{i}_"
@@ -238,12 +216,14 @@ def _describe(result: Any, prefix: str) -> dict[str, Any]:
     return described
 
 
-def _check_kind(sidecar: dict[str, Any], kind: str, folder: str | Path) -> None:
+def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    arrays, sidecar = read_archive(folder)
     found, version = sidecar.get("kind"), sidecar.get("format")
     if found != kind:
         raise InputError(f"holds the result of a {found}, not of a {kind}", file=folder)
     if version != FORMAT:
         raise InputError(f"has format {version}, and this version reads format {FORMAT}", file=folder)
+    return arrays, sidecar
 
 
 def _build(cls: type, values: dict[str, Any], folder: str | Path) -> Any:

@@ -261,11 +261,7 @@ class Posture:
         return {**q, "pelvis_ty": -min(self._sole_heights(q))}
 
     def level_list(self, tilt: float) -> float:
-        """The list (rad) at which both unloaded soles touch the floor: 0 for legs of equal length.
-
-        Raises:
-            InputError: no list does.
-        """
+        """The list (rad) at which both unloaded soles touch the floor, 0 for equal legs; InputError if none does."""
         def difference(list_: float) -> float:
             prosthetic, intact = self._sole_heights(self.coordinates(tilt, list_))
             return prosthetic - intact

@@ -58,42 +58,29 @@ _RATE = np.array([48.0, -36.0, 16.0, -3.0]) / 12.0
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """One number that a study may change.
-
-    Attributes:
-        default: its value in the model; 0 for those that are added.
-        added: it adds to what is there; else it replaces that.
-        low, high: bounds for searches (choices; they are wider than what feet and people differ by).
-        minimum, maximum: outside of these the model has no meaning. Those of offsets are a manifest's and those of
-            the laws near the model file's; for a coordinate and the fulcrum's shift a choice, to refuse another unit.
-        edit: how it enters.
-    """
+    """One number that a study may change."""
 
     name: str
     unit: str
-    default: float
-    low: float
+    default: float  # its value in the model; 0 for those that are added
+    low: float  # bounds for searches (choices; they are wider than what feet and people differ by)
     high: float
     minimum: float
-    edit: Edit
+    """Outside of this and `maximum` the model has no meaning. Those of offsets are a manifest's and those of the laws
+    near the model file's; for a coordinate and the fulcrum's shift a choice, to refuse another unit."""
+    edit: Edit  # how it enters
     maximum: float = math.inf
-    added: bool = False
+    added: bool = False  # to what is there; else it replaces that
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A way in which a prescribed coordinate is changed in the course of a walk.
+    """A way in which a prescribed coordinate is changed in the course of a walk."""
 
-    Attributes:
-        name: its variable is "course.NAME", in m or rad, 0 unless a walk's `values` say otherwise.
-        coordinate: name of the prescribed coordinate; several courses may change the same.
-        shape: times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice differentiable), without
-            dimension.
-    """
-
-    name: str
-    coordinate: str
+    name: str  # its variable is "course.NAME", in m or rad, 0 unless a walk's `values` say otherwise
+    coordinate: str  # the prescribed one; several courses may change the same
     shape: Callable[[np.ndarray], np.ndarray]
+    """Times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice differentiable), dimensionless."""
 
 
 def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
@@ -158,9 +145,8 @@ def course_variables(
 ) -> dict[str, Variable]:
     """The variables of a walk with these courses at the moments (n + 1,), by name.
 
-    Raises:
-        InputError: one is no course or has the name of another, its coordinate is not prescribed, or its shape does not
-            give a finite number for each time.
+    InputError if one is no course or has the name of another, its coordinate is not prescribed, or its shape does not
+    give a finite number for each time.
     """
     if isinstance(courses, (Course, str, Mapping)) or not isinstance(courses, Sequence):
         raise InputError(f"is a {type(courses).__name__}, no list of courses", where="courses",
@@ -205,11 +191,7 @@ def _nearest(name: Any, names: Iterable[str], all_are: str) -> str:
 
 
 def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, where: str) -> tuple[str, ...]:
-    """The names, each once.
-
-    Raises:
-        InputError: one is not in `variables`, or comes twice; or it is one name in place of several.
-    """
+    """The names; InputError if one is not in `variables` or comes twice, or for one name in place of several."""
     if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
         raise InputError(f"{names!r} is no list of names", where=where, right="Give a list, also for one name")
     found: list[str] = []
@@ -224,11 +206,7 @@ def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, wher
 
 
 def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Variable]) -> dict[str, float]:
-    """The values as floats by name; none for None.
-
-    Raises:
-        InputError: they are no mapping, a name is unknown, or a value is one with which the model has no meaning.
-    """
+    """The values as floats by name, none for None; InputError for those with which the model has no meaning."""
     if not isinstance(values, Mapping | None):
         raise InputError(f"{values!r} is no mapping of names to numbers", where="values")
     values = dict(values or {})

@@ -327,30 +327,20 @@ class AppliedTorques:
     Over a step that starts at t it holds tau = feedforward(t) - gain(t) @ (state - reference(t)), with the state at t.
     A state is the f positions (rad, m) and then the f velocities (rad/s, m/s) of the free anatomical coordinates, in
     the order of `Walker.free`; socket and keel have no part in it.
-
-    Attributes:
-        names: the coordinates that are driven.
-        feedforward: (n, c) N m (N for translations), in the direction of the coordinate.
-        gain: (n, c, 2 f); None for no feedback.
-        reference: (n, 2 f); needed with a gain.
     """
 
-    names: tuple[str, ...]
-    feedforward: Sampled
-    gain: Sampled | None = None
-    reference: Sampled | None = None
+    names: tuple[str, ...]  # of the coordinates that are driven
+    feedforward: Sampled  # (n, c) N m (N for translations), in the direction of the coordinate
+    gain: Sampled | None = None  # (n, c, 2 f); None for no feedback
+    reference: Sampled | None = None  # (n, 2 f); needed with a gain
 
 
 def torques_on_grid(
     applied: AppliedTorques | None, *, free: Sequence[str], coordinate_names: Sequence[str], moments: np.ndarray
 ) -> Torques | None:
-    """The torques of a run on the grid `moments` (n + 1,), for the stepper.
+    """The torques of a run on the grid `moments` (n + 1,), for the stepper; `coordinate_names` are all of the plant.
 
-    Args:
-        free: the person's free coordinates. coordinate_names: all of the plant.
-
-    Raises:
-        InputError: a name is not free or comes twice, an array has another shape, or a number is not finite.
+    InputError if a name is not free or comes twice, an array has another shape, or a number is not finite.
     """
     steps = len(moments) - 1
     if applied is None:
@@ -440,11 +430,7 @@ MOST_STEPS = 10_000_000
 
 
 def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, float]:
-    """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float.
-
-    Raises:
-        InputError: a number is not finite or makes no sense.
-    """
+    """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float; InputError if there are none."""
     start_s, end_s, step_s = (check_number(value, where) for value, where in
                               ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s")))
     if not 0.0 < step_s <= MAX_STEP_S:

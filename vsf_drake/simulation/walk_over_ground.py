@@ -224,12 +224,9 @@ def advance(
     diagram: Diagram, context: Context, moments: np.ndarray, record: Callable[[], Any], config: SimulatorConfig,
     progress: Callable[[float], None] | None
 ) -> AdaptiveRun:
-    """Advances to each of `moments` (n,) s and keeps what `record` returns there.
+    """Advances to each of `moments` (n,) s and keeps what `record` returns there; SimulationError if it gives up.
 
     `config` must start at the first of them: applying it resets the Context's time.
-
-    Raises:
-        SimulationError: the integrator gives up.
     """
     simulator = Simulator(diagram, context)
     ApplySimulatorConfig(config, simulator)

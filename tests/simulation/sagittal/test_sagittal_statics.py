@@ -10,7 +10,7 @@ from scipy.optimize import root
 from vsf_drake.analysis.tuning.level2.stride import quasi_static_motion
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.simulation.bench_stiffness import KeelStatics
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing, Spheres, normal_and_friction, touch
+from vsf_drake.simulation.sagittal.contact_spheres import Smoothing, Spheres, normal, touch
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
@@ -140,7 +140,7 @@ def test_what_the_ground_does_in_pressing_slowly_is_stored(walker, hip):
     w, u = quasi_static_motion(model, q, still, still, OWN, sp.csr_matrix((count, count)), smoothing)
     p = np.repeat(OWN[:, None], count, 1)
     at = touch(model.spheres, model.motion(q, still, still, w, u, p), model.ground)
-    fz, _ = normal_and_friction(model.spheres, at, p[1], smoothing)
+    fz = normal(model.spheres, at.depth, -at.vz, p[1], smoothing)
     lift = at.z - q[2]
     work = 0.5 * ((fz[:, 1:] + fz[:, :-1]) * np.diff(lift, axis=1)).sum(axis=0)
     y = model.evaluate(q, still, still, w, u, p, smoothing)

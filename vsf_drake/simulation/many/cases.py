@@ -36,25 +36,22 @@ DEFAULT_KEEP = ("time_s", "grf_W", "cop_W")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkCase:
-    """One walk of a sweep.
-
-    Attributes:
-        trial: whose motion, person and devices; `dataclasses.replace(trial, start_s=..., end_s=...)` for a part of it.
-        values: of the walker's variables, by name (see `vsf_drake.simulation.variables`). A copy is taken.
-        fulcrum_m: from A (m), a number or a function of time (s, array to array), which is taken at the ends of the
-            steps; None for where it stood in the trial.
-        offsets: how the prosthesis sits; None for the trial's own.
-        free: anatomical coordinates that are not prescribed.
-        label: yours; it names the member in messages and does not enter its numbers.
-    """
+    """One walk of a sweep."""
 
     trial: Trial
+    """Whose motion, person and devices; `dataclasses.replace(trial, start_s=..., end_s=...)` for a part of it."""
     values: Mapping[str, float] = field(default_factory=dict)
+    """Of the walker's variables, by name (see `vsf_drake.simulation.variables`). A copy is taken."""
     fulcrum_m: float | Callable[[np.ndarray], np.ndarray] | None = None
+    """From A (m), a number or a function of time (s, array to array), which is taken at the ends of the steps; None for
+    where it stood in the trial."""
     offsets: GeometricOffsets | None = None
+    """How the prosthesis sits; None for the trial's own."""
     step_s: float = DEFAULT_STEP_S
     free: Sequence[str] = ()
+    """Anatomical coordinates that are not prescribed."""
     label: str = ""
+    """Yours; it names the member in messages and does not enter its numbers."""
 
     def __post_init__(self) -> None:
         if isinstance(self.values, Mapping):  # what is none is refused when it is walked, as one member of many
@@ -79,23 +76,15 @@ class WalkCase:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a worker needs for one walk. Person and motion go by their keys: it asks for those that it does not know.
+    """What a worker needs for one walk. Person and motion go by their keys: it asks for those that it does not know."""
 
-    Attributes:
-        key: of everything that the numbers depend on.
-        person, motion: keys of (subject, model, free) and of the trajectory.
-        options: of `Walker.walk`, picklable.
-        software: what must run it.
-        parts: by key, what the worker has asked for.
-    """
-
-    key: str
-    person: str
-    motion: str
-    options: dict[str, Any]
+    key: str  # of everything that the numbers depend on
+    person: str  # key of (subject, model, free)
+    motion: str  # key of the trajectory
+    options: dict[str, Any]  # of `Walker.walk`, picklable
     keep: tuple[str, ...]
-    software: dict[str, str]
-    parts: dict[str, Any] = field(default_factory=dict)
+    software: dict[str, str]  # what must run it
+    parts: dict[str, Any] = field(default_factory=dict)  # by key, what the worker has asked for
 
 
 class SampledFulcrum:
@@ -109,23 +98,15 @@ class SampledFulcrum:
 
 
 class Planner:
-    """Turns cases into tasks; hashes each person and each recording once, however many cases share it.
-
-    Attributes:
-        parts: (subject, model, free) and trajectories by key.
-    """
+    """Turns cases into tasks; hashes each person and each recording once, however many cases share it."""
 
     def __init__(self, keep: tuple[str, ...]) -> None:
         self.keep = keep
-        self.parts: dict[str, Any] = {}
+        self.parts: dict[str, Any] = {}  # (subject, model, free) and trajectories by key
         self._keys: dict[tuple, tuple[str, Any]] = {}
 
     def task(self, case: WalkCase) -> Task:
-        """The task of `case`.
-
-        Raises:
-            InputError: it holds what cannot be a number, a name or a time.
-        """
+        """The task of `case`; InputError if it holds what cannot be a number, a name or a time."""
         trial, free = case.trial, _names(case.free)
         if not isinstance(case.values, Mapping):
             raise InputError(f"{shown(case.values)} is no mapping", where="values",
@@ -166,11 +147,7 @@ class Planner:
 
 
 def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
-    """`keep` as names of arrays, each once.
-
-    Raises:
-        InputError: a name is none of `ARRAYS`, or there is none at all.
-    """
+    """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is none."""
     kept = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
     unknown = [name for name in kept if name not in ARRAYS]
     if unknown or not kept:
@@ -214,9 +191,7 @@ SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "m
 def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
     """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays.
 
-    Raises:
-        ValueError: a number in `plain` is not finite.
-        TypeError: something in `plain` is not a plain value.
+    ValueError for a number that is not finite, TypeError for what is no plain value.
     """
     found = hashlib.sha256(json.dumps(plain, sort_keys=True, allow_nan=False).encode())
     for name, array in sorted((arrays or {}).items()):

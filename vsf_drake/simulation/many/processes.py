@@ -61,13 +61,8 @@ class ProcessWorkers(Executor):
 
     They take more than a second to start: with many sweeps in a row, use one for all of them.
 
-    Args:
-        workers: how many, at least 1.
-        here: whether a thread of this process is one of them, which works while the others start. After the first
-            death of a worker it is one more process instead, because a task may be the cause.
-
-    Raises:
-        InputError: `workers` is no such number.
+    With `here` a thread of this process is one of them, which works while the others start. After the first death of a
+    worker it is one more process instead, because a task may be the cause.
     """
 
     def __init__(self, workers: int, *, here: bool = False) -> None:
@@ -285,19 +280,14 @@ LINE_EVERY_S = 30.0
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """A sweep at one moment.
-
-    Attributes:
-        total, done, failed, from_cache, simulated: members; the last three are among those done.
-        elapsed_s: since the first simulation was asked for.
-    """
+    """A sweep at one moment."""
 
     total: int
     done: int
-    failed: int
+    failed: int  # of those done, as are the next two
     from_cache: int
     simulated: int
-    elapsed_s: float
+    elapsed_s: float  # since the first simulation was asked for
 
     @property
     def rate_per_s(self) -> float | None:

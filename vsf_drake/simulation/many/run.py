@@ -86,27 +86,18 @@ def simulate_many(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkOutcome:
-    """One finished member: its arrays, or why there are none.
-
-    Attributes:
-        case: what was asked for.
-        failure: what went wrong, with the member's parameters; None if nothing did.
-        unconverged_steps: how many steps were accepted without convergence; None if it failed.
-        refined_steps: how many were cut into smaller ones to converge, which is no fault; None if it failed.
-        wall_s: time that the walk took where it ran, also if it comes from the cache; None if it failed.
-        from_cache: whether it was read rather than simulated.
-        columns: names of the columns of those kept arrays whose columns are coordinates or energies.
-        notes: on the run (an implausible load, a loaded start) and on its cache entry.
-    """
+    """One finished member: its arrays, or why there are none. Numbers of a failed one are None."""
 
     case: WalkCase
     failure: str | None = None
-    unconverged_steps: int | None = None
-    refined_steps: int | None = None
-    wall_s: float | None = None
+    """What went wrong, with the member's parameters; None if nothing did."""
+    unconverged_steps: int | None = None  # that were accepted without convergence
+    refined_steps: int | None = None  # that were cut into smaller ones to converge, which is no fault
+    wall_s: float | None = None  # where the walk ran, also if it comes from the cache
     from_cache: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    """Names of the columns of those kept arrays whose columns are coordinates or energies."""
+    notes: tuple[str, ...] = ()  # on the run (an implausible load, a loaded start) and on its cache entry
     _arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -116,23 +107,14 @@ class WalkOutcome:
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
-        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as is the mapping:
-        equal members share it.
-
-        Raises:
-            VsfError: this member failed.
-        """
+        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as equal members share it.
+        VsfError if this member failed."""
         if self.failure is not None:
             raise VsfError(f"a failed walk has no arrays: {self.failure}")
         return MappingProxyType(self._arrays)
 
     def column(self, name: str) -> np.ndarray:
-        """(n,) history of one coordinate, if `q` was kept.
-
-        Raises:
-            VsfError: this member failed.
-            KeyError: `q` was not kept or has no such column.
-        """
+        """(n,) history of one coordinate; KeyError if `q` was not kept or has no such column."""
         q, names = self.arrays["q"], self.columns["q"]
         if name not in names:
             raise KeyError(f"there is no coordinate {name}; there are {', '.join(names)}")
@@ -231,14 +213,10 @@ class Kind(enum.Enum):
     """How a task ended."""
 
     DONE = "done"
-    FAILED = "failed"
-    """The simulation failed, and would again: as good a result as any."""
-    REFUSED = "refused"
-    """The case cannot be simulated, or a fault of the program kept it from being."""
-    MACHINE = "machine"
-    """Memory, disk or the worker failed: says nothing of the case."""
-    MISSING = "missing"
-    """The worker does not know the person or the recording."""
+    FAILED = "failed"  # the simulation failed, and would again: as good a result as any
+    REFUSED = "refused"  # the case cannot be simulated, or a fault of the program kept it from being
+    MACHINE = "machine"  # memory, disk or the worker failed: says nothing of the case
+    MISSING = "missing"  # the worker does not know the person or the recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,15 +321,8 @@ LOOK_EVERY_S = 0.2
 def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int) -> Iterator[tuple[Task, Reply]]:
     """Yields each task with its reply, in the order in which they finish.
 
-    Workers get persons and recordings only when they ask for them: once each, not once a task. Close it (it is a
-    generator) to call off what has not been started.
-
-    Args:
-        parts: persons and recordings by key.
-        most: how many tasks to keep submitted.
-
-    Raises:
-        WorkerStartError: no worker can be started.
+    Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task. `most`
+    tasks are kept submitted. Close it (it is a generator) to call off what has not been started.
     """
     queue = deque(tasks)
     tried: dict[str, int] = {}
@@ -369,7 +340,10 @@ def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, mos
             if closed:
                 while queue:
                     yield queue.popleft(), Reply(Kind.MACHINE, closed)
-            for future in _finished(running):
+            done = [future for future in running if future.done()]
+            if not done:  # `wait` alone misses what a shutdown has cancelled, for ever
+                wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
+            for future in done:
                 task = running.pop(future)
                 reply = _reply(future)
                 if reply.kind is Kind.MISSING:
@@ -384,15 +358,6 @@ def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, mos
     finally:
         for future in running:
             future.cancel()
-
-
-def _finished(running: Mapping[Future[Reply], Task]) -> list[Future[Reply]]:
-    """Those that are done, at least one if any runs. `wait` alone misses what a shutdown has cancelled, for ever."""
-    while True:
-        done = [future for future in running if future.done()]
-        if done or not running:
-            return done
-        wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
 
 
 def _reply(future: Future[Reply]) -> Reply:
@@ -419,14 +384,7 @@ LASTING = (Kind.DONE, Kind.FAILED)
 
 
 class WalkCache:
-    """A folder of finished walks.
-
-    Args:
-        folder: created if needed.
-
-    Raises:
-        InputError: it cannot be.
-    """
+    """A folder of finished walks, created if needed."""
 
     def __init__(self, folder: str | Path) -> None:
         if not isinstance(folder, (str, Path)):
@@ -451,11 +409,7 @@ class WalkCache:
             return None, f"Its cache entry was damaged ({error}); it was computed anew."
 
     def write(self, task: Task, reply: Reply) -> None:
-        """Keeps `reply`, if it is worth keeping.
-
-        Raises:
-            InputError: the disk is full or the folder cannot be written.
-        """
+        """Keeps `reply`, if it is worth keeping; InputError if the disk is full."""
         if reply.kind not in LASTING:
             return
         path = self._path(task.key)

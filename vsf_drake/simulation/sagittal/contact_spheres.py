@@ -69,24 +69,17 @@ def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:
                  vz=vz - omega * x)
 
 
-def normal_and_friction(
-    spheres: Spheres, at: Touch, heel: np.ndarray, smoothing: Smoothing
-) -> tuple[np.ndarray, np.ndarray]:
-    """fz (s, ...) N and the coefficient of the friction -coefficient fz; `heel` scales the heel's stiffness."""
-    return normal(spheres, at.depth, -at.vz, heel, smoothing), friction(spheres, at.slip, smoothing)
-
-
 def normal(
     spheres: Spheres, depth: np.ndarray, rate: np.ndarray, heel: np.ndarray, smoothing: Smoothing
 ) -> np.ndarray:
-    """(s, ...) N at depths (m) and their rates (m/s)."""
+    """(s, ...) N at depths (m) and their rates (m/s); `heel` scales the heel's stiffness."""
     law = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
     law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
     return tall(spheres.count, depth) * normal_force(depth, rate, **law, smoothing=smoothing)
 
 
 def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.ndarray:
-    """(s, ...) coefficients."""
+    """(s, ...) coefficients of the friction -coefficient fz."""
     return friction_coefficient(slip, **{name: tall(spheres.columns[name], slip) for name in _FRICTION},
                                 smoothing=smoothing)
 
@@ -127,26 +120,24 @@ IMAGINARY_STEP = 1e-20
 class Smoothing:
     """How far the smooth laws are from the stepper's.
 
-    Attributes:
-        depth_m: half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it.
-        rate_m_per_s: the same of the corner where damping begins.
-        friction_velocity_m_per_s: slip at which friction reaches its static coefficient; never below the model's own.
-        damping: share of the contact's damping.
-
     The normal force is too large, by at most n k d^(n - 1) 3/16 depth_m with d 3/16 depth_m over the depth, and by its
     damping's 3/16 rate_m_per_s at full depth: a foot at rest is held by that as well.
     """
 
     depth_m: float = 1e-3
+    """Half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it."""
     rate_m_per_s: float = 0.02
+    """The same of the corner where damping begins."""
     friction_velocity_m_per_s: float = 0.1
+    """Slip at which friction reaches its static coefficient; never below the model's own."""
     damping: float = 1.0
+    """Share of the contact's damping."""
 
     def __post_init__(self) -> None:
-        for name, low in (("depth_m", 1e-6), ("rate_m_per_s", 1e-6), ("friction_velocity_m_per_s", 1e-6)):
+        for name in ("depth_m", "rate_m_per_s", "friction_velocity_m_per_s"):
             value = getattr(self, name)
-            if not low <= value <= 10.0:
-                raise InputError(f"{value!r} is not usable", where=f"smoothing.{name}", right=f"At least {low:g}")
+            if not 1e-6 <= value <= 10.0:
+                raise InputError(f"{value!r} is not usable", where=f"smoothing.{name}", right="At least 1e-06")
         if not 0.0 <= self.damping <= 1.0:
             raise InputError(f"{self.damping!r} is not usable", where="smoothing.damping", right="From 0 to 1")
 

@@ -241,18 +241,14 @@ def _on(m: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class GroundChange:
-    """Of the spheres that each of L links carries; wrenches about W's origin at N instants.
+    """Of the spheres that each of L links carries; wrenches about W's origin at N instants."""
 
-    Attributes:
-        wrench: (3, L, N), what the ground does.
-        by_place: (3, 3, L, N) its derivatives by a displacement of the link that turns the velocities along, as a
-            twist (turn, shifts). by_twist: (3, 3, L, N) by the link's twist. by_heel: (3, L, N) by the heel's scale.
-    """
-
-    wrench: np.ndarray
+    wrench: np.ndarray  # (3, L, N), what the ground does
     by_place: np.ndarray
-    by_twist: np.ndarray
-    by_heel: np.ndarray
+    """(3, 3, L, N) its derivatives by a displacement of the link that turns the velocities along, as a twist (turn,
+    shifts)."""
+    by_twist: np.ndarray  # (3, 3, L, N) by the link's twist
+    by_heel: np.ndarray  # (3, L, N) by the heel's scale
 
     def __add__(self, other: GroundChange) -> GroundChange:
         return GroundChange(self.wrench + other.wrench, self.by_place + other.by_place,

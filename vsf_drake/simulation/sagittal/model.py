@@ -21,8 +21,9 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.contact_spheres import (
     Smoothing,
+    friction,
     merged_spheres,
-    normal_and_friction,
+    normal,
     positive_part_integral,
     sole,
     touch,
@@ -117,7 +118,8 @@ class SagittalModel:
         n, k = len(q), len(w)
         motion = self.motion(q, v, a, w, u, p)
         at = touch(self.spheres, motion, self.ground)
-        wrench = wrenches(at, *normal_and_friction(self.spheres, at, p[1], smoothing))
+        wrench = wrenches(at, normal(self.spheres, at.depth, -at.vz, p[1], smoothing),
+                          friction(self.spheres, at.slip, smoothing))
         taken = self.dynamics.inertial(motion)
         np.subtract.at(taken, (slice(None), self.spheres.link), wrench)
         load = self.dynamics.joint_forces(motion, self.dynamics.of_carried(taken))

@@ -92,20 +92,14 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What drives a run, on the grid `time_s` (n + 1,), first entry = start.
-
-    Attributes:
-        prescribed: coordinate indices; prescribed_q (n + 1, len(prescribed)) their values.
-        fulcrum (n + 1,): position from A (m). ground (n + 1,): height of the ground in W (m).
-        torques: on coordinates that are not prescribed, of the n steps; None for none.
-    """
+    """What drives a run, on the grid `time_s` (n + 1,), first entry = start."""
 
     time_s: np.ndarray
-    prescribed: np.ndarray
-    prescribed_q: np.ndarray
-    fulcrum: np.ndarray
-    ground: np.ndarray
-    torques: Torques | None = None
+    prescribed: np.ndarray  # coordinate indices
+    prescribed_q: np.ndarray  # (n + 1, len(prescribed)) their values
+    fulcrum: np.ndarray  # (n + 1,) position from A (m)
+    ground: np.ndarray  # (n + 1,) height of the ground in W (m)
+    torques: Torques | None = None  # on coordinates that are not prescribed, of the n steps
 
 
 class Stepper:
