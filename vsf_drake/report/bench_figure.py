@@ -26,9 +26,8 @@ from vsf_drake.report.style import (
     SIMULATED,
     condition_colour,
     condition_label,
+    drawing,
     label,
-    new_figure,
-    style,
 )
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
@@ -40,15 +39,13 @@ def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
         bench: the passes.
         table: `bench_table(bench)`.
     """
-    with style():
-        figure = new_figure(10.0, 4.6)
+    with drawing(10.0, 4.6) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
         _curves(left, bench)
         _stiffness(right, bench, table)
         state = "" if bench.converged else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
         title = f"Testing machine, {table['speed_mm_per_min']:g} mm/min, up to {bench.max_load_n:g} N{state}"
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 

@@ -23,6 +23,7 @@ from vsf_drake.report.style import (
     NEUTRAL,
     SIMULATED,
     condition_colour,
+    drawing,
     label,
     log_scale,
     new_figure,
@@ -95,13 +96,11 @@ def fit_bench_figure(table: Mapping[str, Any]) -> Figure:
             name="mid-range displacement", unit="mm", measured=found["measured_mm"], model=found["model_mm"],
             heel_measured=found["heel_measured_mm"], heel_model=found["heel_model_mm"],
             uncertainty=found["uncertainty_mm"], rmse=found["rmse_mm"]))
-    with style():
-        figure = new_figure(7.6, 4.0 * len(rows))
+    with drawing(7.6, 4.0 * len(rows)) as figure:
         pairs = figure.subplots(len(rows), 2, width_ratios=(3.0, 1.0), squeeze=False)
         for (left, right), row in zip(pairs, rows, strict=True):
             _forefoot(left, bench, row)
             _heel(right, row)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -158,8 +157,7 @@ _BAND = "0.9"
 def fit_error_figure(table: Mapping[str, Any]) -> Figure:
     """One panel an error, one row a trial; `table` is that of a fit that was judged."""
     trials = [trial for trial in table["trials"] if trial["metrics"] is not None]
-    with style():
-        figure = new_figure(11.0, max(2.6, 1.7 + 0.27 * len(trials)))
+    with drawing(11.0, max(2.6, 1.7 + 0.27 * len(trials))) as figure:
         panels = figure.subplots(1, 3, sharey=True, width_ratios=(1.5, 1.0, 1.0))
         for axes, (key, x, title) in zip(panels, _PANELS, strict=True):
             _published(axes, table["published"], key)
@@ -176,7 +174,6 @@ def fit_error_figure(table: Mapping[str, Any]) -> Figure:
         figure.legend(handles=_handles(trials), loc="outside lower center", ncols=3)
         if any(trial["synthetic"] for trial in trials):
             figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -240,8 +237,7 @@ def fit_correlation_figure(table: Mapping[str, Any]) -> Figure:
     rows = (rows if len(rows) > 1 else [*range(len(names))])[:MOST_NAMES]
     shown, matrix = [names[i] for i in rows], matrix[np.ix_(rows, rows)]
     size = 2.9 + 0.29 * len(rows)
-    with style():
-        figure = new_figure(size + 0.8, size)
+    with drawing(size + 0.8, size) as figure:
         axes = figure.subplots()
         image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
         axes.set_xticks(range(len(rows)), shown, rotation=90, fontsize=7.5)
@@ -254,7 +250,6 @@ def fit_correlation_figure(table: Mapping[str, Any]) -> Figure:
         bar = figure.colorbar(image, ax=axes, shrink=0.5, pad=0.02)
         bar.set_label("correlation (1); in the cells in percent")
         label(axes, x="parameter (one column each)", y="parameter (one row each)", title="Correlation of errors")
-        figure.draw_without_rendering()
     return figure
 
 
@@ -264,8 +259,7 @@ def fit_singular_figure(table: Mapping[str, Any]) -> Figure:
     numbers = np.arange(1, len(values) + 1)
     known = values >= 1.0
     shown = np.maximum(values, 1e-3)
-    with style():
-        figure = new_figure(7.6, 3.4)
+    with drawing(7.6, 3.4) as figure:
         axes = figure.subplots()
         axes.axhline(1.0, color=NEUTRAL, linewidth=1.2, linestyle="--")
         axes.vlines(numbers, 1.0, shown, color="0.75", linewidth=1.0)
@@ -281,7 +275,6 @@ def fit_singular_figure(table: Mapping[str, Any]) -> Figure:
         axes.legend(loc="upper right")
         label(axes, x="direction (number)", y="data over prior (1)",
               title="Singular values" + (", below 0.001 drawn at 0.001" if values.min() < 1e-3 else ""))
-        figure.draw_without_rendering()
     return figure
 
 
@@ -307,8 +300,7 @@ def fit_parameter_figure(table: Mapping[str, Any]) -> Figure:
         (shown, "Smooth errors of the motion" + (f", the {MOST_ROWS} largest of {len(smooth)}"
                                                  if len(smooth) > MOST_ROWS else ""))) if rows]
     share = table["unidentified_above_share"]
-    with style():
-        figure = new_figure(5.6 * len(columns), max(3.2, 1.5 + 0.19 * max(len(rows) for rows, _ in columns)))
+    with drawing(5.6 * len(columns), max(3.2, 1.5 + 0.19 * max(len(rows) for rows, _ in columns))) as figure:
         for axes, (rows, title) in zip(figure.subplots(1, len(columns), squeeze=False)[0], columns, strict=True):
             _rows(axes, rows, share)
             label(axes, x="from the prior's mean (its standard deviations)", y="parameter (one row each)", title=title)
@@ -320,7 +312,6 @@ def fit_parameter_figure(table: Mapping[str, Any]) -> Figure:
         if any(row["at_bound"] for row in free):
             handles.append(Line2D([], [], color=_BOUND, marker="s", label="at a bound"))
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -355,15 +346,13 @@ _END, _FAILED = "#1f6f8b", "#b3261e"
 
 def fit_search_figure(table: Mapping[str, Any]) -> Figure:
     """The figure of a fit's table, one that failed too; either `searches` or `history` is not empty."""
-    with style():
-        figure = new_figure(7.6, 3.4)
+    with drawing(7.6, 3.4) as figure:
         axes = figure.subplots()
         if table["searches"]:
             _searches(axes, table)
         else:
             _history(axes, table)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        figure.draw_without_rendering()
     return figure
 
 
@@ -485,8 +474,7 @@ def fit_sweep_figure(table: Mapping[str, Any]) -> Figure:
     settings = sorted({trial["fulcrum_mm"] for trial in swept})
     across = min(_ACROSS, len(settings))
     down = -(-len(settings) // across)
-    with style():
-        figure = new_figure(11.0 if across > 1 else 6.5, 0.5 + 3.3 * down)
+    with drawing(11.0 if across > 1 else 6.5, 0.5 + 3.3 * down) as figure:
         panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, setting in zip(panels, settings, strict=False):
             colour = condition_colour(1e-3 * setting)
@@ -514,7 +502,6 @@ def fit_sweep_figure(table: Mapping[str, Any]) -> Figure:
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         if any(trial["synthetic"] for trial in swept):
             figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 

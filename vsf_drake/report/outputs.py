@@ -19,7 +19,7 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.bench_figure import bench_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, label, new_figure, save_figure, style
+from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, drawing, label, save_figure
 from vsf_drake.report.walk_figure import walk_figure
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import (
@@ -100,8 +100,7 @@ LIMIT_MM = 1e3 * LARGEST_DRIFT_M
 
 def standing_figure(table: Mapping[str, Any]) -> Figure:
     """The figure of `standing_table`."""
-    with style():
-        figure = new_figure(9.0, 4.2)
+    with drawing(9.0, 4.2) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
         _forces(left, table)
         _drift(right, table)
@@ -109,7 +108,6 @@ def standing_figure(table: Mapping[str, Any]) -> Figure:
         state = "" if table["converged"] else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
         figure.suptitle(f"{table['subject']}, {table['prosthetic_side']} prosthesis, fulcrum "
                         f"{table['fulcrum_mm']:g} mm: {verdict}{state}", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 

@@ -7,6 +7,8 @@ interface; nothing global changes and no display is needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +49,15 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+@contextmanager
+def drawing(width: float, height: float) -> Iterator[Figure]:
+    """An empty figure (inches) to be filled in this look; its layout is settled at the end."""
+    with style():
+        figure = new_figure(width, height)
+        yield figure
+        figure.draw_without_rendering()
 
 
 def condition_colour(fulcrum_m: float | None) -> Any:

@@ -16,7 +16,7 @@ from vsf_drake.json_file import read_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, drawing, label, log_scale, save_figure
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import result_folder
 from vsf_drake.simulation.many import WalkOutcome
@@ -139,8 +139,7 @@ def _sweep_figure(
     [name] = table["varied"]
     unit = table["columns"][name]["unit"]
     axis = "fulcrum from the keel's posterior end (mm)" if name == "fulcrum_mm" else f"{name} ({unit})"
-    with style():
-        figure = new_figure(9.6, 4.0 + 0.16 * len(table["trials"]))
+    with drawing(9.6, 4.0 + 0.16 * len(table["trials"])) as figure:
         for axes, (key, factor, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
             lines = []
             for number, trial in enumerate(table["trials"]):
@@ -157,7 +156,6 @@ def _sweep_figure(
         failed = f", {table['failed']} FAILED" if table["failed"] else ""
         figure.suptitle(f"{table['walks']} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
                         "peak", x=0.01, ha="left", fontsize=10)
-        figure.draw_without_rendering()
     return figure
 
 

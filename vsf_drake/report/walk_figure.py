@@ -22,9 +22,8 @@ from vsf_drake.report.style import (
     SIMULATED,
     condition_colour,
     condition_label,
+    drawing,
     label,
-    new_figure,
-    style,
 )
 from vsf_drake.simulation.results import WalkResult
 
@@ -54,8 +53,7 @@ def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) ->
     resultants = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
     fulcrum = float(np.median(result.fulcrum_m))
     colour = condition_colour(fulcrum)
-    with style():
-        figure = new_figure(11.0, 8.2)
+    with drawing(11.0, 8.2) as figure:
         panels = figure.subplots(3, 2)
         forces = (
             (panels[0, 0], "Resultant", *resultants, metrics["grf_rmse_bw"]),
@@ -73,7 +71,6 @@ def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) ->
         _zones(panels[2, 1], result, comparison)
         _legend(figure, comparison, colour, result.synthetic)
         figure.suptitle(_title(result, fulcrum), x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, drawing, label
 from vsf_drake.report.tuning.reading import (
     Table,
     curved,
@@ -41,15 +41,13 @@ _DIRECTIONS = ("fore-aft", "vertical")
 @contextmanager
 def _drawn(table: Table, width: float, height: float) -> Iterator[Figure]:
     """A figure in the common look (inches); above it that there is no optimum, that data are synthetic."""
-    with style():
-        figure = new_figure(width, height)
+    with drawing(width, height) as figure:
         yield figure
         said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
                 *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
         if said:
             figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
                             color=_FAILED if not table["optimal"] else "black")
-        figure.draw_without_rendering()
 
 
 def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]:

@@ -18,6 +18,7 @@ from vsf_drake.report.style import (
     SHADE,
     SIMULATED,
     condition_colour,
+    drawing,
     label,
     log_scale,
     new_figure,
@@ -232,8 +233,7 @@ _SLOPE_ABOVE_N = 200.0
 
 def _curves_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
     """The figure: forefoot on the left, heel on the right; `table` and `arrays` of the bench section."""
-    with style():
-        figure = new_figure(10.5, 5.0)
+    with drawing(10.5, 5.0) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.4, 1.0), sharey=True)
         for i, row in enumerate(table["settings"]):
             _setting(left if row["fulcrum_mm"] is not None else right, i, row, table, arrays)
@@ -252,7 +252,6 @@ def _curves_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
             axes.set_ylim(bottom=0.0)
         label(left, x="displacement since touch-down (mm)", y="load (N)", title="Forefoot, by position of the fulcrum")
         label(right, x="displacement since touch-down (mm)", y="load (N)", title="Heel")
-        figure.draw_without_rendering()
     return figure
 
 
@@ -287,13 +286,11 @@ def _setting(
 
 def _energy_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
     """The figure: loops, loss over speed, stored energy by setting; `table` and `arrays` of the bench section."""
-    with style():
-        figure = new_figure(10.5, 4.2)
+    with drawing(10.5, 4.2) as figure:
         first, second, third = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
         _loops(first, table, arrays)
         _losses(second, table)
         _stored(third, table)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -355,8 +352,7 @@ def _stored(axes: Axes, table: Row) -> None:
 def _load_point_figure(table: Row) -> Figure:
     """The figure: one line a fulcrum position; `table` of the bench section, which has load points."""
     points = table["load_points"]
-    with style():
-        figure = new_figure(7.2, 4.2)
+    with drawing(7.2, 4.2) as figure:
         axes = figure.subplots()
         for i, fulcrum in enumerate(sorted({row["fulcrum_mm"] for row in points})):
             rows = [row for row in points if row["fulcrum_mm"] == fulcrum]
@@ -375,7 +371,6 @@ def _load_point_figure(table: Row) -> Figure:
         axes.legend(loc="upper right")
         label(axes, x="load from the keel's posterior end (mm)", y="stiffness above 200 N (N/mm)",
               title="Stiffness by where the foot is loaded, and by position of the fulcrum")
-        figure.draw_without_rendering()
     return figure
 
 
@@ -384,8 +379,7 @@ def _load_point_figure(table: Row) -> Figure:
 
 def _shape_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
     """The figure: slope dF/dx over load on the left, curvature by position on the right."""
-    with style():
-        figure = new_figure(10.5, 4.4)
+    with drawing(10.5, 4.4) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
         load = np.asarray(arrays["load_n"], dtype=float)
         for i, row in enumerate(table["settings"]):
@@ -420,5 +414,4 @@ def _shape_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
         right.legend(loc="upper left", ncols=2)
         label(right, x="fulcrum from the keel's posterior end (mm)", y="largest distance from the chord (% of travel)",
               title="How far the curve is from straight")
-        figure.draw_without_rendering()
     return figure

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.report.page import Chapter, absent_chapter, made_chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, condition_label, label, new_figure, style
+from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, condition_label, drawing, label
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
@@ -44,8 +44,7 @@ _SETTLED_S = 1.0
 def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
     """Left, the force on both feet against the weight until it has settled; right, the mean force on each foot."""
     rows = [(i, row) for i, row in enumerate(table["rows"]) if row["failure"] is None]
-    with style():
-        figure = new_figure(10.5, 3.9)
+    with drawing(10.5, 3.9) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
         weight = rows[0][1]["weight_n"]
         left.axhline(weight, color=NEUTRAL, label=f"weight, {weight:.1f} N", **MEASURED)
@@ -73,7 +72,6 @@ def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
         right.set_ylim(0.0, 1.3 * weight)
         right.legend(loc="upper center", ncols=2)
         label(right, x="fulcrum from the keel's end (mm)", y="mean vertical force (N)", title="How the feet share it")
-        figure.draw_without_rendering()
     return figure
 
 

@@ -17,10 +17,9 @@ from vsf_drake.report.style import (
     SIMULATED,
     condition_colour,
     condition_label,
+    drawing,
     label,
     log_scale,
-    new_figure,
-    style,
 )
 
 _WORDS = {
@@ -88,15 +87,13 @@ _STORED, _LOST = "0.75", "0.35"
 
 def _ledger_figure(table: Mapping[str, Any]) -> Figure:
     """The figure: waterfall at toe-off of the first stance at the softest position, and the remainder of all."""
-    with style():
-        figure = new_figure(10.5, 4.6)
+    with drawing(10.5, 4.6) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
         row = table["trials"][0]
         _waterfall(left, row)
         label(left, x="energy, touch-down to toe-off (J)", y="",
               title=f"Where the limb's work is at toe-off: {row['label']}")
         _remainders(right, table)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -156,8 +153,7 @@ _KINDS = (("stored_j", "stored", True), ("returned_j", "returned", False))
 
 def _position_figure(table: Mapping[str, Any]) -> Figure:
     """The figure: three panels, each over the fulcrum's position."""
-    with style():
-        figure = new_figure(10.5, 4.1)
+    with drawing(10.5, 4.1) as figure:
         first, second, third = figure.subplots(1, 3)
         _recorded(first, table["trials"], table["conditions"])
         _moved(second, table["same_load"], table["trials"])
@@ -178,7 +174,6 @@ def _position_figure(table: Mapping[str, Any]) -> Figure:
             second.legend(loc="upper right", title="means of the trials at")
         second.set_ylim(top=second.get_ylim()[1] * 1.25)
         first.set_ylim(top=first.get_ylim()[1] * 1.35)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -221,8 +216,7 @@ def _power_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure
     """The figure: one line a stance, in the colour of its fulcrum position."""
     percent = np.asarray(arrays["percent"], dtype=float)
     middle = 0.5 * (percent[1:] + percent[:-1])
-    with style():
-        figure = new_figure(10.5, 3.9)
+    with drawing(10.5, 3.9) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (name, title) in zip(panels, _PANELS, strict=True):
             seen = set()
@@ -237,7 +231,6 @@ def _power_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure
         panels[0].legend(loc="upper left")
         panels[0].text(0.99, 0.97, "given back", transform=panels[0].transAxes, ha="right", va="top", fontsize=8)
         panels[0].text(0.99, 0.03, "taken up", transform=panels[0].transAxes, ha="right", va="bottom", fontsize=8)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -253,15 +246,13 @@ def _stance_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figur
     """The figure: strain of keel, support and foam stacked, and losses of the foot so far; a panel a position."""
     shown = _first_of_each(table).items()
     terms, percent = np.asarray(arrays["terms_j"], dtype=float), np.asarray(arrays["percent"], dtype=float)
-    with style():
-        figure = new_figure(10.5, 3.9)
+    with drawing(10.5, 3.9) as figure:
         panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for axes, (fulcrum, i) in zip(panels, shown, strict=True):
             _panel(axes, percent, dict(zip(table["terms"], terms[i], strict=True)), 1e-3 * fulcrum)
             label(axes, x="stance (%)", y="energy (J)" if axes is panels[0] else "",
                   title=f"{condition_label(1e-3 * fulcrum)}: {table['trials'][i]['label']}")
         panels[0].legend(loc="upper left")
-        figure.draw_without_rendering()
     return figure
 
 

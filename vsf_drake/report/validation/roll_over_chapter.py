@@ -17,9 +17,8 @@ from vsf_drake.report.style import (
     SIMULATED,
     condition_colour,
     condition_label,
+    drawing,
     label,
-    new_figure,
-    style,
 )
 
 
@@ -63,8 +62,7 @@ def roll_over_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
 
 def _inclined_figure(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]) -> Figure:
     """Load and displacement of the foot pressed at an angle, and energy by fulcrum position."""
-    with style():
-        figure = new_figure(10.5, 3.9)
+    with drawing(10.5, 3.9) as figure:
         *panels, energy = figure.subplots(1, 3, width_ratios=(1.0, 1.3, 1.0))
         for axes, sign, title, marker, words in ((panels[0], -1.0, "Heel, -15°", "s", "heel, -15°"),
                                                  (panels[1], 1.0, "Forefoot, +20°", "o", "forefoot, +20°")):
@@ -91,7 +89,6 @@ def _inclined_figure(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.
         energy.set_ylim(bottom=0.0)
         energy.margins(x=0.12)
         label(energy, x="fulcrum position (mm)", y="energy stored at 600 N (J)", title="Energy stored")
-        figure.draw_without_rendering()
     return figure
 
 
@@ -100,8 +97,7 @@ _SECOND_PEAK_MS = 447.5
 
 def _iso_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
     """The foot under the ISO 22675 loading profile: what is prescribed, and how the foot answers at each position."""
-    with style():
-        figure = new_figure(10.5, 6.4)
+    with drawing(10.5, 6.4) as figure:
         (force, tilt, deflection), (shape, moment, strain) = figure.subplots(2, 3)
         time = 1e3 * np.asarray(arrays["iso_time_s"])
         rolled = time <= _SECOND_PEAK_MS
@@ -132,7 +128,6 @@ def _iso_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Fig
               title="Centre of pressure seen from the pylon")
         force.legend(loc="lower center")
         deflection.legend(loc="upper left")
-        figure.draw_without_rendering()
     return figure
 
 
@@ -142,8 +137,7 @@ _PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio",
 
 def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
     """Roll-over shapes in walking, plate beside model, and what describes them by fulcrum position."""
-    with style():
-        figure = new_figure(10.5, 6.6)
+    with drawing(10.5, 6.6) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1.25, 1.0))
         shapes = figure.add_subplot(grid[0, :])
         for i, condition in enumerate(table["conditions"]):
@@ -176,5 +170,4 @@ def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
             if i == 0:
                 axes.legend(loc="best")
             label(axes, x="fulcrum position (mm)", y=words)
-        figure.draw_without_rendering()
     return figure

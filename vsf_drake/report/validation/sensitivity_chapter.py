@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import label, new_figure, style
+from vsf_drake.report.style import drawing, label
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,7 @@ def indices_figure(table: Mapping[str, Any]) -> Figure:
     blocks = [(kind, _shown(table[key])) for kind, key in (("group", "sobol"), ("factor", "sobol_factors"))]
     blocks = [(kind, names) for kind, names in blocks if names]
     across = max(len(names) for _, names in blocks)
-    with style():
-        figure = new_figure(11.0 if across > 1 else 6.5, 0.9 + 3.1 * len(blocks))
+    with drawing(11.0 if across > 1 else 6.5, 0.9 + 3.1 * len(blocks)) as figure:
         panels = figure.subplots(len(blocks), across, squeeze=False)
         for line, (kind, names) in zip(panels, blocks, strict=True):
             for axes, name in zip(line, names, strict=False):
@@ -165,7 +164,6 @@ def indices_figure(table: Mapping[str, Any]) -> Figure:
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
         if table["synthetic"]:
             figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -196,8 +194,7 @@ def _look(group: str) -> dict[str, Any]:
 def screening_figure(table: Mapping[str, Any]) -> Figure:
     """mu* of the MOST strongest factors, one panel an output; at least one main output must have rows."""
     names = _shown(table["morris"])
-    with style():
-        figure = new_figure(11.0 if len(names) > 1 else 6.5, 4.8)
+    with drawing(11.0 if len(names) > 1 else 6.5, 4.8) as figure:
         panels = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(panels, names, strict=True):
             _screening_panel(axes, table, name)
@@ -209,7 +206,6 @@ def screening_figure(table: Mapping[str, Any]) -> Figure:
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
         if table["synthetic"]:
             figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, drawing, label
 
 TITLE = "Can two settings be told apart?"
 SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "propulsion_bw", "cop_mid_stance_fl",
@@ -89,8 +89,7 @@ def _effect_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figur
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
     effects = np.array(arrays["effects"], dtype=float)
     recorded = [trial["fulcrum_mm"] for trial in table["trials"]]
-    with style():
-        figure = new_figure(10.6, 6.4)
+    with drawing(10.6, 6.4) as figure:
         for axes, name in zip(figure.subplots(2, 3, sharex=True).ravel(), SHOWN, strict=True):
             row = next(row for row in table["outcomes"] if row["name"] == name)
             column = table["names"].index(name)
@@ -115,7 +114,6 @@ def _effect_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figur
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
         figure.suptitle(("SYNTHETIC trials. " if table["synthetic"] else "")
                         + "The same motion walked at every position of the fulcrum", x=0.01, ha="left", fontsize=10.5)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -145,8 +143,7 @@ def _pairs_figure(table: Mapping[str, Any]) -> Figure:
     pairs = sorted({(row["from_mm"], row["to_mm"]) for row in table["pairs"]},
                    key=lambda pair: (rank(pair[1]) - rank(pair[0]), pair))  # near ones first
     found = {(row["outcome"], row["from_mm"], row["to_mm"]): row for row in table["pairs"]}
-    with style():
-        figure = new_figure(11.0, 1.7 + 0.27 * len(rows))
+    with drawing(11.0, 1.7 + 0.27 * len(rows)) as figure:
         for axes, (design, title) in zip(figure.subplots(1, 3, sharey=True), DESIGNS.items(), strict=True):
             for i, outcome in enumerate(rows):
                 prefix = "" if outcome["sdd_same_recording"] is not None else "noise_"
@@ -171,7 +168,6 @@ def _pairs_figure(table: Mapping[str, Any]) -> Figure:
         handles = [Patch(facecolor=_TOLD, edgecolor="0.7", label="told apart"),
                    Patch(facecolor=_LESS, edgecolor="0.7", label="not told apart")]
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -181,8 +177,7 @@ def _travel_figure(table: Mapping[str, Any]) -> Figure:
     known = any(row["sdd_same_recording"] is not None for row in rows)
     designs = {d: title for d, title in DESIGNS.items() if known or d != "same_recording"}
     beyond = 1.08 * reach
-    with style():
-        figure = new_figure(9.6, 1.5 + 0.27 * len(rows))
+    with drawing(9.6, 1.5 + 0.27 * len(rows)) as figure:
         axes = figure.subplots()
         axes.axvspan(reach, 1.16 * reach, color="0.93", zorder=0)
         handles = []
@@ -205,5 +200,4 @@ def _travel_figure(table: Mapping[str, Any]) -> Figure:
         axes.set_xlim(0.0, 1.16 * reach)
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         label(axes, x="smallest detectable travel of the fulcrum, around the middle of its range (mm)", y="")
-        figure.draw_without_rendering()
     return figure

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from vsf_drake.report.fit_figures import fit_sweep_figure
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, condition_colour, label, new_figure, style
+from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, condition_colour, drawing, label
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
@@ -156,8 +156,7 @@ def _difference_figure(table: Row, arrays: Arrays) -> Figure:
     group = _main_group(table)
     shown = [name for name in _NAMES if _has_curves(arrays, group, name)]
     down = -(-len(shown) // 2)
-    with style():
-        figure = new_figure(10.5, 0.9 + 2.1 * down)
+    with drawing(10.5, 0.9 + 2.1 * down) as figure:
         panels = figure.subplots(down, 2, sharex=True, squeeze=False).ravel()
         for axes, name in zip(panels, shown, strict=False):
             _panel(axes, table, arrays, name, group)
@@ -174,7 +173,6 @@ def _difference_figure(table: Row, arrays: Arrays) -> Figure:
             figure.legend(handles=handles, loc="outside lower center", ncols=3)
         if table["synthetic"]:
             figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -220,8 +218,7 @@ def _ensemble_figure(
     table: Row, arrays: Arrays, quantities: Sequence[str], conditions: Sequence[int]
 ) -> Figure:
     """A row a quantity, a column a condition (indices in `table["conditions"]`); both must be among the arrays."""
-    with style():
-        figure = new_figure(10.5 if len(conditions) > 1 else 6.0, 0.7 + 2.1 * len(quantities))
+    with drawing(10.5 if len(conditions) > 1 else 6.0, 0.7 + 2.1 * len(quantities)) as figure:
         panels = figure.subplots(len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False)
         bands = False
         for column, group in enumerate(conditions):
@@ -235,7 +232,6 @@ def _ensemble_figure(
                       y=_NAMES[name][1] if column == 0 else "", title=head)
         panels[0, 0].set_xlim(0.0, 100.0)
         figure.legend(handles=_ensemble_handles(table["synthetic"], bands), loc="outside lower center", ncols=4)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -284,8 +280,7 @@ def walk_errors_figure(table: Row) -> Figure:
     """Resultant, centre of pressure, impulse and times; a place on the axis a walk, by fulcrum position."""
     rows: Sequence[Row] = table["rows"]
     paper = table["paper"]
-    with style():
-        figure = new_figure(10.5, 6.6)
+    with drawing(10.5, 6.6) as figure:
         panels = figure.subplots(2, 2, sharex=True)
         _errors(panels[0, 0], rows, "grf_rmse_bw", 100.0)
         _errors(panels[0, 1], rows, "cop_rmse_fl", 100.0)
@@ -316,7 +311,6 @@ def walk_errors_figure(table: Row) -> Figure:
         figure.legend(handles=_error_handles(table), loc="outside lower center", ncols=4)
         if table["synthetic"]:
             figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
-        figure.draw_without_rendering()
     return figure
 
 
