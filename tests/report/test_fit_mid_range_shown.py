@@ -41,7 +41,7 @@ def test_the_upper_row_is_the_same_with_and_without_it():
 def test_the_page_tells_it_in_words_and_a_table():
     page = fit_page(made(), {})
     assert "Mid-range displacement (mm)" in page and "at 300 N" in page and "0.40 mm off" in page
-    assert "paper&#x27;s model 0.45 mm" in page and "+0.25" in page and "+2.00" in page
+    assert "paper's model 0.45 mm" in page and "+0.25" in page and "+2.00" in page
     assert "Mid-range" not in fit_page(made_fit(), {}) and "Mid-range" not in fit_page(failed_fit(), {})
 
 

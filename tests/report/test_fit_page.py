@@ -14,8 +14,8 @@ from page_reader import Balanced
 from vsf_drake.errors import InputError
 from vsf_drake.report.fit_figures import fit_figures
 from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
-from vsf_drake.report.fit_page import fit_page
-from vsf_drake.report.fit_text import UNKNOWN, shown, smooth_errors, trial_cells, trial_headings
+from vsf_drake.report.fit_page import fit_page, smooth_errors, trial_cells, trial_headings
+from vsf_drake.report.page import UNKNOWN, number
 from vsf_drake.simulation.archive import RECORD_FILE
 
 
@@ -93,7 +93,7 @@ def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result(
 def test_a_fit_by_the_papers_procedure_has_a_page():
     paper = paper_fit()
     page = fit_page(paper, fit_figures(paper, made_curves()))
-    assert "by the paper&#x27;s procedure" in page and "120.0 N" in page and "304 walks" in page
+    assert "by the paper&#39;s procedure" in page and "120.0 N" in page and "304 walks" in page
     assert "95 % interval" not in page
 
 
@@ -171,7 +171,7 @@ def test_tables_and_curves_that_do_not_belong_together_are_refused(tmp_path):
 
 
 def test_unknown_numbers_are_a_word_and_zeros_have_no_sign():
-    assert shown(None, "{:.1f}") == UNKNOWN
-    assert shown(-1e-9, "{:+.3f}") == shown(1e-9, "{:+.3f}") == "0.000"
-    assert shown(-0.002, "{:+.3f}") == "-0.002"
+    assert number(None, "{:.1f}") == UNKNOWN
+    assert number(-1e-9, "{:+.3f}") == number(1e-9, "{:+.3f}") == "0.000"
+    assert number(-0.002, "{:+.3f}") == "-0.002"
     assert ODD in trial_cells(made_trial(ODD))

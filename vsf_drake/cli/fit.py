@@ -128,7 +128,7 @@ _WORDS = 2
 
 def print_fit(table: Mapping[str, Any]) -> None:
     """The table of a fit that succeeded, in short."""
-    from vsf_drake.report.fit_text import smooth_errors, synthetic_of
+    from vsf_drake.report.fit_page import smooth_errors, synthetic_of
 
     synthetic = " (SYNTHETIC)" if synthetic_of(table) else ""
     _say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
@@ -161,7 +161,7 @@ def _print_mid_range(found: Mapping[str, Any] | None) -> None:
 
 def _print_trials(table: Mapping[str, Any]) -> None:
     """One line a trial, in columns that no narrow screen cuts; where the sweep is wrong, its best position says so."""
-    from vsf_drake.report.fit_text import told_columns, trial_cells, trial_headings
+    from vsf_drake.report.fit_page import told_columns, trial_cells, trial_headings
 
     headings = [heading.split("\n") for heading in trial_headings(between="\n")[:-1]]
     kept = [i for i in told_columns(table["trials"]) if i < len(headings)]
@@ -181,7 +181,8 @@ def _print_trials(table: Mapping[str, Any]) -> None:
 
 
 def _print_parameters(table: Mapping[str, Any]) -> None:
-    from vsf_drake.report.fit_text import interval_of, own_parameters, shown, unit_of, value_of
+    from vsf_drake.report.fit_page import interval_of, own_parameters, unit_of, value_of
+    from vsf_drake.report.page import number
 
     joint = table["strategy"] == "joint"
     grid = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -194,7 +195,7 @@ def _print_parameters(table: Mapping[str, Any]) -> None:
         grid.add_column("share of prior", justify="right")
     for row in own_parameters(table):
         more = (interval_of(row),) if joint else ()
-        last = (shown(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""),) \
+        last = (number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""),) \
             if joint else ()
         grid.add_row(*map(Text, (row["name"], value_of(row, "value"), *more, unit_of(row), *last)))
     console.print(grid)

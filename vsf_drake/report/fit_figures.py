@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from vsf_drake.report.fit_text import is_smooth, shown
+from vsf_drake.report.page import number
 from vsf_drake.report.style import (
     HEEL_COLOUR,
     MARKERS,
@@ -67,6 +67,11 @@ def trial_name(number: int, trial: Mapping[str, Any]) -> str:
     return f"trial_{number + 1}_{re.sub(r'[^0-9A-Za-z._-]', '_', trial['label'])[:LONGEST]}"
 
 
+def is_smooth(name: str) -> bool:
+    """Whether a parameter is a coefficient of a smooth curve or path."""
+    return name.startswith("curve.") or (name.startswith("trial.") and ".path." in name)
+
+
 # The fitted foot in the testing machine beside the measurement.
 
 
@@ -115,7 +120,7 @@ def _forefoot(axes: Any, bench: Mapping[str, Any], row: _Compared) -> None:
                       markersize=16, markeredgewidth=3.0, capsize=4, linewidth=1.4, zorder=3)
         axes.plot(position, fitted, marker=MARKERS[i % len(MARKERS)], color=colour, markersize=7,
                   markerfacecolor="white", markeredgewidth=1.6, zorder=4)
-        axes.annotate(shown(fitted - k, "{:+.2f}"), (position, max(k, fitted)), xytext=(0, 9), ha="center",
+        axes.annotate(number(fitted - k, "{:+.2f}"), (position, max(k, fitted)), xytext=(0, 9), ha="center",
                       fontsize=8, textcoords="offset points")
     axes.plot([], [], color="0.6", linewidth=2.4, label="measured, ± 2 standard deviations")
     axes.plot([], [], color="0.2", linewidth=1.4, linestyle=(0, (4, 1.6)), marker="o", markerfacecolor="white",
@@ -138,7 +143,7 @@ def _heel(axes: Any, row: _Compared) -> None:
                       markeredgewidth=3.0, capsize=4)
         axes.plot(0.35, model, marker="*", color=HEEL_COLOUR, markersize=11, markerfacecolor="white",
                   markeredgewidth=1.4)
-        axes.annotate(shown(model - measured, "{:+.2f}"), (0.35, model), xytext=(0, 10), textcoords="offset points",
+        axes.annotate(number(model - measured, "{:+.2f}"), (0.35, model), xytext=(0, 10), textcoords="offset points",
                       ha="center", fontsize=8)
         axes.set_xlim(-1.0, 1.0)
         axes.set_ylim(0.0, 1.25 * max(measured, model))
