@@ -18,14 +18,14 @@ from vsf_drake import parameters
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
-BESIDE_LAWS = ("errors", "files", "yaml_file", "json_file", "npz_file", "schema", "subject", "ground",
+BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "json_file", "npz_file", "schema", "subject", "ground",
                "parameters", "model_file", "bench_curves", "contact_file",
                "motion", "scenario")
 LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
-    *(f"{name}.py" for name in ("errors", "files", "yaml_file", "json_file", "npz_file", "schema", "subject",
-                                "parameters", "model_file", "bench_curves", "contact_file")),
+    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "json_file", "npz_file", "schema",
+                                "subject", "parameters", "model_file", "bench_curves", "contact_file")),
     "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/archive.py",
     "analysis/metrics.py", "analysis/sweep_table.py", "analysis/comparison.py", "analysis/bench_metrics.py",
     "report/style.py", "report/*_figure*.py", "report/outputs.py",

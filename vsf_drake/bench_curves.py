@@ -32,8 +32,8 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.text import as_label, table_rows, text_lines
 from vsf_drake.schema import load_yaml, quantity
+from vsf_drake.text_table import as_label, table_rows, text_lines
 
 FEWEST_SAMPLES = 5
 """Of a pass, from touch-down on."""

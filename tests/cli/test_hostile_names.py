@@ -11,8 +11,8 @@ from command_line import read_json
 from vsf_drake.cli.app import console, errors, progress
 from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, read_bytes, user_path
-from vsf_drake.motion.formats.text import as_label
 from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.text_table import as_label
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
 PATHS = ["~nosuchuser/a.yaml", "a" * 5000, "/".join(["a" * 200] * 30), "a\x1b[31m.yaml", "a\nb.yaml", "a\udcff.yaml"]

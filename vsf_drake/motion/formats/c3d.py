@@ -13,7 +13,6 @@ x from corner 2 to corner 1, y from corner 4 to corner 1, both in the surface, z
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import RawForces, RawMarkers, RawPlate, RawTrial
 from vsf_drake.motion.formats.text import (
-    as_label,
     file_length_factor,
     first_of_each,
     length_factor,
@@ -29,6 +27,7 @@ from vsf_drake.motion.formats.text import (
     pieces,
     without_prefix,
 )
+from vsf_drake.text_table import as_label
 
 LARGEST = 1e9
 """No force, moment or position is as large, in any unit."""
@@ -58,33 +57,32 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     Raises:
         InputError: the file is truncated or damaged, or its unit is unknown.
     """
-    c3d = _read_description(path)
-    layout = _read_layout(c3d)
+    c3d = _C3d(path)
     rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
         raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
     factor = file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
     notes: list[str] = []
-    start = (layout.first_frame - 1) / rate
+    start = (c3d.first_frame - 1) / rate
     labels, kept = _labels(c3d, notes)
     markers = None
     if labels:
-        positions = _read_points(c3d, layout, kept, length_m=factor)
+        positions = c3d.read_points(kept, length_m=factor)
         unseen = np.isnan(positions[..., 0]).all(axis=0)
         first = first_of_each(labels, notes, lambda i: bool(unseen[i]))
         if len(first) < len(labels):
             labels, positions = [labels[i] for i in first], positions[:, first]
         markers = RawMarkers(labels, positions, rate, start)
-    if layout.subframes != c3d.subframes and layout.channels:
-        notes.append(f"The header of {path.name} says {c3d.subframes} analog samples a frame; its parameters "
-                     f"and the numbers that a frame holds say {layout.subframes}, which was used.")
-    plates = _read_plates(c3d, layout, factor, notes)
+    if c3d.subframes != c3d.stated_subframes and c3d.channels:
+        notes.append(f"The header of {path.name} says {c3d.stated_subframes} analog samples a frame; its parameters "
+                     f"and the numbers that a frame holds say {c3d.subframes}, which was used.")
+    plates = _read_plates(c3d, factor, notes)
     if markers is None and not plates:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
                          right=" ".join(notes) or "Export the trial with its marker labels")
-    stated, fast = c3d.number("ANALOG:RATE"), rate * layout.subframes
+    stated, fast = c3d.number("ANALOG:RATE"), rate * c3d.subframes
     if plates and stated and abs(stated / fast - 1.0) > 1e-3:
-        notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {layout.subframes} samples a frame make "
+        notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {c3d.subframes} samples a frame make "
                      f"{fast:g} Hz, which was used.")
     screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
     screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
@@ -94,12 +92,10 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
 
 def c3d_labels(path: Path) -> list[str]:
     """The labels of a C3D file's markers, in its order."""
-    c3d = _read_description(path)
-    _read_layout(c3d)
-    return _labels(c3d, [])[0]
+    return _labels(_C3d(path), [])[0]
 
 
-def _labels(c3d: _Description, notes: list[str]) -> tuple[list[str], list[int]]:
+def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
     """The markers' labels and which points they are: what is computed or has no name is left out."""
     labels = c3d.all_texts("POINT:LABELS")[:c3d.points]
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
@@ -115,7 +111,7 @@ def _labels(c3d: _Description, notes: list[str]) -> tuple[list[str], list[int]]:
     return short, kept
 
 
-def _person(c3d: _Description, notes: list[str]) -> dict[str, float]:
+def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
     """Body mass (kg) and stature (m) that Vicon's software writes, where somebody may weigh and measure so much."""
     found = {}
     for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
@@ -132,10 +128,10 @@ def _person(c3d: _Description, notes: list[str]) -> dict[str, float]:
 # Force plates of types 1 to 4: a force and a torque about the centre of the plate's surface.
 
 
-def _read_plates(c3d: _Description, layout: _Layout, length_m: float, notes: list[str]) -> list[RawPlate]:
+def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]:
     """The plates in the laboratory frame, SI; refused if all are described wrongly."""
     used = c3d.number("FORCE_PLATFORM:USED")
-    if not used or used < 0 or not layout.channels:
+    if not used or used < 0 or not c3d.channels:
         return []
     if used > MOST_PLATES:
         raise InputError(f"{used:g} force plates are stated", file=c3d.path, where="FORCE_PLATFORM:USED",
@@ -143,7 +139,7 @@ def _read_plates(c3d: _Description, layout: _Layout, length_m: float, notes: lis
     plates, broken = [], list[InputError]()
     for i in range(int(used)):
         try:
-            plates.append(_read_plate(c3d, layout, i, length_m, notes))
+            plates.append(_read_plate(c3d, i, length_m, notes))
         except InputError as error:
             if not (error.where or "").startswith("FORCE_PLATFORM:"):
                 raise
@@ -156,7 +152,7 @@ def _read_plates(c3d: _Description, layout: _Layout, length_m: float, notes: lis
     return found
 
 
-def _read_plate(c3d: _Description, layout: _Layout, i: int, length_m: float, notes: list[str]) -> RawPlate | None:
+def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlate | None:
     types = c3d.values("FORCE_PLATFORM:TYPE").ravel(order="F")
     kind = int(types[i]) if i < len(types) and np.isfinite(types[i]) else 0
     if kind not in _CHANNELS:
@@ -170,10 +166,10 @@ def _read_plate(c3d: _Description, layout: _Layout, i: int, length_m: float, not
         notes.append(f"Force plate {i + 1} of {c3d.path.name} has no corners that span a surface: it was left out.")
         return None
     channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, _CHANNELS[kind])]
-    if min(channels) < 0 or max(channels) >= layout.channels:
+    if min(channels) < 0 or max(channels) >= c3d.channels:
         raise InputError(f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
-                         f"are {layout.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
-    raw = _read_analog(c3d, layout, channels)
+                         f"are {c3d.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
+    raw = c3d.read_analog(channels)
     axes = np.column_stack([v / np.linalg.norm(v) for v in (x, np.cross(z, x), z)])
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
@@ -239,7 +235,7 @@ def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half:
     return not len(distance) or bool((np.median(distance, axis=0, overwrite_input=True) < half + FAR_M).all())
 
 
-def _calibration(c3d: _Description, i: int, notes: list[str]) -> np.ndarray:
+def _calibration(c3d: _C3d, i: int, notes: list[str]) -> np.ndarray:
     matrices = c3d.values("FORCE_PLATFORM:CAL_MATRIX")
     if matrices.ndim == 2:
         matrices = matrices[:, :, None]
@@ -249,7 +245,7 @@ def _calibration(c3d: _Description, i: int, notes: list[str]) -> np.ndarray:
     return matrices[:6, :6, i]
 
 
-def _of_plate(c3d: _Description, name: str, i: int, size: int) -> np.ndarray:
+def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
     """The i-th plate's numbers of a parameter, in the file's order."""
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
@@ -259,198 +255,111 @@ def _of_plate(c3d: _Description, name: str, i: int, size: int) -> np.ndarray:
     return flat
 
 
-# The frames: points and analog channels, read a chunk at a time.
+# The file: its header, its parameters, and its frames, which are read a chunk at a time.
 
 
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """How the frames lie in the file: byte of the first one, counts, whether numbers are 32-bit floats.
+class _C3d:
+    """A C3D file.
 
-    `channels` analog channels have `subframes` samples a frame; `first_frame` counts from 1.
+    Attributes:
+        points, channels, subframes, frames: counts; analog channels have `subframes` samples a frame.
+        stated_subframes, rate_hz: what the header says of them, and of the rate of frames.
+        first_frame: counts from 1.
     """
 
-    start: int
-    frames: int
-    points: int
-    channels: int
-    subframes: int
-    floats: bool
-    first_frame: int
+    def __init__(self, path: Path) -> None:
+        """Reads header and parameters; refuses what is missing, empty, no C3D file, damaged in them or truncated."""
+        self.path = path
+        try:
+            self._size = path.stat().st_size
+            with open(path, "rb") as stream:
+                head = stream.read(_BLOCK)
+                if self._size == 0:
+                    raise InputError("the file is empty", file=path)
+                if len(head) < _BLOCK or head[1] != 0x50:
+                    raise InputError("is not a C3D file", file=path, where="header",
+                                     right="Its second byte must be 0x50" if len(head) >= _BLOCK else "It is too short")
+                start = (max(head[0], 1) - 1) * _BLOCK
+                stream.seek(start)
+                lead = stream.read(4)
+                if len(lead) < 4:
+                    raise InputError("ends before its parameters", file=path, right="Is the file truncated?")
+                self._processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
+                if self._processor not in (_INTEL, _DEC, _MIPS):
+                    raise InputError(f"the processor type {lead[3]} is unknown", file=path, where="parameters",
+                                     right="It must be 84, 85 or 86: is the file damaged?")
+                words = [int(word) for word in self._integers(head, signed=False)]
+                stream.seek(start)
+                section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
+        except FileNotFoundError:
+            raise InputError("there is no such file", file=path) from None
+        except OSError as error:
+            raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+        with np.errstate(all="ignore"):
+            self._scale, self.rate_hz = (float(self._floats(head[at:at + 4])[0]) for at in (12, 20))
+        self.points, self.stated_subframes = words[1], words[9]
+        self._parameters = self._read_parameters(section)
+        self._find_frames(*words[2:5], words[8])
 
-    @property
-    def words(self) -> int:
-        return 4 * self.points + self.channels * self.subframes
+    def _integers(self, data: bytes, *, signed: bool = True) -> np.ndarray:
+        """16-bit integers as the processor writes them."""
+        return np.frombuffer(data, (">" if self._processor == _MIPS else "<") + ("i2" if signed else "u2"))
 
-    @property
-    def frame_bytes(self) -> int:
-        return self.words * (4 if self.floats else 2)
+    def _floats(self, data: bytes) -> np.ndarray:
+        """32-bit numbers; DEC's have their halves swapped and four times the value of IEEE's."""
+        if self._processor == _DEC:
+            halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
+            return np.ascontiguousarray(halves).view("<f4").ravel() / np.float32(4.0)
+        return np.frombuffer(data, "<f4" if self._processor == _INTEL else ">f4")
 
+    def _read_parameters(self, section: bytes) -> dict[str, np.ndarray | list[str]]:
+        """By "GROUP:NAME", arrays in Fortran order."""
+        groups: dict[int, str] = {}
+        found: list[tuple[int, str, np.ndarray | list[str]]] = []
+        at = 4
+        for _ in range(MOST_RECORDS):
+            if at + 2 > len(section) or section[at] == 0:
+                break
+            length, group = (int(byte) for byte in np.frombuffer(section[at:at + 2], np.int8))
+            name_end = at + 2 + abs(length)
+            name = section[at + 2:name_end].decode("latin-1").strip().upper()
+            fits = name_end + 2 <= len(section) and group != 0
+            value = self._read_value(section, name_end + 2) if fits and group > 0 else []
+            if not fits or value is None:
+                raise InputError("the parameter section is damaged", file=self.path, right="Export the trial again",
+                                 where=f"parameter {name}" if fits else f"parameters, byte {at}")
+            if group < 0:
+                groups[-group] = name
+            else:
+                found.append((group, name, value))
+            step = int(self._integers(section[name_end:name_end + 2], signed=False)[0])
+            if step == 0:
+                break
+            at = name_end + step
+        return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
 
-def _read_layout(c3d: _Description) -> _Layout:
-    """Where and how many the frames are; header and parameters that disagree are settled by the file's size."""
-    block = int(c3d.data_block or c3d.number("POINT:DATA_START") or 0)
-    scale = c3d.scale if c3d.points == 0 or c3d.scale else c3d.number("POINT:SCALE") or 0.0
-    if block < 2 or not np.isfinite(scale):
-        raise InputError("the header does not say where the frames are", file=c3d.path, where="header", right=_DAMAGED)
-    subframes = _subframes(c3d) if c3d.analog_per_frame else 0
-    if c3d.analog_per_frame and not subframes:
-        raise InputError(f"{c3d.analog_per_frame} analog numbers a frame fit neither {c3d.subframes} samples a "
-                         "frame nor ANALOG:USED and ANALOG:RATE", file=c3d.path, where="header", right=_DAMAGED)
-    channels = c3d.analog_per_frame // subframes if subframes else 0
-    start, floats = (block - 1) * _BLOCK, scale < 0.0
-    frame_bytes = (4 * c3d.points + channels * subframes) * (4 if floats else 2)
-    if frame_bytes == 0:
-        raise InputError("has neither points nor analog channels", file=c3d.path)
-    held = max(c3d.size - start, 0) // frame_bytes
-    trial = _trial_frames(c3d)
-    by_header = c3d.last_frame - c3d.first_frame + 1
-    long = c3d.number("POINT:FRAMES") if c3d.last_frame == MOST_16_BITS else None
-    counts = [by_header, trial[1] - trial[0] + 1 if trial else 0,
-              *(int(min(value, MOST_FRAMES)) for value in (long, c3d.number("POINT:LONG_FRAMES")) if value)]
-    stated = [frames for frames in counts if 0 < frames < MOST_FRAMES]
-    frames = max((frames for frames in stated if frames <= held), default=0)
-    if not frames:
-        raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=c3d.path,
-                         right="Is the file truncated?")
-    if frames == by_header and c3d.last_frame == MOST_16_BITS:
-        frames = _frames_held(c3d.path, start, frame_bytes, held)
-    first = trial[0] if trial and trial[0] % (MOST_16_BITS + 1) == c3d.first_frame else max(c3d.first_frame, 1)
-    return _Layout(start, frames, c3d.points, channels, subframes, floats, first)
-
-
-def _subframes(c3d: _Description) -> int:
-    """Analog samples a frame: the header's where they divide the numbers of a frame, but where the parameters agree.
-
-    ANALOG:USED channels and the rates of ANALOG and POINT each give a number; where both give the same, that counts,
-    else the header's, else the one of the two that divides. 0 where none does.
-    """
-    total = c3d.analog_per_frame
-    used, fast, slow = (c3d.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
-    by_channels = total / used if used >= 1.0 else 0.0
-    by_rate = fast / (slow or c3d.rate_hz or np.inf)
-    agreed = by_channels if abs(by_rate - by_channels) < 1e-3 * by_channels else 0.0
-    for subframes in (agreed, float(c3d.subframes), by_channels, by_rate):
-        if 1.0 <= subframes <= total and subframes == round(subframes) and total % subframes == 0:
-            return int(subframes)
-    return 0
-
-
-def _frames_held(path: Path, start: int, frame_bytes: int, held: int) -> int:
-    """The frames that the file holds, without zeros that fill its last block: for counts beyond 16 bits."""
-    with open(path, "rb") as stream:
-        stream.seek(start + max(held - 1 - _BLOCK // frame_bytes, 0) * frame_bytes)
-        tail = stream.read()
-    tail = tail[:len(tail) // frame_bytes * frame_bytes]
-    while held > 1 and tail and not any(tail[-frame_bytes:]):
-        tail, held = tail[:-frame_bytes], held - 1
-    return held
-
-
-def _trial_frames(c3d: _Description) -> tuple[int, int] | None:
-    """First and last frame by the parameters of TRIAL, two words of 16 bits each."""
-    ends = []
-    for name in ("TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"):
-        words = c3d.values(name).ravel(order="F")
-        if words.size < 2 or not np.isfinite(words[:2]).all():
+    def _read_value(self, section: bytes, at: int) -> np.ndarray | list[str] | None:
+        """The value of a parameter whose type byte is at `at`; None where it does not fit into the section."""
+        if at + 2 > len(section):
             return None
-        ends.append(sum(int(w) % (MOST_16_BITS + 1) * k for w, k in zip(words, (1, MOST_16_BITS + 1), strict=False)))
-    return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
-
-
-def _read_points(c3d: _Description, layout: _Layout, points: list[int], *, length_m: float) -> np.ndarray:
-    """(frames, len(points), 3) m of the points asked for (from 0); each point's path lies in one piece.
-
-    NaN where the residual is negative, or all three numbers are zero.
-    """
-    scale = 1.0 if layout.floats else abs(c3d.scale or c3d.number("POINT:SCALE") or 1.0)
-    wanted = slice(None) if points == list(range(layout.points)) else points
-    out = np.empty((len(points), layout.frames, 3)).transpose(1, 0, 2)
-    for rows, block in _chunks(c3d, layout):
-        words = block[:, :4 * layout.points].reshape(len(block), layout.points, 4)[:, wanted]
-        with np.errstate(invalid="ignore"):
-            place = words[..., :3].astype(float)
-        unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)
-        place[unseen] = np.nan
-        place *= scale
-        place *= length_m
-        out[rows] = place
-    return out
-
-
-def _read_analog(c3d: _Description, layout: _Layout, channels: list[int]) -> np.ndarray:
-    """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
-    general = c3d.number("ANALOG:GEN_SCALE")
-    unsigned = any(text.upper().startswith("UNSIGNED") for text in c3d.texts("ANALOG:FORMAT"))
-    scales = _per_channel(c3d, "ANALOG:SCALE", channels, 1.0) * (1.0 if general is None else general)
-    offsets = _per_channel(c3d, "ANALOG:OFFSET", channels, 0.0)
-    if unsigned:
-        offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
-    out = np.empty((layout.frames * layout.subframes, len(channels)))
-    for rows, block in _chunks(c3d, layout, signed=not unsigned):
-        samples = block[:, 4 * layout.points:].reshape(-1, layout.channels)[:, channels]
-        with np.errstate(invalid="ignore", over="ignore"):
-            out[rows.start * layout.subframes:rows.stop * layout.subframes] = (samples - offsets) * scales
-    return out
-
-
-def _per_channel(c3d: _Description, name: str, channels: list[int], default: float) -> np.ndarray:
-    """A parameter with one number a channel; it goes on in NAME2, ... beyond 255 channels."""
-    value, i = c3d.values(name).ravel(order="F"), 2
-    while (more := c3d.values(f"{name}{i}").ravel(order="F")).size:
-        value, i = np.concatenate([value, more]), i + 1
-    return np.array([value[c] if c < len(value) else default for c in channels])
-
-
-def _chunks(c3d: _Description, layout: _Layout, *, signed: bool = True) -> Iterator[tuple[slice, np.ndarray]]:
-    """Slices of the frames with their numbers (frames, words)."""
-    step = max(1, _CHUNK // layout.frame_bytes)
-    with open(c3d.path, "rb") as stream:
-        stream.seek(layout.start)
-        for first in range(0, layout.frames, step):
-            last = min(first + step, layout.frames)
-            data = stream.read((last - first) * layout.frame_bytes)
-            if len(data) != (last - first) * layout.frame_bytes:
-                raise InputError("ends before its last frame", file=c3d.path, right="Is the file truncated?")
-            numbers = _floats(data, c3d.processor) if layout.floats else _integers(data, c3d.processor, signed=signed)
-            yield slice(first, last), numbers.reshape(last - first, layout.words)
-
-
-# The header and the parameter section.
-
-
-def _integers(data: bytes, processor: int, *, signed: bool = True) -> np.ndarray:
-    """16-bit integers as the processor writes them."""
-    return np.frombuffer(data, (">" if processor == _MIPS else "<") + ("i2" if signed else "u2"))
-
-
-def _floats(data: bytes, processor: int) -> np.ndarray:
-    """32-bit numbers; DEC's have their halves swapped and four times the value of IEEE's."""
-    if processor == _DEC:
-        halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
-        return np.ascontiguousarray(halves).view("<f4").ravel() / np.float32(4.0)
-    return np.frombuffer(data, "<f4" if processor == _INTEL else ">f4")
-
-
-@dataclass(eq=False)
-class _Description:
-    """What the header states (frames count from 1), and parameters by "GROUP:NAME", arrays in Fortran order."""
-
-    path: Path
-    size: int
-    processor: int
-    points: int
-    analog_per_frame: int
-    first_frame: int
-    last_frame: int
-    scale: float
-    data_block: int
-    subframes: int
-    rate_hz: float
-    parameters: dict[str, np.ndarray | list[str]]
+        kind, count = section[at] - 256 * (section[at] > 127), section[at + 1]
+        shape = tuple(section[at + 2:at + 2 + count])
+        if kind not in _SIZES or len(shape) != count or count > 7:
+            return None
+        items = int(np.prod(shape, dtype=object)) if shape else 1
+        data = section[at + 2 + count:at + 2 + count + items * _SIZES[kind]]
+        if len(data) != items * _SIZES[kind]:
+            return None
+        if kind == -1:
+            width = shape[0] if shape else 1
+            texts = (data[i * width:(i + 1) * width].decode("latin-1") for i in range(items // width if width else 0))
+            return [as_label(text).replace("\n", " ").replace("\t", " ") for text in texts]
+        values = np.frombuffer(data, np.int8) if kind == 1 else (self._integers if kind == 2 else self._floats)(data)
+        return values.reshape(shape, order="F") if shape else values
 
     def texts(self, name: str) -> list[str]:
         """A parameter of texts; empty where there is none."""
-        value = self.parameters.get(name)
+        value = self._parameters.get(name)
         return value if isinstance(value, list) else []
 
     def all_texts(self, name: str) -> list[str]:
@@ -462,7 +371,7 @@ class _Description:
 
     def values(self, name: str) -> np.ndarray:
         """A parameter of numbers as float; empty where there is none."""
-        value = self.parameters.get(name)
+        value = self._parameters.get(name)
         return np.zeros(0) if value is None or isinstance(value, list) else np.asarray(value, dtype=float)
 
     def number(self, name: str) -> float | None:
@@ -470,85 +379,126 @@ class _Description:
         value = self.values(name).ravel(order="F")
         return float(value[0]) if value.size and np.isfinite(value[0]) else None
 
+    def _find_frames(self, analog_per_frame: int, first_frame: int, last_frame: int, data_block: int) -> None:
+        """Where and how many the frames are; header and parameters that disagree are settled by the file's size."""
+        block = int(data_block or self.number("POINT:DATA_START") or 0)
+        scale = self._scale if self.points == 0 or self._scale else self.number("POINT:SCALE") or 0.0
+        if block < 2 or not np.isfinite(scale):
+            raise InputError("the header does not say where the frames are", file=self.path, where="header",
+                             right=_DAMAGED)
+        self.subframes = self._subframes(analog_per_frame) if analog_per_frame else 0
+        if analog_per_frame and not self.subframes:
+            raise InputError(f"{analog_per_frame} analog numbers a frame fit neither {self.stated_subframes} samples a "
+                             "frame nor ANALOG:USED and ANALOG:RATE", file=self.path, where="header", right=_DAMAGED)
+        self.channels = analog_per_frame // self.subframes if self.subframes else 0
+        self._start, self._are_floats = (block - 1) * _BLOCK, scale < 0.0
+        self._words = 4 * self.points + self.channels * self.subframes
+        self._frame_bytes = self._words * (4 if self._are_floats else 2)
+        if self._words == 0:
+            raise InputError("has neither points nor analog channels", file=self.path)
+        held = max(self._size - self._start, 0) // self._frame_bytes
+        trial = self._trial_frames()
+        by_header = last_frame - first_frame + 1
+        long = self.number("POINT:FRAMES") if last_frame == MOST_16_BITS else None
+        counts = [by_header, trial[1] - trial[0] + 1 if trial else 0,
+                  *(int(min(value, MOST_FRAMES)) for value in (long, self.number("POINT:LONG_FRAMES")) if value)]
+        stated = [frames for frames in counts if 0 < frames < MOST_FRAMES]
+        self.frames = max((frames for frames in stated if frames <= held), default=0)
+        if not self.frames:
+            raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=self.path,
+                             right="Is the file truncated?")
+        if self.frames == by_header and last_frame == MOST_16_BITS:
+            self.frames = self._frames_held(held)
+        own = trial and trial[0] % (MOST_16_BITS + 1) == first_frame
+        self.first_frame = trial[0] if trial and own else max(first_frame, 1)
 
-def _read_description(path: Path) -> _Description:
-    """Header and parameters; refused if the file is missing, empty, no C3D file or damaged in them."""
-    try:
-        size = path.stat().st_size
-        with open(path, "rb") as stream:
-            head = stream.read(_BLOCK)
-            if size == 0:
-                raise InputError("the file is empty", file=path)
-            if len(head) < _BLOCK or head[1] != 0x50:
-                raise InputError("is not a C3D file", file=path, where="header",
-                                 right="Its second byte must be 0x50" if len(head) >= _BLOCK else "It is too short")
-            start = (max(head[0], 1) - 1) * _BLOCK
-            stream.seek(start)
-            lead = stream.read(4)
-            if len(lead) < 4:
-                raise InputError("ends before its parameters", file=path, right="Is the file truncated?")
-            processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
-            if processor not in (_INTEL, _DEC, _MIPS):
-                raise InputError(f"the processor type {lead[3]} is unknown", file=path, where="parameters",
-                                 right="It must be 84, 85 or 86: is the file damaged?")
-            words = [int(word) for word in _integers(head, processor, signed=False)]
-            stream.seek(start)
-            section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
-    with np.errstate(all="ignore"):
-        scale, rate = (float(_floats(head[at:at + 4], processor)[0]) for at in (12, 20))
-    return _Description(path, size, processor, *words[1:5], scale, words[8], words[9], rate,
-                        _read_parameters(section, processor, path))
+    def _subframes(self, total: int) -> int:
+        """Analog samples a frame of `total` numbers: the header's where they divide it, but where parameters agree.
 
+        ANALOG:USED channels and the rates of ANALOG and POINT each give a number; where both give the same, that
+        counts, else the header's, else the one of the two that divides. 0 where none does.
+        """
+        used, fast, slow = (self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
+        by_channels = total / used if used >= 1.0 else 0.0
+        by_rate = fast / (slow or self.rate_hz or np.inf)
+        agreed = by_channels if abs(by_rate - by_channels) < 1e-3 * by_channels else 0.0
+        for subframes in (agreed, float(self.stated_subframes), by_channels, by_rate):
+            if 1.0 <= subframes <= total and subframes == round(subframes) and total % subframes == 0:
+                return int(subframes)
+        return 0
 
-def _read_parameters(section: bytes, processor: int, path: Path) -> dict[str, np.ndarray | list[str]]:
-    groups: dict[int, str] = {}
-    found: list[tuple[int, str, np.ndarray | list[str]]] = []
-    at = 4
-    for _ in range(MOST_RECORDS):
-        if at + 2 > len(section) or section[at] == 0:
-            break
-        length, group = (int(byte) for byte in np.frombuffer(section[at:at + 2], np.int8))
-        name_end = at + 2 + abs(length)
-        if name_end + 2 > len(section) or group == 0:
-            raise _damaged(path, f"parameters, byte {at}")
-        name = section[at + 2:name_end].decode("latin-1").strip().upper()
-        if group < 0:
-            groups[-group] = name
-        else:
-            value = _read_value(section, name_end + 2, processor)
-            if value is None:
-                raise _damaged(path, f"parameter {name}")
-            found.append((group, name, value))
-        step = int(_integers(section[name_end:name_end + 2], processor, signed=False)[0])
-        if step == 0:
-            break
-        at = name_end + step
-    return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
+    def _frames_held(self, held: int) -> int:
+        """The frames that the file holds, without zeros that fill its last block: for counts beyond 16 bits."""
+        size = self._frame_bytes
+        with open(self.path, "rb") as stream:
+            stream.seek(self._start + max(held - 1 - _BLOCK // size, 0) * size)
+            tail = stream.read()
+        tail = tail[:len(tail) // size * size]
+        while held > 1 and tail and not any(tail[-size:]):
+            tail, held = tail[:-size], held - 1
+        return held
 
+    def _trial_frames(self) -> tuple[int, int] | None:
+        """First and last frame by the parameters of TRIAL, two words of 16 bits each."""
+        ends = []
+        for name in ("TRIAL:ACTUAL_START_FIELD", "TRIAL:ACTUAL_END_FIELD"):
+            words = self.values(name).ravel(order="F")
+            if words.size < 2 or not np.isfinite(words[:2]).all():
+                return None
+            low, high = (int(word) % (MOST_16_BITS + 1) for word in words[:2])
+            ends.append(low + high * (MOST_16_BITS + 1))
+        return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
 
-def _damaged(path: Path, where: str) -> InputError:
-    return InputError("the parameter section is damaged", file=path, where=where, right="Export the trial again")
+    def read_points(self, points: list[int], *, length_m: float) -> np.ndarray:
+        """(frames, len(points), 3) m of the points asked for (from 0); each point's path lies in one piece.
 
+        NaN where the residual is negative, or all three numbers are zero.
+        """
+        scale = 1.0 if self._are_floats else abs(self._scale or self.number("POINT:SCALE") or 1.0)
+        wanted = slice(None) if points == list(range(self.points)) else points
+        out = np.empty((len(points), self.frames, 3)).transpose(1, 0, 2)
+        for rows, block in self._chunks():
+            words = block[:, :4 * self.points].reshape(len(block), self.points, 4)[:, wanted]
+            with np.errstate(invalid="ignore"):
+                place = words[..., :3].astype(float)
+            unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)
+            place[unseen] = np.nan
+            place *= scale
+            place *= length_m
+            out[rows] = place
+        return out
 
-def _read_value(section: bytes, at: int, processor: int) -> np.ndarray | list[str] | None:
-    """The value of a parameter whose type byte is at `at`; None where it does not fit into the section."""
-    if at + 2 > len(section):
-        return None
-    kind, count = section[at] - 256 * (section[at] > 127), section[at + 1]
-    shape = tuple(section[at + 2:at + 2 + count])
-    if kind not in _SIZES or len(shape) != count or count > 7:
-        return None
-    items = int(np.prod(shape, dtype=object)) if shape else 1
-    data = section[at + 2 + count:at + 2 + count + items * _SIZES[kind]]
-    if len(data) != items * _SIZES[kind]:
-        return None
-    if kind == -1:
-        width = shape[0] if shape else 1
-        texts = (data[i * width:(i + 1) * width].decode("latin-1") for i in range(items // width if width else 0))
-        return [as_label(text).replace("\n", " ").replace("\t", " ") for text in texts]
-    values = np.frombuffer(data, np.int8) if kind == 1 else (_integers if kind == 2 else _floats)(data, processor)
-    return values.reshape(shape, order="F") if shape else values
+    def read_analog(self, channels: list[int]) -> np.ndarray:
+        """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
+        general = self.number("ANALOG:GEN_SCALE")
+        unsigned = any(text.upper().startswith("UNSIGNED") for text in self.texts("ANALOG:FORMAT"))
+        scales = self._per_channel("ANALOG:SCALE", channels, 1.0) * (1.0 if general is None else general)
+        offsets = self._per_channel("ANALOG:OFFSET", channels, 0.0)
+        if unsigned:
+            offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
+        out = np.empty((self.frames * self.subframes, len(channels)))
+        for rows, block in self._chunks(signed=not unsigned):
+            samples = block[:, 4 * self.points:].reshape(-1, self.channels)[:, channels]
+            with np.errstate(invalid="ignore", over="ignore"):
+                out[rows.start * self.subframes:rows.stop * self.subframes] = (samples - offsets) * scales
+        return out
+
+    def _per_channel(self, name: str, channels: list[int], default: float) -> np.ndarray:
+        """A parameter with one number a channel; it goes on in NAME2, ... beyond 255 channels."""
+        value, i = self.values(name).ravel(order="F"), 2
+        while (more := self.values(f"{name}{i}").ravel(order="F")).size:
+            value, i = np.concatenate([value, more]), i + 1
+        return np.array([value[c] if c < len(value) else default for c in channels])
+
+    def _chunks(self, *, signed: bool = True) -> Iterator[tuple[slice, np.ndarray]]:
+        """Slices of the frames with their numbers (frames, words)."""
+        step = max(1, _CHUNK // self._frame_bytes)
+        with open(self.path, "rb") as stream:
+            stream.seek(self._start)
+            for first in range(0, self.frames, step):
+                last = min(first + step, self.frames)
+                data = stream.read((last - first) * self._frame_bytes)
+                if len(data) != (last - first) * self._frame_bytes:
+                    raise InputError("ends before its last frame", file=self.path, right="Is the file truncated?")
+                numbers = self._floats(data) if self._are_floats else self._integers(data, signed=signed)
+                yield slice(first, last), numbers.reshape(last - first, self._words)

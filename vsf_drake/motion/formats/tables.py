@@ -28,17 +28,14 @@ from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.clock import even_rate
 from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawTrial, world_to_os
 from vsf_drake.motion.formats.text import (
-    as_label,
     file_length_factor,
     first_of_each,
     length_factor,
     moment_factor,
     pieces,
-    split_row,
-    table_rows,
-    text_lines,
     without_prefix,
 )
+from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
 LARGEST = 1e9
 """No number of a recording is as large, in any unit; what programs write for a marker that was not seen is larger."""

@@ -170,10 +170,10 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
     for own, label in enumerate(markers.labels):
         path = work.markers[label]
         for start, stop in runs(np.isnan(path[:, 0])):
-            start, placed = _placed_by_cluster(p_BM, p_WM, own, start, stop)  # noqa: PLW2901 (what of it can be filled)
+            first, placed = _placed_by_cluster(p_BM, p_WM, own, start, stop)
             if len(placed):
-                path[start:start + len(placed)] = placed
-                work.gaps.append((label, start, start + len(placed), how))
+                path[first:first + len(placed)] = placed
+                work.gaps.append((label, first, first + len(placed), how))
 
 
 def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int) -> tuple[int, np.ndarray]:

@@ -315,7 +315,7 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
              for label in labels]
     text += ["", "# Started from a recording's own labels: look over every line, above all those marked as guesses.",
             "description: markers of our laboratory", "prefix: any"]
-    for block, schema in ((*((side, _Side) for side in SIDES), ("middle", _Middle))):
+    for block, schema in (*((side, _Side) for side in SIDES), ("middle", _Middle)):
         text.append(f"{block}:")
         for role in (key.name for key in dataclasses.fields(schema)):
             sure = [label for label in labels if known.get(label) == (block, role)]
@@ -404,7 +404,7 @@ def _guess(label: str) -> tuple[str, str] | None:
             return "middle", role
     for side in SIDES:
         for mark in (side, side[0]):
-            rests = [word.removeprefix(mark)] * word.startswith(mark) + [word.removesuffix(mark)] * word.endswith(mark)
+            rests = [rest for rest in (word.removeprefix(mark), word.removesuffix(mark)) if rest != word]
             role = next(filter(None, map(_role, rests)), None)
             if role is not None:
                 return ("middle", role) if role in MIDDLE_CLUSTERS else (side, role)
