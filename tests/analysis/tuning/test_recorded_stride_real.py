@@ -9,8 +9,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from vsf_drake.analysis.tuning.recorded_stride import prosthetic_stance_only, recorded_stride
-from vsf_drake.errors import InputError
+from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import load_trial
 
@@ -66,12 +65,3 @@ def test_the_period_is_that_of_two_strikes_on_the_plates(real):
     strikes = [s.start_s for s in find_stances(plate.time_s, plate.force_W[:, 2]) if s.start_seen]
     assert stride.period_s == pytest.approx(strikes[1] - strikes[0], abs=0.01)
     assert ("self-similarity" in stride.notes[0]) == (name == "example3DWalking")
-
-
-def test_a_stance_that_the_motion_cuts_is_no_stance_alone(real):
-    name, side, trial, _ = real
-    if (name, side) == ("example3DWalking", "right"):
-        with pytest.raises(InputError, match="cut"):
-            prosthetic_stance_only(trial)
-    else:
-        assert prosthetic_stance_only(trial).errors["place.prosthetic_foot_up_mm"] < 0.5

@@ -1,4 +1,4 @@
-"""Smooth curves through a recorded stride: periodic ones, or a piece of time as it is.
+"""A recorded stride made periodic: its coordinates as curves, the ground's forces, and how both ends are closed.
 
 A periodic coordinate is
 
@@ -13,22 +13,21 @@ that the mean has no step where a second recording sets in.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.multibody.tree import BodyIndex
-from scipy.interpolate import BSpline
+from scipy.linalg import cho_factor, cho_solve
 
-from vsf_drake.errors import InputError
+from vsf_drake.analysis.tuning.recorded_projection import TX, Misfit, SagittalChain, with_mass
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.plates import PlateRecording
-from vsf_drake.plants.foot import set_mount
-from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.plates import GRAVITY, PlateRecording
+from vsf_drake.motion.trajectory import CoordinateTrajectory
 
-DEGREE = 5
+Span = tuple[float, float]
+HARMONICS = 16
+"""Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
 CLOSING_SHARE = 0.25
 """Part of a stride over which one stride's two ends are blended, if as much was recorded (a choice)."""
 
@@ -53,74 +52,11 @@ class PeriodicCurves:
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values, rates and second derivatives (n, m) at any times (n,) s."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        q, v, a = (basis @ self.coefficients for basis in harmonics(times, self.period_s, self.order))
+        q, v, a = (basis @ self.coefficients for basis in _harmonics(times, self.period_s, self.order))
         return q + np.outer(times / self.period_s, self.advance), v + self.advance / self.period_s, a
 
-    def basis(self, times: np.ndarray) -> np.ndarray:
-        """(n, 2 H + 1) what the coefficients multiply."""
-        return harmonics(times, self.period_s, self.order)[0]
 
-    def grid(self) -> np.ndarray:
-        """(4 H,) even times over a period."""
-        return self.period_s * np.arange(4 * self.order) / (4 * self.order)
-
-    def second_derivative(self) -> np.ndarray:
-        """(4 H, 4 H) of a periodic function's values on the grid, up to the order H; what is faster is dropped."""
-        count = 4 * self.order
-        rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
-        kept = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= self.order
-        return np.fft.ifft((-(rate**2) * kept)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
-
-
-@dataclass(frozen=True, eq=False)
-class PieceOfTime:
-    """m curves from 0 to `end_s`: quintic splines on even knots.
-
-    Attributes: coefficients: (k, m).
-    """
-
-    end_s: float
-    coefficients: np.ndarray
-
-    @property
-    def advance(self) -> np.ndarray:
-        """(m,) zeros: nothing repeats."""
-        return np.zeros(self.coefficients.shape[1])
-
-    def _knots(self) -> np.ndarray:
-        inner = np.linspace(0.0, self.end_s, len(self.coefficients) - DEGREE + 1)
-        return np.concatenate([np.zeros(DEGREE), inner, np.full(DEGREE, self.end_s)])
-
-    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Values, rates and second derivatives (n, m); InputError outside."""
-        times = np.atleast_1d(np.asarray(times, dtype=float))
-        if times.size and not (times.min() >= -1e-9 and times.max() <= self.end_s + 1e-9):
-            raise InputError(f"{times.min():g} to {times.max():g} s lies outside the piece of time of 0 to "
-                             f"{self.end_s:g} s", where="times_s")
-        spline = BSpline(self._knots(), self.coefficients, DEGREE)
-        times = np.clip(times, 0.0, self.end_s)
-        return spline(times), spline(times, 1), spline(times, 2)
-
-    def basis(self, times: np.ndarray) -> np.ndarray:
-        """(n, k) what the coefficients multiply."""
-        return BSpline.design_matrix(np.clip(times, 0.0, self.end_s), self._knots(), DEGREE).toarray()
-
-    def grid(self) -> np.ndarray:
-        """(4 k,) even times from 0 to the end."""
-        return np.linspace(0.0, self.end_s, 4 * len(self.coefficients))
-
-    def second_derivative(self) -> np.ndarray:
-        """(4 k, 4 k) of values on the grid by central differences; zero at both ends."""
-        count = 4 * len(self.coefficients)
-        D = np.diag(np.ones(count - 1), 1) + np.diag(np.ones(count - 1), -1) - 2.0 * np.eye(count)
-        D[[0, -1]] = 0.0
-        return D * ((count - 1) / self.end_s) ** 2
-
-
-Curves = PeriodicCurves | PieceOfTime
-
-
-def harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(n, 2 order + 1) of 1, cosines and sines, and their first and second derivatives by time."""
     rate = 2.0 * np.pi * np.arange(1, order + 1) / period_s
     turn = np.outer(times, rate)
@@ -144,13 +80,12 @@ def closing_weights(times: np.ndarray, start: float, end: float, period_s: float
         near = np.clip(np.minimum(times - start, end - times) / ramp, 0.0, 1.0)
         return np.where(inside, near**3 * (10.0 - 15.0 * near + 6.0 * near**2), 0.0)
 
-    times = np.asarray(times, dtype=float)
     reach = int(np.ceil((end - start) / period_s)) + 1
     total = sum(rise(times + k * period_s) for k in range(-reach, reach + 1))
     return rise(times) / np.where(total > 0.0, total, 1.0)
 
 
-def one_stride(record: tuple[float, float], middle: float, period_s: float) -> tuple[float, float]:
+def one_stride(record: Span, middle: float, period_s: float) -> Span:
     """The part of a recording, around a time `middle` if there is enough, that is a stride and what closes it."""
     length = min(period_s * (1.0 + CLOSING_SHARE), record[1] - record[0])
     start = min(max(middle - 0.5 * length, record[0]), record[1] - length)
@@ -158,19 +93,12 @@ def one_stride(record: tuple[float, float], middle: float, period_s: float) -> t
 
 
 def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, period_s: float, advance: np.ndarray,
-                 order: int) -> PeriodicCurves:
+                 order: int = HARMONICS) -> PeriodicCurves:
     """The least-squares curves through (n,) times, (n, m) values with (n,) weights."""
-    basis = harmonics(times, period_s, order)[0]
+    basis = _harmonics(times, period_s, order)[0]
     root = np.sqrt(weights)[:, None]
     coefficients = np.linalg.lstsq(root * basis, root * (values - np.outer(times / period_s, advance)), rcond=None)[0]
-    return PeriodicCurves(period_s, np.asarray(advance, dtype=float), coefficients)
-
-
-def fit_piece(times: np.ndarray, values: np.ndarray, *, end_s: float, knot_s: float) -> PieceOfTime:
-    """The least-squares splines through (n,) times from 0 to `end_s` and (n, m) values, knots `knot_s` apart."""
-    count = max(1, min(round(end_s / knot_s), len(times) - DEGREE - 1)) + DEGREE
-    empty = PieceOfTime(end_s, np.zeros((count, values.shape[1])))
-    return PieceOfTime(end_s, np.linalg.lstsq(empty.basis(times), values, rcond=None)[0])
+    return PeriodicCurves(period_s, advance, coefficients)
 
 
 def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
@@ -186,114 +114,150 @@ def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
     return float(np.average(later - values[: len(early)], weights=x**2 * (1.0 - x) ** 2 + 1e-9))
 
 
-# Where the person's joints, contact spheres and centres of mass are in the 3-D model, instant by instant.
-#
-# Keel and socket are undeformed: what the recording prescribes is all that is known.
+def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float) -> PeriodicCurves:
+    """Accelerations (n, 2) m/s^2 at (n,) s, with weights (n,), as periodic curves without a mean.
 
-
-FEET = ("P", "I")
-"""The prosthetic and the intact side, in this order wherever both appear."""
-
-
-@dataclass(frozen=True, eq=False)
-class BodyPoints:
-    """Points of the person in W (x forward, y left, z up), m. n instants; sides in the order of `FEET`.
-
-    Attributes:
-        pelvis: (n, 3) the pelvis's origin.
-        hip, knee, ankle: (n, 2, 3) joint centres; the prosthetic "ankle" is the pylon's lower end.
-        spheres: by side, (n, m, 3) centres of the contact spheres. radius: by side, (m,).
-        mass: (b,) kg of the bodies that have one. mass_center: (n, b, 3) their centres.
-        mass_body: (b,) index into `SEGMENTS` of the planar segment that carries each.
-        ground: z of the floor, m.
+    It is accelerations that are blended where a recording's ends meet, not places.
     """
-
-    pelvis: np.ndarray
-    hip: np.ndarray
-    knee: np.ndarray
-    ankle: np.ndarray
-    spheres: dict[str, np.ndarray]
-    radius: dict[str, np.ndarray]
-    mass: np.ndarray
-    mass_center: np.ndarray
-    mass_body: np.ndarray
-    ground: float
-
-    def at(self, rows: np.ndarray) -> BodyPoints:
-        """The same at some of the instants only; rows: (n,) bool."""
-        return dataclasses.replace(
-            self, pelvis=self.pelvis[rows], hip=self.hip[rows], knee=self.knee[rows], ankle=self.ankle[rows],
-            spheres={s: centres[rows] for s, centres in self.spheres.items()}, mass_center=self.mass_center[rows])
-
-    @property
-    def whole_center(self) -> np.ndarray:
-        """(n, 3) m, the whole body's centre of mass."""
-        return np.einsum("b,nbk->nk", self.mass, self.mass_center) / self.mass.sum()
+    curves = fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2))
+    curves.coefficients[0] = 0.0
+    return curves
 
 
-SEGMENTS = ("pelvis", "thigh_P", "shank_P", "thigh_I", "shank_I", "foot_I")
-"""Rigid segments of the sagittal model; socket, pylon and prosthetic foot belong to "shank_P"."""
+def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) -> np.ndarray:
+    """(n, 2) of a complex path (n,) at the times (n,) s, without what is faster than the cut-off."""
+    rate = 1.0 / float(np.median(np.diff(times)))
+    parts = np.column_stack([path.real, path.imag])
+    if cutoff_hz < 0.45 * rate:
+        parts = low_pass(parts, rate_hz=rate, cutoff_hz=cutoff_hz)
+    return CoordinateTrajectory(times, parts, ("along", "up")).sample(times)[2]
 
 
-def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,
-                *, fulcrum_m: float) -> BodyPoints:
-    """The points of `BodyPoints` for n sets of coordinates.
+# Closing a stride: the periodic sagittal motion nearest to what was recorded, and to its accelerations.
+#
+#     minimise over the periodic curves' coefficients, the advance per stride and the constant d:
+#         sum over recorded instants  w(t) [misfit of `recorded_projection` at q(t)]
+#       + sum over an even grid of phases  |r'' - a|^2 / sigma_a^2
+#
+# r is the sagittal model's centre of mass, r'' its acceleration up to the curves' order, and a what it should be, less
+# its mean over the stride (a periodic stride has none): the acceleration of the recorded motion's own centre of mass,
+# or what the ground's forces make of it, F / m - g. In the first sum the centre of mass counts little now: two ends of
+# a recording, a stride apart, differ by millimetres, and blending them in place within a double support would shake the
+# body by several percent of its weight. Weighed by acceleration that difference spreads over the whole stride, where it
+# takes hardly any. The advance is what the planted feet say rather than the pelvis, since feet that slide rub.
+
+
+ITERATIONS = 80
+SMALLEST_GAIN = 1e-7
+"""Share of the sum of squares: a step that gains less has arrived."""
+MASS_PLACE_M = 5e-3
+"""Standard deviation of the centre of mass's place (a choice)."""
+ACCELERATION = 0.02 * GRAVITY
+"""Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to)."""
+
+
+def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
+          acceleration: PeriodicCurves, shift: complex) -> tuple[PeriodicCurves, complex, bool]:
+    """The closed curves, the constant d, and whether they moved no more: damped Newton steps.
 
     Args:
-        walker: the person; its Context is copied, not changed.
-        offsets: of the prosthesis.
-        names: m coordinates. values: (n, m) rad and m; coordinates that are not named are zero.
+        curves, shift: first guesses.
+        times: (n,) s since phase 0 of the misfit's instants. weights: (n,), see `closing_weights`.
+        acceleration: its values (., 2) are what the centre of mass should do along and up, m/s^2.
     """
-    gait = walker.gait
-    plant, person = gait.plant, gait.person
-    root = walker.context.Clone()
-    context = gait.plant_context(root)
-    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-              alignment=offsets.alignment_rad)
-    mechanism = gait_mechanism(gait, root)
-    side = {"P": person.subject.prosthetic_side, "I": "left" if person.subject.prosthetic_side == "right" else "right"}
-    segments = person.segments
-    frames = [segments["pelvis"].body_frame(), *(segments[f"thigh_{side[s]}"].body_frame() for s in FEET),
-              *(segments[f"shank_{side[s]}"].body_frame() for s in FEET), person.socket.distal,
-              segments[f"foot_{side['I']}"].body_frame()]
-    count = len(person.foot.sites.radius)
-    carriers = [plant.get_body(BodyIndex(int(i))) for i in mechanism.site_bodies]
-    heavy, parents = _heavy(walker, context, side)
-    columns = [plant.GetJointByName(name).position_start() for name in names]
-    q = np.zeros(plant.num_positions())
-    q[plant.GetJointByName(person.foot.carriage_joint_name, person.foot.instance).position_start()] = fulcrum_m
-    origins = np.empty((len(values), len(frames), 3))
-    centres = np.empty((len(values), len(mechanism.sites), 3))
-    masses = np.empty((len(values), len(heavy), 3))
-    own = [(body, body.CalcCenterOfMassInBodyFrame(context)) for body in heavy]
-    for i, row in enumerate(np.asarray(values, dtype=float)):
-        q[columns] = row
-        plant.SetPositions(context, q)
-        for j, frame in enumerate(frames):
-            origins[i, j] = frame.CalcPoseInWorld(context).translation()
-        for j, (body, p_BS) in enumerate(zip(carriers, mechanism.sites[:, :3], strict=True)):
-            centres[i, j] = plant.EvalBodyPoseInWorld(context, body) @ p_BS
-        for j, (body, p_BC) in enumerate(own):
-            masses[i, j] = plant.EvalBodyPoseInWorld(context, body) @ p_BC
-    radius = mechanism.sites[:, 3]
-    return BodyPoints(
-        pelvis=origins[:, 0], hip=origins[:, 1:3], knee=origins[:, 3:5], ankle=origins[:, 5:7],
-        spheres={"P": centres[:, :count], "I": centres[:, count:]},
-        radius={"P": radius[:count], "I": radius[count:]},
-        mass=np.array([body.get_mass(context) for body in heavy]), mass_center=masses, mass_body=np.array(parents),
-        ground=float(mechanism.ground_height))
+    squares = _Squares(chain, misfit, curves, times, weights, acceleration)
+    x = np.concatenate([curves.coefficients.ravel(), [curves.advance[TX], shift.real, shift.imag]])
+    cost, g, N, B = squares.terms(x)
+    damping, converged = 1e-6, False
+    for _ in range(ITERATIONS):
+        damped = N + damping * np.diag(np.diag(N))
+        try:  # Newton's step where the second derivatives N + B are positive, Gauss-Newton's with N elsewhere
+            step = -cho_solve(cho_factor(damped + B), g)
+        except np.linalg.LinAlgError:
+            step = -np.linalg.solve(damped, g)
+        tried = squares.cost(x + step)
+        if not tried <= cost * (1.0 + 1e-12):
+            damping *= 10.0
+            continue
+        converged = cost - tried <= SMALLEST_GAIN * cost
+        x, damping = x + step, max(0.1 * damping, 1e-9)
+        if converged:
+            break
+        cost, g, N, B = squares.terms(x)
+    return squares.curves(x), complex(*x[squares.last + 1 :]), converged
 
 
-def _heavy(walker: Walker, context, side: dict[str, str]) -> tuple[list, list[int]]:
-    """Bodies with mass, and the planar segment of each."""
-    plant = walker.gait.plant
-    rigid = {walker.gait.person.segments["pelvis"].index(): 0}
-    for name, segment in ((f"thigh_{side['P']}", 1), (f"thigh_{side['I']}", 3), (f"shank_{side['I']}", 4),
-                          (f"foot_{side['I']}", 5)):
-        rigid[walker.gait.person.segments[name].index()] = segment
-    bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
-    heavy = [body for body in bodies if body.get_mass(context) > 0.0]
-    return heavy, [rigid.get(body.index(), SEGMENTS.index("shank_P")) for body in heavy]
+class _Squares:
+    """The sum of squares and its derivatives by x: the curves' coefficients row by row, the advance, d in two parts."""
+
+    def __init__(self, chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray,
+                 weights: np.ndarray, acceleration: PeriodicCurves) -> None:
+        along, height = misfit.along.copy(), misfit.height.copy()
+        along[:, -1] = height[:, -1] = MASS_PLACE_M**-2
+        self.chain, self.misfit = chain, dataclasses.replace(misfit, along=along, height=height)
+        self.times, self.weights, self.period_s = times, weights, curves.period_s
+        self.size, self.last = len(curves.coefficients), curves.coefficients.size
+        basis = _harmonics(times, self.period_s, curves.order)[0]
+        self.weighted, self.pairs = weights[:, None] * basis, _pairs(basis, weights)
+        # values on an even grid of 4 H phases; their second derivatives up to the order H, what is faster is dropped
+        count = 4 * curves.order
+        self.grid = self.period_s * np.arange(count) / count
+        self.on_grid = _harmonics(self.grid, self.period_s, curves.order)[0]
+        self.pairs_on_grid = _pairs(self.on_grid, np.ones(count))
+        rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
+        kept = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= curves.order
+        self.twice = np.fft.ifft((-(rate**2) * kept)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
+        self.wish = acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])
+        self.scale = weights.sum() / count / ACCELERATION**2
+
+    def curves(self, x: np.ndarray) -> PeriodicCurves:
+        """The curves that x stands for."""
+        return PeriodicCurves(self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8))
+
+    def _off(self, x: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """r'' - a on the grid."""
+        return self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wish
+
+    def cost(self, x: np.ndarray) -> float:
+        """The sum of squares."""
+        now, d = self.curves(x), complex(*x[self.last + 1 :])
+        r = self._off(x, with_mass(self.chain, self.chain.points(now.sample(self.grid)[0])[0])[0])
+        misfit = self.misfit.cost(self.chain, now.sample(self.times)[0], d)
+        return float(self.weights @ misfit) + self.scale * float(np.sum(np.abs(r) ** 2))
+
+    def terms(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        """Cost, half its gradient, half its second derivatives in two parts, by slopes and by curvature."""
+        now, d, last = self.curves(x), complex(*x[self.last + 1 :]), self.last
+        A, b, C, D, e, bent_places = self.misfit.normal(self.chain, now.sample(self.times)[0], d)
+        gone, weights = self.times / self.period_s, self.weights
+        N = np.zeros((last + 3, last + 3))
+        N[:last, :last] = self._spread(A, self.pairs)
+        N[:last, last] = (self.weighted.T @ (gone[:, None] * A[:, :, TX])).ravel()
+        N[:last, last + 1 :] = (self.weighted.T @ C.reshape(len(C), 16)).reshape(last, 2)
+        N[last, last] = weights @ (gone**2 * A[:, TX, TX])
+        N[last, last + 1 :] = (weights * gone) @ C[:, TX]
+        N[last + 1 :, last + 1 :] = np.diag(weights @ D)
+        N[last:, :last] = N[:last, last:].T
+        N[last + 1 :, last] = N[last, last + 1 :]
+        g = np.concatenate([(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e])
+        places, J = with_mass(self.chain, *self.chain.points(now.sample(self.grid)[0], jacobian=True))
+        r, J_mass = self._off(x, places), J[:, -1]
+        bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
+        J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(len(self.grid), last)
+        B = np.zeros(N.shape)
+        B[:last, :last] = self._spread(bent_places, self.pairs) + self._spread(bent, self.pairs_on_grid)
+        N[:last, :last] += self.scale * (J_r.conj().T @ J_r).real
+        g[:last] += self.scale * (J_r.conj().T @ r).real
+        return self.cost(x), g, N, B
+
+    def _spread(self, blocks: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+        """Blocks (., 8, 8) by q(t) as one by the coefficients."""
+        summed = (blocks.reshape(len(blocks), 64).T @ pairs).reshape(8, 8, self.size, self.size)
+        return summed.transpose(2, 0, 3, 1).reshape(self.last, self.last)
+
+
+def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return (weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
 # The ground's forces over a recorded stride, both feet, seen from the side and made periodic.
@@ -307,18 +271,16 @@ GRID_S = 0.001
 LEAST_WEIGHT = 1e-9
 """Of what was recorded in another stride: it counts only where there is nothing else."""
 
-Span = tuple[float, float]
-
 
 @dataclass(frozen=True, eq=False)
 class FootForce:
-    """One foot's force over one stride (or one piece of time), on an even grid.
+    """One foot's force over one stride, on an even grid.
 
     Attributes:
         time_s: (g,) s since phase 0, from 0 to the period, both included.
         force: (g, 2) N, along the way of walking and up; NaN where not known.
         cop: (g,) m along the way, less `advance_m` times t / period; NaN where not known or not loaded.
-        period_s, advance_m: see `RecordedStride`. periodic: whether it goes on beyond the grid.
+        period_s, advance_m: see `RecordedStride`.
         parts_differ: RMS (N, along and up) between two recordings of the same instant while the foot was loaded; NaN if
             there are none. parts_overlap_s: for how long there are.
     """
@@ -328,7 +290,6 @@ class FootForce:
     cop: np.ndarray
     period_s: float
     advance_m: float
-    periodic: bool
     parts_differ: tuple[float, float]
     parts_overlap_s: float
 
@@ -339,11 +300,20 @@ class FootForce:
         what little force there is then is that at the nearest place known).
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        phase = np.mod(times, self.period_s) if self.periodic else times
-        along, up, cop, held = (np.interp(phase, self.time_s, column, left=np.nan, right=np.nan)
+        phase = np.mod(times, self.period_s)
+        along, up, cop, held = (np.interp(phase, self.time_s, column)
                                 for column in (*self.force.T, self.cop, _held(self.cop)))
         gone = self.advance_m * times / self.period_s
         return np.column_stack([along, up, -(held + gone) * up]), cop + gone
+
+
+def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times (g,) s since phase 0 and what both feet's forces make the centre of mass do there, (g, 2) m/s^2, along and
+    up; None if a force is not known throughout."""
+    feet = tuple(forces.values())
+    if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
+        return None
+    return feet[0].time_s, sum(force.force for force in feet) / mass_kg - np.array([0.0, GRAVITY])
 
 
 def plate_series(plate: PlateRecording, forward: np.ndarray,
@@ -356,7 +326,7 @@ def plate_series(plate: PlateRecording, forward: np.ndarray,
 
 
 def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span: Span, start_s: float,
-               period_s: float, advance_m: float, unknown: Sequence[Span] = (), periodic: bool = True) -> FootForce:
+               period_s: float, advance_m: float, unknown: Sequence[Span] = ()) -> FootForce:
     """What one foot's plate says of a stride.
 
     Args:
@@ -370,14 +340,11 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     grid = np.linspace(0.0, period_s, count + 1)
     first, last = max(plate.time_s[0], record[0]), min(plate.time_s[-1], record[1])
     cycles = np.arange(np.floor((first - start_s) / period_s), np.ceil((last - start_s) / period_s) + 1)
-    t = start_s + grid + period_s * (cycles if periodic else np.zeros(1))[:, None]
+    t = start_s + grid + period_s * cycles[:, None]
     seen = (t >= first - 1e-9) & (t <= last + 1e-9)
     for a, b in unknown:
         seen &= (t < a) | (t > b)
-    w = np.ones(t.shape)
-    if periodic:
-        w = np.maximum(closing_weights(t.ravel(), *span, period_s).reshape(t.shape), LEAST_WEIGHT)
-    w = np.where(seen, w, 0.0)
+    w = np.where(seen, np.maximum(closing_weights(t, *span, period_s), LEAST_WEIGHT), 0.0)
     _, series = plate_series(plate, forward)
     f = np.stack([np.interp(t, plate.time_s, column) for column in series.T], axis=2)
     c = _places(plate, forward, t) - advance_m * (t - start_s) / period_s
@@ -387,10 +354,9 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     carried = w * np.maximum(f[:, :, 1], 0.0) * np.isfinite(c)
     on = carried.sum(axis=0) > 0.0
     cop = np.where(on, np.sum(carried * np.nan_to_num(c), axis=0) / np.where(on, carried.sum(axis=0), 1.0), np.nan)
-    if periodic:
-        force[-1], cop[-1] = force[0], cop[0]
+    force[-1], cop[-1] = force[0], cop[0]
     differ, overlap = _parts(seen, f)
-    return FootForce(grid, force, cop, period_s, advance_m, periodic, differ, overlap * period_s / count)
+    return FootForce(grid, force, cop, period_s, advance_m, differ, overlap * period_s / count)
 
 
 def _places(plate: PlateRecording, forward: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -17,12 +17,16 @@ knees that had to take that difference up, near straight, would bend by degrees.
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.multibody.tree import BodyIndex
 
-from vsf_drake.analysis.tuning.recorded_curves import FEET, SEGMENTS, BodyPoints, body_points
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.plants.foot import set_mount
+from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walker
 
 ITERATIONS = 50
@@ -30,28 +34,16 @@ SMALLEST_STEP = 1e-7
 """m and rad: what moves by less has arrived."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Nearness:
-    """How far (standard deviations; choices) the sagittal model may be from the 3-D one. m and rad.
-
-    Attributes:
-        loaded_height, loaded_along: of a contact sphere near the floor. swinging: of one far from it, both ways.
-        knee, ankle: of these joint centres. hip: of each. mass: of the whole body's centre of mass.
-        angle: of hip, knee and ankle angles from the recorded ones. tilt: of the pelvis's.
-        floor_m, fade_m: gap under a sphere at which it counts half, and over which that fades.
-    """
-
-    loaded_height: float = 1e-4
-    loaded_along: float = 5e-4
-    swinging: float = 5e-3
-    knee: float = 5e-3
-    ankle: float = 5e-3
-    hip: float = 2e-2
-    mass: float = 2e-4
-    angle: float = 0.03
-    tilt: float = 0.01
-    floor_m: float = 0.01
-    fade_m: float = 0.002
+# How far (standard deviations; choices) the sagittal model may be from the 3-D one, m and rad.
+LOADED_HEIGHT, LOADED_ALONG, SWINGING = 1e-4, 5e-4, 5e-3
+"""Of a contact sphere near the floor, and of one far from it, both ways."""
+JOINTS = {"hip": 2e-2, "knee": 5e-3, "ankle": 5e-3}
+MASS = 2e-4
+"""Of the whole body's centre of mass."""
+ANGLE, PELVIS_TILT = 0.03, 0.01
+"""Of hip, knee and ankle angles from the recorded ones, and of the pelvis's."""
+FLOOR_M, FADE_M = 0.01, 0.002
+"""Gap under a sphere at which it counts half, and over which that fades."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +101,7 @@ class Projection:
     converged: bool
 
 
-def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0,
-                nearness: Nearness | None = None) -> Misfit:
+def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0) -> Misfit:
     """What `project` minimises.
 
     Args:
@@ -118,20 +109,19 @@ def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, 
         recorded: (n, 8) the coordinates of the same names in the 3-D motion.
         ground: z of the floor, m.
     """
-    near = nearness or Nearness()
-    turned = np.full(8, 1.0 / near.angle**2)
-    turned[TILT], turned[TILT + 1 : HIP_P] = 1.0 / near.tilt**2, 0.0
-    share = near_floor(chain, wanted, ground, near)
+    turned = np.full(8, 1.0 / ANGLE**2)
+    turned[TILT], turned[TILT + 1 : HIP_P] = 1.0 / PELVIS_TILT**2, 0.0
+    share = near_floor(chain, wanted, ground)
     along, height = (np.zeros((len(wanted), len(chain.labels) + 1)) for _ in range(2))
-    for s in ("P", "I"):
-        for name, sigma in (("hip", near.hip), ("knee", near.knee), ("ankle", near.ankle)):
+    for s in FEET:
+        for name, sigma in JOINTS.items():
             along[:, chain.rows(f"{name} {s}")] = height[:, chain.rows(f"{name} {s}")] = sigma**-2
         rows = chain.rows(f"sphere {s}")
-        for weight, sigma in ((along, near.loaded_along), (height, near.loaded_height)):
-            weight[:, rows] = (share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / near.swinging**2) / len(rows)
-    along[:, -1] = height[:, -1] = near.mass**-2
+        for weight, sigma in ((along, LOADED_ALONG), (height, LOADED_HEIGHT)):
+            weight[:, rows] = (share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / SWINGING**2) / len(rows)
+    along[:, -1] = height[:, -1] = MASS**-2
     shifted = np.append([label.startswith("hip") for label in chain.labels], True)
-    return Misfit(with_mass(chain, wanted)[0], along, height, shifted, np.asarray(recorded, dtype=float), turned)
+    return Misfit(with_mass(chain, wanted)[0], along, height, shifted, recorded, turned)
 
 
 def project(chain: SagittalChain, misfit: Misfit) -> Projection:
@@ -156,10 +146,10 @@ def project(chain: SagittalChain, misfit: Misfit) -> Projection:
     return Projection(q, d, False)
 
 
-def near_floor(chain: SagittalChain, wanted: np.ndarray, ground: float, near: Nearness) -> np.ndarray:
+def near_floor(chain: SagittalChain, wanted: np.ndarray, ground: float) -> np.ndarray:
     """(n, k) from 0 to 1: how near the floor a contact sphere is; 0 for all other points."""
     gap = wanted.imag - chain.radius - ground
-    return np.where(chain.radius > 0.0, 0.5 - 0.5 * np.tanh(0.5 * (gap - near.floor_m) / near.fade_m), 0.0)
+    return np.where(chain.radius > 0.0, 0.5 - 0.5 * np.tanh(0.5 * (gap - FLOOR_M) / FADE_M), 0.0)
 
 
 def with_mass(chain: SagittalChain, places: np.ndarray, J: np.ndarray | None = None
@@ -168,6 +158,111 @@ def with_mass(chain: SagittalChain, places: np.ndarray, J: np.ndarray | None = N
     share = chain.mass / chain.mass.sum()
     wider = np.concatenate([places, (places @ share)[:, None]], axis=1)
     return wider, None if J is None else np.concatenate([J, np.einsum("k,nkc->nc", share, J)[:, None]], axis=1)
+
+
+# Where the person's joints, contact spheres and centres of mass are in the 3-D model, instant by instant.
+#
+# Keel and socket are undeformed: what the recording prescribes is all that is known.
+
+
+FEET = ("P", "I")
+"""The prosthetic and the intact side, in this order wherever both appear."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPoints:
+    """Points of the person in W (x forward, y left, z up), m. n instants; sides in the order of `FEET`.
+
+    Attributes:
+        pelvis: (n, 3) the pelvis's origin.
+        hip, knee, ankle: (n, 2, 3) joint centres; the prosthetic "ankle" is the pylon's lower end.
+        spheres: by side, (n, m, 3) centres of the contact spheres. radius: by side, (m,).
+        mass: (b,) kg of the bodies that have one. mass_center: (n, b, 3) their centres.
+        mass_body: (b,) index into `SEGMENTS` of the planar segment that carries each.
+        ground: z of the floor, m.
+    """
+
+    pelvis: np.ndarray
+    hip: np.ndarray
+    knee: np.ndarray
+    ankle: np.ndarray
+    spheres: dict[str, np.ndarray]
+    radius: dict[str, np.ndarray]
+    mass: np.ndarray
+    mass_center: np.ndarray
+    mass_body: np.ndarray
+    ground: float
+
+    def at(self, rows: np.ndarray) -> BodyPoints:
+        """The same at some of the instants only; rows: (n,) bool."""
+        return dataclasses.replace(
+            self, pelvis=self.pelvis[rows], hip=self.hip[rows], knee=self.knee[rows], ankle=self.ankle[rows],
+            spheres={s: centres[rows] for s, centres in self.spheres.items()}, mass_center=self.mass_center[rows])
+
+
+SEGMENTS = ("pelvis", "thigh_P", "shank_P", "thigh_I", "shank_I", "foot_I")
+"""Rigid segments of the sagittal model; socket, pylon and prosthetic foot belong to "shank_P"."""
+
+
+def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,
+                *, fulcrum_m: float) -> BodyPoints:
+    """The points of `BodyPoints` for n sets of coordinates.
+
+    Args:
+        walker: the person; its Context is copied, not changed.
+        offsets: of the prosthesis.
+        names: m coordinates. values: (n, m) rad and m; coordinates that are not named are zero.
+    """
+    gait = walker.gait
+    plant, person = gait.plant, gait.person
+    root = walker.context.Clone()
+    context = gait.plant_context(root)
+    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
+              alignment=offsets.alignment_rad)
+    mechanism = gait_mechanism(gait, root)
+    side = {"P": person.subject.prosthetic_side, "I": "left" if person.subject.prosthetic_side == "right" else "right"}
+    segments = person.segments
+    frames = [segments["pelvis"].body_frame(), *(segments[f"thigh_{side[s]}"].body_frame() for s in FEET),
+              *(segments[f"shank_{side[s]}"].body_frame() for s in FEET), person.socket.distal,
+              segments[f"foot_{side['I']}"].body_frame()]
+    count = len(person.foot.sites.radius)
+    carriers = [plant.get_body(BodyIndex(int(i))) for i in mechanism.site_bodies]
+    heavy, parents = _heavy(walker, context, side)
+    columns = [plant.GetJointByName(name).position_start() for name in names]
+    q = np.zeros(plant.num_positions())
+    q[plant.GetJointByName(person.foot.carriage_joint_name, person.foot.instance).position_start()] = fulcrum_m
+    origins = np.empty((len(values), len(frames), 3))
+    centres = np.empty((len(values), len(mechanism.sites), 3))
+    masses = np.empty((len(values), len(heavy), 3))
+    own = [(body, body.CalcCenterOfMassInBodyFrame(context)) for body in heavy]
+    for i, row in enumerate(np.asarray(values, dtype=float)):
+        q[columns] = row
+        plant.SetPositions(context, q)
+        for j, frame in enumerate(frames):
+            origins[i, j] = frame.CalcPoseInWorld(context).translation()
+        for j, (body, p_BS) in enumerate(zip(carriers, mechanism.sites[:, :3], strict=True)):
+            centres[i, j] = plant.EvalBodyPoseInWorld(context, body) @ p_BS
+        for j, (body, p_BC) in enumerate(own):
+            masses[i, j] = plant.EvalBodyPoseInWorld(context, body) @ p_BC
+    radius = mechanism.sites[:, 3]
+    return BodyPoints(
+        pelvis=origins[:, 0], hip=origins[:, 1:3], knee=origins[:, 3:5], ankle=origins[:, 5:7],
+        spheres={"P": centres[:, :count], "I": centres[:, count:]},
+        radius={"P": radius[:count], "I": radius[count:]},
+        mass=np.array([body.get_mass(context) for body in heavy]), mass_center=masses, mass_body=np.array(parents),
+        ground=float(mechanism.ground_height))
+
+
+def _heavy(walker: Walker, context, side: dict[str, str]) -> tuple[list, list[int]]:
+    """Bodies with mass, and the planar segment of each."""
+    plant = walker.gait.plant
+    rigid = {walker.gait.person.segments["pelvis"].index(): 0}
+    for name, segment in ((f"thigh_{side['P']}", 1), (f"thigh_{side['I']}", 3), (f"shank_{side['I']}", 4),
+                          (f"foot_{side['I']}", 5)):
+        rigid[walker.gait.person.segments[name].index()] = segment
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
+    heavy = [body for body in bodies if body.get_mass(context) > 0.0]
+    return heavy, [rigid.get(body.index(), SEGMENTS.index("shank_P")) for body in heavy]
 
 
 # The sagittal model's geometry: a planar tree of rigid segments, for many instants at once.

@@ -1,46 +1,38 @@
 """One periodic stride of a recorded trial, seen from the side: what a trajectory optimisation starts from and tracks.
 
 The recording drives the 3-D model (fitted offsets and coordinates applied, keel and socket undeformed); the sagittal
-model is laid on it instant by instant (`recorded_projection`), the stride is closed (`recorded_closing`,
-`recorded_curves`), and the plates' forces with it (`recorded_curves`). Phase 0 is the strike of the prosthetic foot.
+model is laid on it instant by instant (`recorded_projection`), the stride is closed, and the plates' forces with it
+(`recorded_curves`). Phase 0 is the strike of the prosthetic foot (`recorded_events`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.recorded_closing import (
-    close,
-    find_period,
-    forced_acceleration,
-    periodic_acceleration,
-    second_derivative,
-)
+from vsf_drake.analysis.tuning.common import say
 from vsf_drake.analysis.tuning.recorded_curves import (
-    Curves,
+    HARMONICS,
     FootForce,
+    PeriodicCurves,
+    Span,
     advance_of,
+    close,
     closing_weights,
     fit_periodic,
-    fit_piece,
     foot_force,
+    forced_acceleration,
     one_stride,
+    periodic_acceleration,
     plate_series,
-)
-from vsf_drake.analysis.tuning.recorded_errors import (
-    View,
-    center_rate,
-    closing_errors,
-    force_errors,
-    moment_balance,
-    place_errors,
-    sentences,
-    stride_heading,
-    view,
+    second_derivative,
 )
 from vsf_drake.analysis.tuning.recorded_events import (
+    find_period,
     first_strike,
     heading,
     loaded_stances,
@@ -50,62 +42,65 @@ from vsf_drake.analysis.tuning.recorded_events import (
     within,
     within_stride,
 )
-from vsf_drake.analysis.tuning.recorded_projection import TX, Nearness, SagittalChain, project
+from vsf_drake.analysis.tuning.recorded_projection import (
+    TILT,
+    TX,
+    BodyPoints,
+    Misfit,
+    SagittalChain,
+    body_points,
+    make_misfit,
+    near_floor,
+    project,
+    sagittal_chain,
+    targets,
+)
 from vsf_drake.errors import InputError
+from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.subject import PELVIS_ROTATIONS
 
-HARMONICS = 16
-"""Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
-LEAST_HARMONICS, MOST_HARMONICS = 4, 40
 SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85
 """What a stance can take of a stride."""
-MARGIN_S = 0.1
-MOST_MARGIN_S = 0.5
-KNOT_S = 0.03
-"""Distance of the knots of a piece of time (a choice: about as fine as the periodic curves)."""
-Span = tuple[float, float]
+FEET = (("P", "prosthetic"), ("I", "intact"))
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedStride:
-    """A recorded stride in the sagittal plane, or one prosthetic stance of it.
+    """A recorded stride in the sagittal plane.
 
-    Times are seconds since phase 0, the prosthetic foot's strike (the beginning of the piece if not `periodic`); time t
-    is `start_s` + t in the recording. x is the distance along the way of walking from the laboratory's origin, z up.
+    Times are seconds since phase 0, the prosthetic foot's strike; time t is `start_s` + t in the recording. x is the
+    distance along the way of walking from the laboratory's origin, z up.
 
     Attributes:
         names: the 8 coordinates, see `simulation.sagittal.model.sagittal_coordinates`.
-        periodic: whether it is a stride that repeats, or a piece of time from 0 to `period_s`.
         period_s, advance_m: duration, and travel of pelvis_tx in it. start_s: time of phase 0 in the recording.
         curves: the motion. forces: of the feet by "prosthetic" and "intact"; a foot without a plate is missing.
         prosthetic_stance, intact_stance: (start, end) s; an end may lie beyond the period. None where unknown.
         forward: (2,) the way of walking in the laboratory's floor. chain: the sagittal model's geometry.
-        errors: numbers by name with their unit at the end, see `recorded_errors`.
+        errors: numbers by name with their unit at the end, see `_errors`.
         notes: what was done and how well it fits, in sentences.
     """
 
     names: tuple[str, ...]
-    periodic: bool
     period_s: float
     advance_m: float
     start_s: float
-    curves: Curves
+    curves: PeriodicCurves
     forces: dict[str, FootForce]
     prosthetic_stance: Span
     intact_stance: Span | None
     forward: np.ndarray
     chain: SagittalChain
-    errors: dict[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    errors: dict[str, float]
+    notes: tuple[str, ...]
 
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at (n,) s since phase 0.
+        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0.
 
-        Of a stride at any time: q(t + period) is q(t) with pelvis_tx advanced.
-
-        Raises:
-            InputError: a time outside a piece that is not periodic.
+        q(t + period) is q(t) with pelvis_tx advanced.
         """
         return self.curves.sample(np.atleast_1d(np.asarray(times_s, dtype=float)))
 
@@ -122,34 +117,25 @@ class RecordedStride:
 
     def known(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
         """By "prosthetic" and "intact" (n,) whether the force is known; False for a foot without a plate."""
-        count = len(np.atleast_1d(times_s))
-        unknown = {foot: np.zeros(count, dtype=bool) for foot in ("prosthetic", "intact")}
+        unknown = {foot: np.zeros(len(np.atleast_1d(times_s)), dtype=bool) for _, foot in FEET}
         return unknown | {foot: np.isfinite(force[:, :2]).all(axis=1) for foot, force in self.grf(times_s).items()}
 
 
-def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: int = HARMONICS,
-                    period_s: float | None = None, nearness: Nearness | None = None,
-                    follow_forces: bool | None = None, all_strides: bool = False) -> RecordedStride:
-    """The periodic stride of a trial.
+def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: float | None = None,
+                    follow_forces: bool | None = None) -> RecordedStride:
+    """The periodic stride around a trial's first whole prosthetic stance; strides differ by millimetres of height.
 
     Args:
         trial: with its fitted contact applied (`motion.fitted_trial.trial_with`), if it has one.
         walker: of the trial's person and model; made if None. Its Context is not changed.
-        harmonics: order of the periodic curves.
         period_s: instead of the one that the recording tells.
-        nearness: what counts how much where the sagittal model cannot follow.
-        all_strides: whether the mean of all that was recorded is taken, instead of the stride around the first whole
-            prosthetic stance alone; strides differ from each other by millimetres of height.
         follow_forces: whether the closed motion's accelerations follow the plates rather than the recorded motion;
             None: where the plates know both feet's forces over the whole stride.
 
     Raises:
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
     """
-    if not LEAST_HARMONICS <= harmonics <= MOST_HARMONICS:
-        raise InputError(f"{harmonics} harmonics are no order of a stride's curves", where="harmonics",
-                         right=f"They must be from {LEAST_HARMONICS} to {MOST_HARMONICS}")
-    seen, file = view(trial, walker), trial.path
+    seen, file = _view(trial, walker), trial.path
     time = seen.time_s
     loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
     unknown = unknown_spans(trial, loaded, moved)
@@ -166,99 +152,243 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, harmonics: in
         raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
                          where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
     intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
-    seen = seen.turned(stride_heading(seen, T))
-    span = (time[0], time[-1]) if all_strides else one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
+    seen = seen.turned(_stride_heading(seen, T))
+    span = one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
     weights = closing_weights(time, *span, T)
-    rates = second_derivative(seen.misfit(nearness).wanted[:, -1], time, cutoff_hz=1.5 * harmonics / T)
-    path = periodic_acceleration(time - start, rates, weights, period_s=T, order=harmonics)
+    rates = second_derivative(seen.misfit().wanted[:, -1], time, cutoff_hz=1.5 * HARMONICS / T)
+    path = periodic_acceleration(time - start, rates, weights, T)
     inside = (time >= span[0]) & (time <= span[1])
     seen, weights = seen.at(inside), weights[inside]
-    misfit, t = seen.misfit(nearness), seen.time_s - start
+    misfit, t = seen.misfit(), seen.time_s - start
     projection = project(seen.chain, misfit)
     advance = advance_of(t, projection.q[:, TX], T)
-    by = {"start_s": start, "period_s": T, "unknown": unknown, "span": span}
-    forced = forced_acceleration(_forces(trial, seen, advance_m=advance, **by), mass)
+
+    def forces_with(advance: float) -> dict[str, FootForce]:
+        record = trial.trajectory.start_s, trial.trajectory.end_s
+        return {foot: foot_force(trial.plates[side], seen.forward, record=record, span=span, start_s=start,
+                                 period_s=T, advance_m=advance, unknown=unknown[s])
+                for (s, foot), side in zip(FEET, sides(trial).values(), strict=True) if side in trial.plates}
+
+    forced = forced_acceleration(forces_with(advance), mass)
     if follow_forces and forced is None:
         raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
                          right="Without follow_forces the motion's own accelerations serve")
     wish = path
     if forced is not None and follow_forces is not False:
-        wish = periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), period_s=T,
-                                     order=harmonics)
-    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX], order=harmonics)
+        wish = periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), T)
+    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX])
     curves, shift, closed = close(seen.chain, misfit, curves, t, weights, wish, projection.shift)
     advance = float(curves.advance[TX])
-    forces = _forces(trial, seen, advance_m=advance, **by)
-    errors = {"period.overlap_s": period.overlap_s}
+    forces = forces_with(advance)
     standing = {"prosthetic": within(t, prosthetic, T), "intact": within(t, intact, T)}
-    errors |= place_errors(seen, projection.q, curves.sample(t)[0], weights, standing)
-    errors |= closing_errors(seen, projection.q, curves.advance, T)
-    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, T)
-    errors |= force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
+    errors = _place_errors(seen, curves.sample(t)[0], weights, standing)
+    errors |= _closing_errors(seen, projection.q, T)
+    errors |= _force_errors(lambda times: _center_rate(seen.chain, curves, times), forces, mass, T, of="sagittal")
+    errors |= _force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
     errors |= moment_balance(seen.chain, curves, forces, T)
-    notes = (f"The stride takes {T:.4f} s, by {period.method}; the pelvis travels {advance:.3f} m.",
-             f"Prosthetic stance: {how_p}. Intact stance: {how_i}.",
-             f"Its accelerations follow the {'recorded motion' if wish is path else 'plates'}.",
-             *sentences(errors, shift, converged=closed and projection.converged))
+    notes = say("stride", "recorded", period_s=T, by=period.method, advance_m=advance, prosthetic=how_p, intact=how_i,
+                follows_plates=wish is not path, converged=closed and projection.converged, shift=shift, errors=errors,
+                **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
     return RecordedStride(
-        names=seen.names, periodic=True, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
+        names=seen.names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
         prosthetic_stance=prosthetic, intact_stance=intact, forward=seen.forward, chain=seen.chain, errors=errors,
-        notes=notes)
+        notes=tuple(notes))
 
 
-def prosthetic_stance_only(trial: Trial, walker: Walker | None = None, *, margin_s: float = MARGIN_S,
-                           nearness: Nearness | None = None, follow_forces: bool | None = None) -> RecordedStride:
-    """One prosthetic stance with a margin before and after it, not periodic: for a recording without a whole stride.
+# How well a sagittal stride tells what was recorded: numbers by name, the unit at the end of each name.
+#
+#     place.*       where the final curves put a point against where the 3-D model has it, seen from the side; RMS
+#                   over the recorded instants. For a foot, in its stance: the mean over its spheres near the floor,
+#                   each by its nearness, while there are any; a constant that the pelvis was moved by is in it
+#     angle.*       the final curves less the recorded angles of the 3-D motion, RMS
+#     closing.*     the projection at one end of the recording less that at the other, one stride apart, RMS
+#     force.*       m (g + a) of the centre of mass, the sagittal model's or the recorded 3-D motion's own, less the
+#                   forces of both feet, where both are known, RMS in body weights; balance: the mean of the plates'
+#                   forces over the stride in body weights (less 1 upward), and of their moment about the sagittal
+#                   model's centre of mass, about y; all are zero for a stride that repeats
+#     parts.*       between two recordings of the same instant of a foot's force, RMS
+
+
+STEP_S = 0.002
+ON_FLOOR = 0.5
+"""Spheres' worth of nearness to the floor from which on a foot is said to be on it."""
+_LENGTHS = ("pelvis_tx", "pelvis_ty")
+
+
+def _place_errors(seen: _View, final: np.ndarray, weights: np.ndarray,
+                  standing: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """`place.*` and `angle.*` of final coordinates (n, 8), with weights (n,) of the instants."""
+    chain, wanted = seen.chain, seen.wanted
+    off = 1e3 * (chain.points(final)[0] - wanted)
+    share = near_floor(chain, wanted, seen.ground)
+    found: dict[str, float] = {}
+    for s, foot in FEET:
+        rows = chain.rows(f"sphere {s}")
+        near = share[:, rows].sum(axis=1)
+        mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
+        found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, weights * (near > ON_FLOOR) * standing[foot])
+    found["place.mass_center_up_mm"] = _rms((off @ chain.mass / chain.mass.sum()).imag, weights)
+    return found | {f"angle.{name}_deg": _rms(np.degrees(final[:, c] - seen.recorded[:, c]), weights)
+                    for c, name in enumerate(seen.names) if name not in _LENGTHS}
+
+
+def _closing_errors(seen: _View, projected: np.ndarray, period_s: float) -> dict[str, float]:
+    """`closing.*` of projected angles (n, 8): nothing if the recording is no longer than a stride."""
+    time = seen.time_s
+    early = time[time + period_s <= time[-1]]
+    return {f"closing.{name}_deg": _rms(np.degrees(np.interp(early + period_s, time, projected[:, c])
+                                                   - projected[: len(early), c]))
+            for c, name in enumerate(seen.names) if early.size and name not in _LENGTHS}
+
+
+def _center_rate(chain: SagittalChain, curves: PeriodicCurves, times: np.ndarray) -> np.ndarray:
+    """(n,) complex, m/s^2: the acceleration of the sagittal model's centre of mass at even times, inner differences."""
+    h = times[1] - times[0]
+    center = chain.mass_center(curves.sample(times)[0])
+    inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / h**2
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def moment_balance(chain: SagittalChain, curves: PeriodicCurves, forces: Mapping[str, FootForce],
+                   period_s: float) -> dict[str, float]:
+    """`force.balance_moment_nm`, if both feet's forces and centres of pressure are known throughout a stride."""
+    times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
+    if len(forces) < len(FEET):
+        return {}
+    along, up, about_origin = sum(force.sample(times)[0] for force in forces.values()).T
+    center = chain.mass_center(curves.sample(times)[0])
+    about_center = about_origin - (center.imag * along - center.real * up)
+    if not np.isfinite(about_center).all():
+        return {}
+    return {"force.balance_moment_nm": float(np.trapezoid(about_center, times) / period_s)}
+
+
+def _force_errors(acceleration: Callable[[np.ndarray], np.ndarray], forces: Mapping[str, FootForce], mass_kg: float,
+                  period_s: float, *, of: str) -> dict[str, float]:
+    """`force.*` and `parts.*`; a balance only where both feet's forces are known throughout the stride.
 
     Args:
-        margin_s: as much of it as was recorded. Others: see `recorded_stride`.
+        acceleration: complex (n,) m/s^2 of the centre of mass at even times (n,) s. of: whose it is.
+    """
+    found: dict[str, float] = {}
+    for foot, force in forces.items():
+        if force.parts_overlap_s > 0.0:
+            found[f"parts.{foot}_overlap_s"] = force.parts_overlap_s
+            found[f"parts.{foot}_along_n"], found[f"parts.{foot}_up_n"] = force.parts_differ
+    if len(forces) < len(FEET):
+        return found
+    times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
+    total = sum(force.sample(times)[0][:, :2] for force in forces.values()) / (mass_kg * GRAVITY)
+    needed = acceleration(times) / GRAVITY + 1j
+    known = np.isfinite(total).all(axis=1)
+    if known.any():
+        found[f"force.{of}_along_bw"] = _rms(needed.real[known] - total[known, 0])
+        found[f"force.{of}_up_bw"] = _rms(needed.imag[known] - total[known, 1])
+    if known.all():
+        along, up = np.trapezoid(total, times, axis=0) / period_s
+        found["force.balance_along_bw"], found["force.balance_up_bw"] = float(along), float(up) - 1.0
+    return found
+
+
+def _worst(errors: Mapping[str, float], start: str) -> tuple[str, float] | None:
+    """The angle whose error, of those whose name begins so, is largest, and that, deg."""
+    found = {name: value for name, value in errors.items() if name.startswith(start)}
+    name = max(found, key=found.__getitem__, default=None)
+    return None if name is None else (name.removeprefix(start).removesuffix("_deg"), found[name])
+
+
+def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
+    if weights is not None and not weights.sum() > 0.0:
+        return float("nan")
+    return float(np.sqrt(np.average(np.square(values), weights=weights)))
+
+
+# A recorded trial as the 3-D model shows it, and seen from the side of its way of walking.
+
+
+MOST_HZ = 200.0
+"""Faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz."""
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """The recorded instants of a trial, n of them.
+
+    Attributes:
+        points: in 3-D. zero: the same with every coordinate at zero. chain: the sagittal model.
+        names: its coordinates. recorded: (n, 8) their values in the 3-D motion; pelvis_tx and pelvis_tilt as they
+            would be called in a laboratory whose x axis is the way of walking.
+        pelvis: (n, 3) tilt, list and rotation of the pelvis in the laboratory, rad.
+        forward: (2,) the way of walking. ground: z of the floor, m.
+    """
+
+    time_s: np.ndarray
+    points: BodyPoints
+    zero: BodyPoints
+    chain: SagittalChain
+    names: tuple[str, ...]
+    recorded: np.ndarray
+    pelvis: np.ndarray
+    forward: np.ndarray
+    ground: float
+
+    @property
+    def wanted(self) -> np.ndarray:
+        """(n, k) complex, m: the chain's points seen from the side."""
+        return targets(self.chain, self.points, self.forward)
+
+    def turned(self, forward: np.ndarray) -> _View:
+        """The same along another way of walking."""
+        recorded = self.recorded.copy()
+        # tilt about -y, then list about x, then rotation about z, each in the axes that the former have turned
+        turned = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0]))
+        turned = turned * Rotation.from_euler("YXZ", self.pelvis * [-1.0, 1.0, 1.0])
+        recorded[:, TILT] = -turned.as_euler("YXZ")[:, 0]
+        recorded[:, TX] = self.points.pelvis[:, :2] @ forward
+        return dataclasses.replace(self, forward=forward, recorded=recorded)
+
+    def at(self, rows: np.ndarray) -> _View:
+        """The same at some of the instants only; rows: (n,) bool."""
+        return dataclasses.replace(self, time_s=self.time_s[rows], points=self.points.at(rows),
+                                   recorded=self.recorded[rows], pelvis=self.pelvis[rows])
+
+    def misfit(self) -> Misfit:
+        """What is to be small for a sagittal motion to be near."""
+        return make_misfit(self.chain, self.wanted, self.recorded, ground=self.ground)
+
+
+def _view(trial: Trial, walker: Walker | None) -> _View:
+    """What the model shows of a trial, along the pelvis's way over the whole recording.
 
     Raises:
-        InputError: no prosthetic stance was seen as a whole, or the person does not travel.
+        InputError: the walker is another person; the pelvis hardly travels.
     """
-    seen, file = view(trial, walker), trial.path
+    walker = walker or Walker(trial.subject, trial.model)
+    if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
+        raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
+                         f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
+    motion = trial.trajectory
+    rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
+    rows = slice(None, None, max(1, round(rate / MOST_HZ)))
+    time, values = motion.time_s[rows], motion.values[rows]
+    place = {"fulcrum_m": trial.fulcrum_m}
+    points = body_points(walker, trial.offsets, motion.names, values, **place)
+    names = sagittal_coordinates(trial.subject.prosthetic_side)
+    forward = heading(points, file=trial.path)
+    found = _View(
+        time_s=time, points=points, names=names, recorded=motion.ordered(names).values[rows], forward=forward,
+        pelvis=motion.ordered(PELVIS_ROTATIONS).values[rows],
+        zero=body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place),
+        chain=sagittal_chain(walker, trial.offsets, **place), ground=points.ground)
+    return found.turned(forward)
+
+
+def _stride_heading(seen: _View, period_s: float) -> np.ndarray:
+    """(2,) the mean way of the pelvis over a stride, in which its sway from side to side has no part."""
     time = seen.time_s
-    loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
-    stance = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
-    if not stance.complete:
-        raise InputError(f"the prosthetic stance from {stance.start_s:.3f} s is cut at {stance.end_s:.3f} s", file=file,
-                         where="forces", right="A stance needs strike and lift-off, in the motion and on the plate")
-    if not 0.0 <= margin_s <= MOST_MARGIN_S:
-        raise InputError(f"{margin_s:g} s is no margin of a stance", where="margin_s",
-                         right=f"It must be from 0 to {MOST_MARGIN_S:g} s")
-    start, end = max(time[0], stance.start_s - margin_s), min(time[-1], stance.end_s + margin_s)
-    rows = (time >= start) & (time <= end)
-    seen = seen.turned(heading(seen.at(rows).points, file=file))
-    path = second_derivative(seen.misfit(nearness).wanted[:, -1], time, cutoff_hz=0.5 / KNOT_S)[rows]
-    seen = seen.at(rows)
-    t, misfit, mass = seen.time_s - start, seen.misfit(nearness), trial.subject.mass_kg
-    forces = _forces(trial, seen, span=(start, end), start_s=start, period_s=end - start, advance_m=0.0,
-                     periodic=False, unknown=unknown_spans(trial, loaded, moved))
-    forced = forced_acceleration(forces, mass)
-    if follow_forces and forced is None:
-        raise InputError("the plates do not know both feet's forces throughout", file=file, where="forces",
-                         right="Without follow_forces the motion's own accelerations serve")
-    by = {"end_s": end - start, "knot_s": KNOT_S}
-    wish = fit_piece(t, path, **by) if forced is None or follow_forces is False else fit_piece(*forced, **by)
-    projection = project(seen.chain, misfit)
-    curves, shift, closed = close(seen.chain, misfit, fit_piece(t, projection.q, **by), t, np.ones(len(t)), wish,
-                                  projection.shift)
-    q = curves.sample(t)[0]
-    standing = {"prosthetic": (seen.time_s >= stance.start_s) & (seen.time_s <= stance.end_s)}
-    errors = place_errors(seen, projection.q, q, np.ones(len(q)), standing)
-    errors |= force_errors(lambda times: center_rate(seen.chain, curves, times), forces, mass, end - start,
-                           periodic=False)
-    return RecordedStride(
-        names=seen.names, periodic=False, period_s=end - start, advance_m=float(q[-1, TX] - q[0, TX]), start_s=start,
-        curves=curves, forces=forces, prosthetic_stance=(stance.start_s - start, stance.end_s - start),
-        intact_stance=None, forward=seen.forward, chain=seen.chain, errors=errors,
-        notes=(f"One prosthetic stance of {stance.duration_s:.3f} s with margins of {stance.start_s - start:.3f} and "
-               f"{end - stance.end_s:.3f} s, not periodic.",
-               *sentences(errors, shift, converged=closed and projection.converged)))
-
-
-def _forces(trial: Trial, seen: View, *, unknown: dict[str, tuple[Span, ...]], **by) -> dict[str, FootForce]:
-    record = (trial.trajectory.start_s, trial.trajectory.end_s)
-    feet = zip(sides(trial).items(), ("prosthetic", "intact"), strict=True)
-    return {foot: foot_force(trial.plates[side], seen.forward, record=record, unknown=unknown[s], **by)
-            for (s, side), foot in feet if side in trial.plates}
+    early = time[time + period_s <= time[-1]]
+    if not early.size:
+        return seen.forward
+    way = [np.mean(np.interp(early + period_s, time, column) - column[: len(early)])
+           for column in seen.points.pelvis[:, :2].T]
+    return np.array(way) / np.hypot(*way)

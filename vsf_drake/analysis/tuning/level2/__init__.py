@@ -4,9 +4,8 @@
     solution.fulcrum_mm, stride_table(solution)
 """
 
-from vsf_drake.analysis.tuning.level2.options import StrideOptions
-from vsf_drake.analysis.tuning.level2.search import StrideTuning
-from vsf_drake.analysis.tuning.level2.solution import StrideSolution
+from vsf_drake.analysis.tuning.level2.costs import StrideOptions
+from vsf_drake.analysis.tuning.level2.search import StrideSolution, StrideTuning
 from vsf_drake.analysis.tuning.level2.solve import solve, stride_arrays, stride_table
 
 __all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]

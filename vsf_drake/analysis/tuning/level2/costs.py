@@ -1,4 +1,4 @@
-"""Costs of a stride as terms of a trajectory problem.
+"""Costs of a stride as terms of a trajectory problem, and the options of all that is done with it.
 
     joint_load   1/T int sum_j (tau_j / (m g L))^2 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five
                  sagittal joints, F and M of the socket on the residual limb; without unit
@@ -21,18 +21,73 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.level2.options import StrideOptions
+from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
-from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
+from vsf_drake.collocation.problem import METHODS, Convex, Curve, Grid, Layout, Residuals
+from vsf_drake.errors import InputError
+from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import SOCKET, SagittalModel
+from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
 
 POSITIVE, NEGATIVE = 0.25, 1.2
 """Efficiencies of positive and negative muscle work (Margaria's), here of joints."""
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "push_off": "push-off work, negative", "tracking": "deviation from the recording",
           "deviation": "deviation from the recording"}
+STAGES = (
+    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+    Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0))
+"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them. From a recorded
+stride no softer ones are needed (a choice)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrideOptions(CommonOptions):
+    """Options of a stiffness tuning by trajectory optimisation, beside those of `CommonOptions`.
+
+    Attributes:
+        method, intervals: of the collocation. Trapezoidal takes twice as many for the same accuracy.
+        deviation_weight: how much of its own size a cost may lose for a deviation of one, a root mean square of
+            `angle_deg` and `place_m` from the recorded motion and of `force_bw` and `cop_m` from the recorded force.
+            A cost without it exploits what the model does not know: balance, comfort, the contact's law.
+        acceleration_weight: of deviations from the recorded accelerations by `acceleration_rad_per_s2` and
+            `acceleration_m_per_s2` in the deviation.
+        torque_weight: of the squared joint moments in the tracking cost, to make the solution unique.
+        smooth_power_w: power below which positive and negative work are rounded.
+        torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the range of its recording.
+        clearance_m: least height of a foot over the ground in the middle of its swing.
+        stages: of smoothing, the last of which counts.
+        positions: how many fixed positions the sweep takes. time_limit_s: of one solve.
+    """
+
+    design: tuple[str, ...] = choice((), options=DESIGN[1:], source="choice")
+    iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
+    confirm: tuple[str, ...] = choice(("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice")
+    draws: int = quantity(3, unit="1", low=0, high=1000, source="choice")
+    method: str = choice("hermite_simpson", options=METHODS, source="choice")
+    intervals: int = quantity(40, unit="1", low=10, high=400, source="choice")
+    deviation_weight: float = quantity(0.5, unit="1", low=1e-4, high=1e3, source="choice")
+    angle_deg: float = quantity(2.0, unit="deg", low=0.1, high=30.0, source="choice")
+    place_m: float = quantity(0.01, unit="m", low=1e-4, high=0.2, source="choice")
+    force_bw: float = quantity(0.05, unit="BW", low=1e-3, high=1.0, source="choice")
+    cop_m: float = quantity(0.05, unit="m", low=1e-3, high=0.2, source="choice")
+    acceleration_rad_per_s2: float = quantity(20.0, unit="rad/s^2", low=0.1, high=1e4, source="choice")
+    acceleration_m_per_s2: float = quantity(2.0, unit="m/s^2", low=0.01, high=1e3, source="choice")
+    acceleration_weight: float = quantity(0.005, unit="1", low=0.0, high=10.0, source="choice")
+    torque_weight: float = quantity(0.1, unit="1", low=0.0, high=10.0, source="choice")
+    smooth_power_w: float = quantity(5.0, unit="W", low=0.1, high=100.0, source="choice")
+    torque_nm_per_kg: float = quantity(4.0, unit="N m/kg", low=0.5, high=20.0, source="choice")
+    angle_margin_deg: float = quantity(15.0, unit="deg", low=1.0, high=90.0, source="choice")
+    clearance_m: float = quantity(0.01, unit="m", low=-0.05, high=0.05, source="choice")
+    stages: tuple[Smoothing, ...] = STAGES
+    positions: int = quantity(9, unit="1", low=2, high=100, source="choice")
+    time_limit_s: float = quantity(120.0, unit="s", low=1.0, high=1e5, source="choice")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.stages:
+            raise InputError("there are none", where="stages", right="Give at least one")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +105,7 @@ class Terms:
         total = 0.0
         for part in self.residuals:
             left = y[:, list(part.outputs)] - part.target
-            total += 0.5 * float(weights_s @ np.sum(np.broadcast_to(part.weight, left.shape) * left * left, axis=1))
+            total += 0.5 * float(weights_s @ np.sum(part.weight * left * left, axis=1))
         for part in self.convex:
             total += float(weights_s @ (part.weight * part.function(y[:, part.output])[0]))
         return total
@@ -74,8 +129,7 @@ class StrideCosts:
 
     def of(self, name: str, factor: float = 1.0) -> Terms:
         """Terms of a cost by its name, times `factor`."""
-        return {"joint_load": self._joint_load, "metabolic": self._metabolic, "push_off": self._push_off,
-                "deviation": self._deviation, "tracking": self._tracking}[name](factor)
+        return getattr(self, f"_{name}")(factor)
 
     def whole(self, cost: str, sizes: Mapping[str, float]) -> dict[str, Terms]:
         """The terms that are minimised for `cost`, by name.
@@ -85,7 +139,7 @@ class StrideCosts:
         """
         if cost == "tracking":
             return {"tracking": self.of("tracking")}
-        weights = self.options.weights if cost == "weighted" else {cost: 1.0}
+        weights = self.options.weights if cost == WEIGHTED else {cost: 1.0}
         every = sum(weights.values())
         parts = {name: self.of(name, weight / every / abs(sizes[name])) for name, weight in weights.items() if weight}
         hold = self.options.deviation_weight * (UNBOUNDED if cost == "push_off" else 1.0)
@@ -195,7 +249,7 @@ class StrideFunction:
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(N, m)."""
         y = self.model.evaluate(*self._parts(z), np.repeat(p[:, None], len(z), 1), self.smoothing).T
-        return np.concatenate([y, *self._cop_moments(y), self._own(z)], axis=1)
+        return np.concatenate([y, *self._cop_moments(y), z[:, self.layout.q], z[:, self.layout.a]], axis=1)
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N, m), (N, m, Z), (N, m, P)."""
@@ -207,10 +261,7 @@ class StrideFunction:
         by_z = np.concatenate([by[:, :, :size], np.zeros((len(z), 2 * n, size))], axis=1)
         by_z[:, -2 * n:-n, self.layout.q] = by_z[:, -n:, self.layout.a] = np.eye(n)
         by_p = np.concatenate([by[:, :, size:], np.zeros((len(z), 2 * n, len(p)))], axis=1)
-        return np.concatenate([y, *self._cop_moments(y), self._own(z)], axis=1), by_z, by_p
-
-    def _own(self, z: np.ndarray) -> np.ndarray:
-        return np.concatenate([z[:, self.layout.q], z[:, self.layout.a]], axis=1)
+        return np.concatenate([y, *self._cop_moments(y), z[:, self.layout.q], z[:, self.layout.a]], axis=1), by_z, by_p
 
     def _feet(self) -> list[tuple[int, int, np.ndarray]]:
         outputs = self.model.outputs

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, Terms, stride_reference
-from vsf_drake.analysis.tuning.level2.options import StrideOptions
+from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, StrideOptions, Terms, stride_reference
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation.problem import Design, Grid, Layout, Limits, TrajectoryProblem
 from vsf_drake.collocation.solution import Start
