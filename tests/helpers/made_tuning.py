@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning.common import FORMAT
-from vsf_drake.analysis.tuning.schedule import make_schedule, policy_table
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.analysis.tuning.schedule import DESCRIPTORS, make_schedule, policy_table
 
 NAMES = ("pelvis_tilt", "pelvis_tx", "pelvis_ty", "hip_flexion_r", "knee_angle_r", "hip_flexion_l", "knee_angle_l",
          "ankle_angle_l")

@@ -40,7 +40,7 @@ def schedule(
     """
     options = TuneOptions(cost=cost, weights=read_weights(weights), level=level, fulcrum_range_mm=fulcrum_range,
                           joints=read_names(joints, "--joints"), seed=seed, workers=workers, quick=quick)
-    from vsf_drake.analysis.tuning.task_list import read_tasks
+    from vsf_drake.analysis.tuning.schedule import read_tasks
 
     listed = read_tasks(tasks)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)

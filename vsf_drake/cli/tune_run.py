@@ -12,8 +12,7 @@ import numpy as np
 
 from vsf_drake.analysis.tuning import level1, level2
 from vsf_drake.analysis.tuning.inputs import TuningTrials, check_one_person, load_tuning_trials
-from vsf_drake.analysis.tuning.schedule import check_steps, make_schedule, policy_table
-from vsf_drake.analysis.tuning.task_list import Task
+from vsf_drake.analysis.tuning.schedule import Task, check_steps, make_schedule, policy_table
 from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.reading import rest_at, swept

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS, read_tasks
+from vsf_drake.analysis.tuning.schedule import DESCRIPTORS, read_tasks
 from vsf_drake.errors import InputError
 
 NONE = dict.fromkeys(DESCRIPTORS)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsf_drake.analysis.tuning.schedule import (
+    DESCRIPTORS,
     GRID_MM,
     load_schedule,
     make_schedule,
@@ -18,7 +19,6 @@ from vsf_drake.analysis.tuning.schedule import (
     policy_table,
     schedule_of,
 )
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import FitError, InputError
 
 REACH = (66.0, 151.0)

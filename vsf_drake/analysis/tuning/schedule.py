@@ -2,11 +2,18 @@
 
 Every task has been tuned by itself. Its cost over the fulcrum's range is the monotone cubic (PCHIP) through the points
 of its sweep and its optimum; the one setting for all minimises the mean of the tasks' costs.
+
+On the command line a task is LABEL=TRIAL.yaml, and one label may be given several trials. A file tells more:
+
+    tasks:
+      - {label: slow, trials: [low_1.yaml, low_2.yaml], speed_m_per_s: 0.8}
+      - {label: fast, trials: [high_1.yaml], speed_m_per_s: 1.4, slope_deg: 0, carried_kg: 5}
+
+Paths are relative to the file. A descriptor is what the device can sense; those that are left out are not known.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,9 +23,97 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
 from vsf_drake.errors import FitError, InputError
+from vsf_drake.files import user_path
 from vsf_drake.json_file import read_json
+from vsf_drake.schema import load_yaml, quantity
+
+DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
+"""What may tell tasks apart, with its unit: walking speed, slope (uphill +), carried load."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ListedTask:
+    """One task of a task file."""
+
+    label: str
+    trials: tuple[str, ...]
+    speed_m_per_s: float | None = quantity(None, unit="m/s", low=0.0, high=10.0, source="measured or set")
+    slope_deg: float | None = quantity(None, unit="deg", low=-45.0, high=45.0, source="measured, uphill +")
+    carried_kg: float | None = quantity(None, unit="kg", low=0.0, high=200.0, source="measured")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TaskFile:
+    """A task file."""
+
+    tasks: tuple[_ListedTask, ...]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What one setting is for.
+
+    Attributes:
+        label: its name. manifests: of its trials. descriptors: by name of DESCRIPTORS, None where not known.
+    """
+
+    label: str
+    manifests: tuple[Path, ...]
+    descriptors: Mapping[str, float | None]
+
+
+def read_tasks(words: Sequence[str]) -> tuple[Task, ...]:
+    """Tasks as they are named on the command line: LABEL=TRIAL.yaml, or task files; see the module's text."""
+    found: dict[str, Task] = {}
+    for word in words:
+        for task in _named(word) if "=" in word else _listed(user_path(word)):
+            known = found.get(task.label)
+            if known is not None and (dict(known.descriptors) != dict(task.descriptors)):
+                raise InputError(f"{task.label!r} is described in two ways", where="TASKS",
+                                 right="Give every task a label of its own")
+            before = () if known is None else known.manifests
+            found[task.label] = Task(task.label, (*before, *task.manifests), task.descriptors)
+    tasks = tuple(found.values())
+    if len(tasks) < 2:
+        raise InputError(f"{len(tasks)} task{'s' * (len(tasks) != 1)} make no schedule", where="TASKS",
+                         right="Name two or more: LABEL=TRIAL.yaml, or a task file; `vsf-drake tune` finds one setting")
+    owner: dict[Path, str] = {}
+    for task in tasks:
+        for manifest in task.manifests:
+            other = owner.setdefault(manifest.resolve(), task.label)
+            if other != task.label or [m.resolve() for m in task.manifests].count(manifest.resolve()) > 1:
+                raise InputError("is named twice", file=manifest, where=f"{other} and {task.label}",
+                                 right="Every trial belongs to one task, once")
+    return tasks
+
+
+def _named(word: str) -> list[Task]:
+    label, _, manifest = word.partition("=")
+    if not label.strip() or not manifest.strip():
+        raise InputError(f"{word!r} is no task", where="TASKS", right="Write LABEL=TRIAL.yaml")
+    return [Task(label.strip(), (user_path(manifest),), dict.fromkeys(DESCRIPTORS))]
+
+
+def _listed(path: Path) -> list[Task]:
+    tasks = []
+    for i, task in enumerate(load_yaml(path, _TaskFile).tasks):
+        where = f"tasks[{i}]"
+        if not task.label.strip():
+            raise InputError("is empty", file=path, where=f"{where}.label", right="Give the task a name")
+        if not task.trials:
+            raise InputError("names no trial", file=path, where=f"{where}.trials")
+        tasks.append(Task(task.label.strip(), tuple(path.parent / name for name in task.trials),
+                          {name: getattr(task, name) for name in DESCRIPTORS}))
+    labels = [task.label for task in tasks]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise InputError(f"has two tasks {label!r}", file=path, where="tasks", right="Give each a label of its own")
+    return tasks
+
+
+# What is stored for them.
+
 
 GRID_MM = 0.01
 """Of the search for the setting that is best for all."""
@@ -96,7 +191,7 @@ class Schedule:
             FitError: a task's tuning did not end at an optimum.
         """
         self.check()
-        given = dict(zip(DESCRIPTORS, (speed, slope, carried), strict=True))
+        given, at = dict(zip(DESCRIPTORS, (speed, slope, carried), strict=True)), []
         for name, value in given.items():
             if value is not None and not math.isfinite(value):
                 raise InputError(f"{value} is no value", where=name)
@@ -104,13 +199,11 @@ class Schedule:
                 raise InputError("no task of this schedule says its own", where=name,
                                  right="Describe the tasks in the task file")
         axes = self._axes()
-        at = []
         for name, values in axes.items():
-            value = given[name]
-            if value is None:
+            if given[name] is None:
                 raise InputError("is missing: the tasks differ in it", where=name,
                                  right=f"Give it in {DESCRIPTORS[name]}")
-            at.append(float(np.clip(value, values[0], values[-1])))
+            at.append(float(np.clip(given[name], values[0], values[-1])))
         if not axes:
             raise InputError("the tasks of this schedule are told apart by nothing", where="lookup",
                              right="Give their speeds, slopes or loads in a task file")
@@ -121,28 +214,24 @@ class Schedule:
         """Rising values of each descriptor in which the tasks differ."""
         found = {}
         for name in DESCRIPTORS:
-            values = [task.descriptors.get(name) for task in self.tasks]
-            known = sorted({value for value in values if value is not None})
-            if known and len(known) + (None in values) > 1:
+            values = {task.descriptors.get(name) for task in self.tasks}
+            if len(values) > 1:
                 if None in values:
                     raise InputError("some tasks say it and others do not", where=name,
                                      right="Describe all tasks in the task file, or none")
-                found[name] = np.array(known, dtype=float)
+                found[name] = np.array(sorted(values), dtype=float)
         return found
 
     def _grid(self, axes: Mapping[str, np.ndarray]) -> np.ndarray:
-        shape = tuple(len(values) for values in axes.values())
-        grid = np.full(shape, np.nan)
+        grid = np.full([len(values) for values in axes.values()], np.nan)
         for task in self.tasks:
             at = tuple(values.tolist().index(task.descriptors[name]) for name, values in axes.items())
             if not np.isnan(grid[at]):
                 raise InputError("two tasks have the same descriptors", where=task.label,
                                  right="Ask for it by its label instead, or tell the tasks apart")
             grid[at] = task.exact_mm
-        if np.isnan(grid).any():
-            missing = [corner for corner in itertools.product(*map(range, shape)) if np.isnan(grid[corner])]
-            place = ", ".join(f"{name} {values[i]:g}" for (name, values), i in
-                              zip(axes.items(), missing[0], strict=True))
+        for corner in np.argwhere(np.isnan(grid))[:1]:
+            place = ", ".join(f"{name} {values[i]:g}" for (name, values), i in zip(axes.items(), corner, strict=True))
             raise InputError(f"the tasks form no full grid: there is none at {place}", where="lookup",
                              right="Between tasks that differ in several things, a setting is told only inside a grid")
         return grid
@@ -157,16 +246,14 @@ def make_schedule(
     Args:
         tuned: label, descriptors and the table of the tuning (`tuning.json`) of each task.
         reach_mm: positions that the carriage can take. resolution_mm: its steps.
-
-    Raises:
-        InputError: the resolution is not usable.
     """
     check_steps(reach_mm, resolution_mm)
-    curves = [cost_curve(table) for _, _, table in tuned]
+    curves = [_cost_curve(table) for _, _, table in tuned]
     known = [curve for curve in curves if curve is not None]
-    common = best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
-    rows = tuple(_row(label, descriptors, table, curve, common, reach_mm, resolution_mm)
-                 for (label, descriptors, table), curve in zip(tuned, curves, strict=True))
+    common = _best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
+    stored = [None if table["fulcrum_mm"] is None else on_carriage(table["fulcrum_mm"], reach_mm, resolution_mm)
+              for _, _, table in tuned]
+    rows = tuple(_row(*task, curve, common, at) for task, curve, at in zip(tuned, curves, stored, strict=True))
     return Schedule(tasks=rows, common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
 
 
@@ -178,7 +265,7 @@ def check_steps(reach_mm: tuple[float, float], resolution_mm: float | None) -> N
                          right=f"It must be above 0 and at most the reach, {high - low:g} mm")
 
 
-def cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
+def _cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
     """The cost over the fulcrum (mm) through the sweep's points and the optimum; None with fewer than two points."""
     points = {float(row["fulcrum_mm"]): float(row["cost"]) for row in table["sweep"] if row["cost"] is not None}
     if table["optimal"] and table["fulcrum_mm"] is not None and table["cost"] is not None:
@@ -191,7 +278,7 @@ def cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
     return lambda at: np.asarray(curve(np.clip(at, x[0], x[-1])))
 
 
-def best_common(
+def _best_common(
     curves: Sequence[Callable[[Any], np.ndarray]], reach_mm: tuple[float, float], resolution_mm: float | None
 ) -> float:
     """The position (mm) that the carriage can take at which the mean of the costs is least."""
@@ -215,11 +302,9 @@ def on_carriage(fulcrum_mm: float, reach_mm: tuple[float, float], resolution_mm:
 
 def _row(
     label: str, descriptors: Mapping[str, float | None], table: Mapping[str, Any],
-    curve: Callable[[Any], np.ndarray] | None, common: float | None, reach_mm: tuple[float, float],
-    resolution_mm: float | None
+    curve: Callable[[Any], np.ndarray] | None, common: float | None, stored: float | None
 ) -> TaskSetting:
-    exact, interval = table["fulcrum_mm"], table["fulcrum_interval_mm"]
-    stored = None if exact is None else on_carriage(exact, reach_mm, resolution_mm)
+    interval = None if table["fulcrum_interval_mm"] is None else tuple(map(float, table["fulcrum_interval_mm"]))
 
     def cost(at: float | None) -> float | None:
         return None if curve is None or at is None else float(curve(at))
@@ -230,9 +315,8 @@ def _row(
         inside = interval is not None and interval[0] <= common <= interval[1]
         matters = False if inside or depends is False else True if depends and interval is not None else None
     return TaskSetting(
-        label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=cost(stored),
-        cost_exact=table["cost"], cost_common=cost(common),
-        interval_mm=None if interval is None else (float(interval[0]), float(interval[1])), matters=matters,
+        label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=table["fulcrum_mm"], cost=cost(stored),
+        cost_exact=table["cost"], cost_common=cost(common), interval_mm=interval, matters=matters,
         optimal=bool(table["optimal"]), status=str(table["status"]))
 
 

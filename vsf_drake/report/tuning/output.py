@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.tuning.common import FORMAT, check_tuning_table
-from vsf_drake.analysis.tuning.schedule import POLICY_FORMAT, schedule_of
-from vsf_drake.analysis.tuning.task_list import DESCRIPTORS
+from vsf_drake.analysis.tuning.schedule import DESCRIPTORS, POLICY_FORMAT, schedule_of
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.tuning.chapters import schedule_page, tuning_page
