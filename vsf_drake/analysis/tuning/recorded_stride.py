@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.common import say
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.recorded_curves import (
     HARMONICS,
     FootForce,

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import COSTS, FORMAT, OPTIMUM, RECORDED, SOFTEST, STIFFEST, WEIGHTED, Check, say
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.tuning.common import COSTS, FORMAT, OPTIMUM, RECORDED, SOFTEST, STIFFEST, WEIGHTED, Check
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.search import (
