@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 import pydrake.math
 
-from vsf_drake.laws import hunt_crossley, kelvin_voigt, smooth_contact
 from vsf_drake.laws._elementwise import positive_part
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.ground import SERIES_ITERATIONS, foam_depth, patch_under
+from vsf_drake.laws.hunt_crossley import normal_force as hunt_crossley_force
+from vsf_drake.laws.kelvin_voigt import normal_force as kelvin_voigt_force
 from vsf_drake.laws.scalar import friction_per_speed, normal_force
+from vsf_drake.laws.smooth_contact import normal_force as smooth_force
 from vsf_drake.laws.stick_slip import coefficient_per_speed
 
 SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness", "fulcrum_damping", "carriage_gain",
@@ -226,12 +228,12 @@ def _press_by_law(law: int, signed: Any, rate: Any, site: np.ndarray, compliance
     elastic, damped = {"stiffness": k, "exponent": n}, {"damping": damping, "full_damping_depth": full_depth}
     depth, share = foam_depth(positive_part(signed), **elastic, compliance=compliance)
     if law == SMOOTH:
-        force = smooth_contact.normal_force(signed, rate, **elastic, **damped, depth_width=depth_width,
-                                            rate_width=rate_width, compliance=compliance)
+        force = smooth_force(signed, rate, **elastic, **damped, depth_width=depth_width, rate_width=rate_width,
+                             compliance=compliance)
     elif law == HUNT_CROSSLEY:
-        force = hunt_crossley.normal_force(depth, share * rate, **elastic, dissipation=dissipation)
+        force = hunt_crossley_force(depth, share * rate, **elastic, dissipation=dissipation)
     else:
-        force = kelvin_voigt.normal_force(depth, share * rate, **elastic, **damped)
+        force = kelvin_voigt_force(depth, share * rate, **elastic, **damped)
     return np.asarray(force).item()
 
 
