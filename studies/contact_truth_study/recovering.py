@@ -11,8 +11,7 @@ import numpy as np
 
 from contact_truth_study.making import Made, assuming
 from vsf_drake.analysis.contact_fit.solution import ALIKE
-from vsf_drake.analysis.contact_fit.solve import Search, prior_samples, search
-from vsf_drake.analysis.contact_fit.uncertainty import NORMAL_95, uncertainty
+from vsf_drake.analysis.contact_fit.solve import NORMAL_95, Search, prior_samples, search, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 
 WITHIN = 2.0

@@ -10,8 +10,7 @@ import pytest
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd, solve
-from vsf_drake.analysis.contact_fit.solve import Search, run_searches
-from vsf_drake.analysis.contact_fit.uncertainty import uncertainty
+from vsf_drake.analysis.contact_fit.solve import Search, run_searches, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.contact_file import load_contact, model_with, save_contact
 from vsf_drake.errors import FitError, InputError, SimulationError

@@ -10,7 +10,7 @@ import pytest
 from vsf_drake.analysis.contact_fit.options import FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.analysis.contact_fit.problem import Term
-from vsf_drake.analysis.contact_fit.uncertainty import NORMAL_95, SURE_SHARE, uncertainty
+from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, uncertainty
 
 NOISE = FitNoise(correlation_s=0.05)
 TIMES = np.arange(0.0, 0.8, 0.01)

@@ -18,7 +18,7 @@ from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
-from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
+from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.analysis.sentences import say
 from vsf_drake.errors import FitError, InputError, SimulationError

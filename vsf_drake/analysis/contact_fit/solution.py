@@ -15,8 +15,7 @@ from vsf_drake.analysis.contact_fit.options import JOINT, PAPER
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
-from vsf_drake.analysis.contact_fit.solve import Search, run_searches, search
-from vsf_drake.analysis.contact_fit.uncertainty import Uncertainty, uncertainty
+from vsf_drake.analysis.contact_fit.solve import Search, Uncertainty, run_searches, search, uncertainty
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint

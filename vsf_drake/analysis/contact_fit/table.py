@@ -22,7 +22,7 @@ from vsf_drake.analysis.contact_fit.assessment import (
 from vsf_drake.analysis.contact_fit.parameters import FitParameter
 from vsf_drake.analysis.contact_fit.recordings import labels_of
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd
-from vsf_drake.analysis.contact_fit.uncertainty import CLOSE, SURE_SHARE
+from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.json_file import plain

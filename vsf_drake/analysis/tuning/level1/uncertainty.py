@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standard_parameters
-from vsf_drake.analysis.contact_fit.uncertainty import SURE_SHARE
+from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
