@@ -20,6 +20,7 @@ from vsf_drake.simulation.archive import remove_result
 CONTACT, CHECKPOINT = "contact.yaml", "checkpoint.json"
 FIT = ResultsFolder(
     kind="fit", command="fit", table="fit.json", arrays="fit.npz", known=lambda table: table.get("kind") == "fit",
+    damaged_too=False,
     names=(CONTACT, PAGE, CHECKPOINT), stale=(CONTACT,), unfinished=lambda out: (out / CHECKPOINT).exists())
 
 

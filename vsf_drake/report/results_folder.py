@@ -31,7 +31,8 @@ class ResultsFolder:
 
     Attributes:
         kind: by which the folder's record and messages have them. command: that writes them.
-        table: the JSON file that says what they are. known: whether a table, which may be damaged, is one of these.
+        table: the JSON file that says what they are. known: whether a table is one of these. damaged_too: whether one
+            that cannot be read counts as such.
         arrays: an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name.
         names: of what else is written, where it is known beforehand.
         stale: patterns of what goes from a folder without a record.
@@ -46,6 +47,7 @@ class ResultsFolder:
     command: str
     table: str = ""
     known: Callable[[Mapping[str, Any]], bool] = lambda table: True
+    damaged_too: bool = True
     arrays: str = ""
     names: tuple[str, ...] = ()
     stale: tuple[str, ...] = ()
@@ -147,14 +149,14 @@ class ResultsFolder:
         return missing
 
     def _holds(self, out: Path) -> bool:
-        """Whether such a table stands in `out`, be it damaged."""
+        """Whether such a table stands in `out`."""
         path = out / self.table
         if not self.table or not path.is_file():
             return False
         try:
             return self.known(read_json(path))
         except InputError:
-            return True
+            return self.damaged_too
 
     def _write_page(self, folder: Path, out: Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *,
                     lenient: bool) -> tuple[set[Path], list[str]]:
