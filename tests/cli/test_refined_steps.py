@@ -9,7 +9,7 @@ from made_results import make_bench, make_plate, make_walk
 
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.cli.bench import print_bench
+from vsf_drake.cli.device import print_bench
 from vsf_drake.cli.simulate import print_walk
 
 REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "doubts": [],

@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, fulcrum_positions
+from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, values_of
 from vsf_drake.errors import InputError
 
 
 def test_a_range_holds_both_ends_and_count_values():
-    assert fulcrum_positions("66:151:5") == pytest.approx(np.linspace(66.0, 151.0, 5))
+    assert values_of("66:151:5", "") == pytest.approx(np.linspace(66.0, 151.0, 5))
     assert axis("offset.height=-0.01:0.01:3", sampled=False).values == (-0.01, 0.0, 0.01)
 
 
 def test_a_list_and_a_single_value_stay_as_they_are():
-    assert fulcrum_positions("66,87,108") == (66.0, 87.0, 108.0)
-    assert fulcrum_positions("108") == (108.0,)
-    assert fulcrum_positions(None) == ()
+    assert values_of("66,87,108", "") == (66.0, 87.0, 108.0)
+    assert values_of("108", "") == (108.0,)
     assert axis("friction.mu_static=0.5,0.3", sampled=False).values == (0.5, 0.3)
 
 
@@ -33,7 +32,7 @@ def test_a_sample_takes_a_name_with_its_own_or_with_other_bounds():
     ("66:inf:5", "finite"), ("", "finite"), ("66,,87", "finite"), ("66,66", "twice"), ("soft", "'soft'")])
 def test_what_is_no_range_is_refused(text, said):
     with pytest.raises(InputError, match=said) as caught:
-        fulcrum_positions(text)
+        values_of(text, "--fulcrum-mm")
     assert caught.value.where == "--fulcrum-mm"
 
 

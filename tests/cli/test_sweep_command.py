@@ -120,7 +120,7 @@ def test_the_names_are_listed_with_unit_value_and_bounds(run):
     (("--vary", "offset.height=-1:1:20000"), "--yes"),
     (("--vary", "offset.height=0:1:9000", "--vary", "offset.fore_aft=0:1:9000", "--yes"), "at a time"),
     ((), "nothing to vary"), (("--sample", 5), "nothing to vary"),
-    (("--sample", 0, "--vary", "offset.height"), "none"),
+    (("--sample", 0, "--vary", "offset.height"), "--sample"),
     (("--sample", 3, "--seed", -1, "--vary", "offset.height"), "--seed"),
     (("--fulcrum-mm", 80, "--step-ms", 0), "usable step"), (("--fulcrum-mm", 80, "--workers", 0), "--workers"),
     (("--fulcrum-mm", 80, "--seed", -1), "--seed"), (("--vary", "qqq=1,2"), "--list prints the names"),

@@ -48,30 +48,16 @@ def _ended(signals: _Signals) -> int | str | None:
             error = InputError(error.strerror or str(error), file=error.filename)
         if not isinstance(error, VsfError):
             raise
-        from vsf_drake.cli.app import errors
+        from vsf_drake.cli.app import fail
 
-        errors.print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+        fail(str(error))
         return error.exit_code
     return 0
 
 
 def _run() -> None:
     """Loads the commands here, where a signal already finds its answer, and runs the one that is asked for."""
-    from vsf_drake.cli import (  # noqa: F401
-        bench,
-        check,
-        export,
-        fit,
-        import_,
-        report,
-        schedule,
-        show,
-        simulate,
-        stand,
-        sweep,
-        tune,
-        validate,
-    )
+    from vsf_drake.cli import device, fit, recordings, simulate, study, sweep, tune  # noqa: F401
     from vsf_drake.cli.app import app
 
     app()

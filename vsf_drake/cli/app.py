@@ -1,11 +1,11 @@
-"""What the commands share: the application, its consoles, its progress bar and common options."""
+"""What the commands share: the application, what they say, their progress bar and common options."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -23,9 +23,41 @@ errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 
 INTERRUPTED = 130
 """What Typer ends with after Ctrl-C."""
-Out = Annotated[Path, typer.Option(help="Folder for the results; created if needed.")]
-Model = Annotated[Path | None, typer.Option(help="Model file (YAML) instead of the nominal one.")]
-Contact = Annotated[Path | None, typer.Option(help="File of a contact fit, whose numbers replace the model's.")]
+
+
+def path(given: str) -> Path:
+    """A path that a user gave, with ~ expanded. Raises InputError for what cannot be one."""
+    return user_path(given)
+
+
+Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
+OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")]
+Model = Annotated[Path | None, typer.Option(parser=path, help="Model file (YAML) instead of the nominal one.")]
+Contact = Annotated[Path | None, typer.Option(
+    parser=path, help="File of a contact fit, whose numbers replace the model's.")]
+Trials = Annotated[list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")]
+Seed = Annotated[int, typer.Option(help="Of all that is random.", min=0)]
+
+
+def say(line: str, style: str = "") -> None:
+    """A line as it is, broken nowhere."""
+    console.print(line, style=style or None, soft_wrap=True)
+
+
+def warn(line: str) -> None:
+    """A line that stands out."""
+    say(f"! {line}", "bold yellow")
+
+
+def fail(line: str) -> None:
+    """An error that is not the end yet."""
+    errors.print(f"error: {line}", style="red", soft_wrap=True)
+
+
+def interrupted(line: str) -> NoReturn:
+    """Ends the command after an interrupt, saying what is left."""
+    errors.print(f"interrupted{line}", soft_wrap=True)
+    raise SystemExit(INTERRUPTED) from KeyboardInterrupt()
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> Any:
@@ -38,16 +70,22 @@ def model_of(path: Path | None, contact: Path | None = None) -> Any:
     return model if contact is None else model_with(model, load_contact(contact).values, file=contact)
 
 
+def read_trials(paths: list[Path], contact: Path | None) -> list[Any]:
+    """The trials of manifests, with the fitted contact if there is one."""
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.motion.fitted_trial import trial_with
+    from vsf_drake.motion.trial import load_trial
+
+    fitted = None if contact is None else load_contact(contact)
+    trials = map(load_trial, paths)
+    return [trial if fitted is None else trial_with(trial, fitted, file=contact) for trial in trials]
+
+
 def contact_hash(path: Path | None) -> dict[str, str]:
     """SHA-256 of a fitted contact, by the name under which results have it; none for None."""
     from vsf_drake.files import sha256
 
     return {} if path is None else {f"contact: {path.name}": sha256(path)}
-
-
-def file_of(path: Path | None) -> Path | None:
-    """`path` with ~ expanded."""
-    return None if path is None else user_path(path)
 
 
 def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:
@@ -68,7 +106,7 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
 def _version(asked: bool) -> None:
     if asked:
-        console.print(__version__, highlight=False)
+        console.print(__version__)
         raise typer.Exit
 
 

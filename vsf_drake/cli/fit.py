@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,26 +10,27 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Out, app, console, errors, file_of
+from vsf_drake.cli.app import Out, app, console, interrupted, path, say, warn
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.files import user_path
 
 JOINT, PAPER = "joint", "paper"
 
 
 @app.command()
 def fit(
-    trials: Annotated[list[Path], typer.Argument(metavar="TRIAL.yaml...", help="Trial manifests of one person.")],
+    trials: Annotated[list[Path], typer.Argument(
+        parser=path, metavar="TRIAL.yaml...", help="Trial manifests of one person.")],
     out: Out,
     bench: Annotated[Path | None, typer.Option(
-        metavar="BENCH.yaml|CURVES.csv",
+        parser=path, metavar="BENCH.yaml|CURVES.csv",
         help="The foot on a testing machine, so that what is fitted stays that foot: stiffness, or curves.")] = None,
     hold_out: Annotated[list[Path] | None, typer.Option(
-        metavar="TRIAL.yaml", help="A trial that judges the fit and is not fitted; repeat it for more.")] = None,
+        parser=path, metavar="TRIAL.yaml",
+        help="A trial that judges the fit and is not fitted; repeat it for more.")] = None,
     strategy: Annotated[str, typer.Option(
         metavar="joint|paper", help="All trials at once with priors, or the paper's procedure.")] = JOINT,
-    starts: Annotated[int | None, typer.Option(help="Searches from different starts.", show_default="5")] = None,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.")] = 0,
+    starts: Annotated[int | None, typer.Option(help="Searches from different starts.", min=1, show_default="5")] = None,
+    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 0,
     solver: Annotated[str | None, typer.Option(
         metavar="gauss_newton|snopt|ipopt|nlopt", help="Of each search.", show_default="gauss_newton")] = None,
     free: Annotated[list[str] | None, typer.Option(
@@ -55,68 +55,50 @@ def fit(
     that failed ends with exit code 4 and says why in fit.json and report.html. Ctrl-C leaves a checkpoint from which
     the same command with --resume goes on.
     """
-    chosen = {"--starts": starts is not None, "--solver": solver is not None, "--free": bool(free),
-              "--freeze": bool(freeze), "--resultant": resultant, "--no-cop": no_cop, "--paths": paths,
-              "--damping-by-zone": damping_by_zone}
-    _check_options(strategy, chosen, quick=quick, starts=starts, seed=seed)
-    check_patterns(free or [], freeze or [])
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.measured_bench import load_measured_bench
-    from vsf_drake.cli.fit_run import Checkpoint, Task, run_task
-    from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, FIT
-
-    out, bench = user_path(out), file_of(bench)
-    FIT.check(out)
-    checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
-    task = Task(
-        trials=[load_trial(user_path(path)) for path in trials], strategy=strategy,
-        held_out=[load_trial(user_path(path)) for path in hold_out or ()],
-        bench=None if bench is None else load_measured_bench(bench), bench_file=bench, seed=seed,
-        starts=1 if quick else starts, solver=solver, free=tuple(free or ()), freeze=tuple(freeze or ()),
-        resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
-    task.check()
-    _announce(task, checkpoint)
-    try:
-        table = run_task(task, out, checkpoint)
-    except KeyboardInterrupt:
-        errors.print(checkpoint.after_interruption(), highlight=False, soft_wrap=True, markup=False)
-        sys.exit(130)
-    if not table["success"]:
-        raise FitError(f"the fit failed: {table['message'].removesuffix('.')}. See {out / 'report.html'}; "
-                       "no contact.yaml was written")
-    print_fit(table)
-    console.print(f"written to {out}; read report.html first, contact.yaml is for --contact", highlight=False,
-                  markup=False, soft_wrap=True)
-
-
-def _check_options(
-    strategy: str, chosen: dict[str, bool], *, quick: bool, starts: int | None, seed: int
-) -> None:
-    """Raises InputError for what cannot go together, before anything is read."""
+    given = [option for option, chosen in (
+        ("--starts", starts is not None), ("--solver", solver), ("--free", free), ("--freeze", freeze),
+        ("--resultant", resultant), ("--no-cop", no_cop), ("--paths", paths), ("--damping-by-zone", damping_by_zone))
+        if chosen]
     if strategy not in (JOINT, PAPER):
         raise InputError(f"{strategy!r} is no strategy", where="--strategy", right=f"There are: {JOINT}, {PAPER}")
-    given = [option for option, is_given in chosen.items() if is_given]
     if strategy == PAPER and given:
         raise InputError("is an option of the joint strategy; the paper's procedure is fitted as it is written",
                          where=given[0], right="Leave it out")
     if quick and starts not in (None, 1):
         raise InputError("cannot go with --quick, which searches once", where="--starts",
                          right="Leave one of them out")
-    if starts is not None and starts < 1:
-        raise InputError(f"{starts} searches are none", where="--starts", right="Give 1 or more")
-    if seed < 0:
-        raise InputError(f"{seed} is negative", where="--seed")
+    for pattern in free or ():
+        if pattern in (freeze or ()):
+            raise InputError(f"{pattern} is to be free and frozen", where="--free", right="Decide for one")
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
+    from vsf_drake.json_file import read_json
+    from vsf_drake.motion.trial import load_trial
+    from vsf_drake.report.fit_output import CHECKPOINT, FIT
 
-
-def _announce(task: Any, checkpoint: Any) -> None:
-    """What is said before the fit begins."""
+    FIT.check(out)
+    if (out / FIT.table).exists():
+        read_json(out / FIT.table)  # a damaged one is nobody's to replace
+    checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
+    task = make_task(
+        [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,
+        strategy=strategy, seed=seed, starts=starts, solver=solver, free=free or (), freeze=freeze or (),
+        resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
     if task.synthetic:
-        console.print(f"SYNTHETIC, not recorded: {', '.join(task.synthetic)}.", highlight=False, markup=False)
+        say(f"SYNTHETIC, not recorded: {', '.join(task.synthetic)}.")
     if task.bench is None:
-        console.print("No bench was given: the walks alone decide how stiff the foot is.", highlight=False)
+        say("No bench was given: the walks alone decide how stiff the foot is.")
     if checkpoint.note:
-        console.print(f"! {checkpoint.note}", style="bold yellow", highlight=False, markup=False, soft_wrap=True)
+        warn(checkpoint.note)
+    try:
+        table = run_task(task, out, checkpoint)
+    except KeyboardInterrupt:
+        interrupted(checkpoint.after_interruption())
+    if not table["success"]:
+        raise FitError(f"the fit failed: {table['message'].removesuffix('.')}. See {out / 'report.html'}; "
+                       "no contact.yaml was written")
+    print_fit(table)
+    say(f"written to {out}; read report.html first, contact.yaml is for --contact")
 
 
 # A fit on the screen: trials, bench, parameters, verdict.
@@ -131,7 +113,7 @@ def print_fit(table: Mapping[str, Any]) -> None:
     from vsf_drake.report.fit_page import smooth_errors, synthetic_of
 
     synthetic = " (SYNTHETIC)" if synthetic_of(table) else ""
-    _say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
+    say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
     _print_trials(table)
     bench = table["bench"]
     if bench is not None:
@@ -140,23 +122,22 @@ def print_fit(table: Mapping[str, Any]) -> None:
         pairs = ", ".join(f"{model:.1f} ({measured:.1f})" for model, measured in
                           zip(bench["model_n_per_mm"], bench["measured_n_per_mm"], strict=True))
         kind = " (SYNTHETIC)" if bench["synthetic"] else ""
-        _say(f"Bench{kind}, N/mm, fitted (measured): {pairs}{heel}; forefoot {bench['rmse_n_per_mm']:.2f} off")
-        _print_mid_range(bench.get("mid_range"))
+        say(f"Bench{kind}, N/mm, fitted (measured): {pairs}{heel}; forefoot {bench['rmse_n_per_mm']:.2f} off")
+        if bench.get("mid_range") is not None:
+            _print_mid_range(bench["mid_range"])
     _print_parameters(table)
     if smooth_errors(table):
-        _say(smooth_errors(table))
+        say(smooth_errors(table))
     for sentence in table["verdict"]:
-        _say(f"- {sentence}")
+        say(f"- {sentence}")
 
 
-def _print_mid_range(found: Mapping[str, Any] | None) -> None:
-    if found is None:
-        return
+def _print_mid_range(found: Mapping[str, Any]) -> None:
     pairs = ", ".join(f"{model:.2f} ({measured:.2f})" for model, measured in
                       zip(found["model_mm"], found["measured_mm"], strict=True))
     heel = "" if found["heel_model_mm"] is None else (
         f", heel {found['heel_model_mm']:.2f} (measured {found['heel_measured_mm']:.2f})")
-    _say(f"Mid-range displacement, mm, fitted (measured): {pairs}{heel}; forefoot {found['rmse_mm']:.2f} off")
+    say(f"Mid-range displacement, mm, fitted (measured): {pairs}{heel}; forefoot {found['rmse_mm']:.2f} off")
 
 
 def _print_trials(table: Mapping[str, Any]) -> None:
@@ -176,40 +157,26 @@ def _print_trials(table: Mapping[str, Any]) -> None:
     for row in (*head, *rows):
         cells = [text.ljust(size) if i < _WORDS else text.rjust(size) for i, text, size in
                  zip(kept, row, wide, strict=True)]
-        console.print(Text(" ".join(cells).rstrip(), style="bold yellow" if row[-1].endswith(" NO") else ""),
-                      soft_wrap=True)
+        say(" ".join(cells).rstrip(), "bold yellow" if row[-1].endswith(" NO") else "")
 
 
 def _print_parameters(table: Mapping[str, Any]) -> None:
     from vsf_drake.report.fit_page import interval_of, own_parameters, unit_of, value_of
     from vsf_drake.report.page import number
 
-    joint = table["strategy"] == "joint"
     grid = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("parameter", overflow="fold")
     grid.add_column("value", justify="right")
+    joint = table["strategy"] == JOINT  # which alone knows errors
     if joint:
         grid.add_column("95 % interval", justify="right")
     grid.add_column("unit")
     if joint:
         grid.add_column("share of prior", justify="right")
     for row in own_parameters(table):
-        more = (interval_of(row),) if joint else ()
-        last = (number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""),) \
-            if joint else ()
-        grid.add_row(*map(Text, (row["name"], value_of(row, "value"), *more, unit_of(row), *last)))
+        cells = [row["name"], value_of(row, "value"), unit_of(row)]
+        if joint:
+            cells.insert(2, interval_of(row))
+            cells.append(number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""))
+        grid.add_row(*map(Text, cells))
     console.print(grid)
-
-
-def _say(line: str) -> None:
-    console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-# Parameters of a fit by name or prefix: which are to be free, which frozen.
-
-
-def check_patterns(free: Sequence[str], freeze: Sequence[str]) -> None:
-    """Raises InputError for a pattern that is to be both."""
-    both = [pattern for pattern in free if pattern in freeze]
-    if both:
-        raise InputError(f"{both[0]} is to be free and frozen", where="--free", right="Decide for one")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
 from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
-from vsf_drake.analysis.measured_bench import CURVES
+from vsf_drake.analysis.measured_bench import CURVES, load_measured_bench
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
@@ -38,26 +38,21 @@ _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 """Shares of the bar at which searching, scoring and fitting again end."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Task:
-    """What was asked for; see the options of the command."""
+    """A fit that can be done.
+
+    Attributes:
+        asked: for the table: who and what was asked for.
+    """
 
     trials: list[Trial]
     held_out: list[Trial]
-    strategy: str
     bench: BenchMeasurement | None
-    bench_file: Path | None
-    seed: int
-    starts: int | None
-    solver: str | None
-    free: tuple[str, ...]
-    freeze: tuple[str, ...]
-    resultant: bool
-    cop: bool
-    paths: bool
-    damping_by_zone: bool
+    strategy: str
+    problem: ContactFit
     quick: bool
-    problem: ContactFit = field(init=False)
+    asked: dict[str, Any]
 
     @property
     def synthetic(self) -> list[str]:
@@ -66,42 +61,46 @@ class Task:
         names = [label for trial, label in zip(every, labels_of(every), strict=True) if trial.synthetic]
         return [*names, *(["the bench"] if self.bench is not None and self.bench.synthetic else [])]
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """For the table: who and what was asked for."""
-        own = to_plain(self.problem.options) if self.strategy == PAPER else {
-            "seed": self.seed, "free": self.free, "freeze": self.freeze, "paths": self.paths,
-            "damping_by_zone": self.damping_by_zone}
-        file = self.bench_file
-        return {"held_out": self.held_out, "inputs": {} if file is None else {f"bench: {file.name}": sha256(file)},
-                "options": {**own, "quick": self.quick, "bench": None if file is None else file.name}}
 
-    def check(self) -> None:
-        """Makes sure, before the long part, that all of it can be fitted and judged; builds the problem.
+def make_task(
+    trials: list[Trial], held_out: list[Trial], *, bench_file: Path | None, strategy: str, seed: int,
+    starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
+    paths: bool, damping_by_zone: bool, quick: bool
+) -> Task:
+    """What the command's options ask for, after making sure, before the long part, that all of it can be fitted.
 
-        Raises:
-            InputError: see `recordings.check_recordings`, `ContactFit`, `with_frozen`.
-        """
-        given: dict[str, Any] = {name: value for name, value in (("starts", self.starts), ("solver", self.solver))
-                                 if value is not None}
-        series = (*((RESULTANT,) if self.resultant else FORCES), *(COP if self.cop else ()))
-        options = PaperOptions(seed=self.seed) if self.strategy == PAPER else ContactFitOptions(
-            series=series, seed=self.seed, **given)
-        check_recordings(self.trials, self.held_out, series=options.series)
-        subject, model = self.trials[0].subject, self.trials[0].model
-        if self.bench is not None:
-            try:
-                bench_of(model.foot, self.bench)
-            except InputError as error:
-                curves = self.bench_file is not None and self.bench_file.suffix.lower() == CURVES
-                forefoot = "column fulcrum" if curves else "forefoot"
-                where = forefoot if error.where == "fulcrums_m" else error.where
-                raise InputError(error.what, file=self.bench_file, where=where, right=error.right) from None
-        walker = Walker(subject, model)
-        parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(self.trials),
-                                         damping_by_zone=self.damping_by_zone, paths=self.paths)
-        self.problem = ContactFit(self.trials, bench=self.bench, options=options, walker=walker,
-                                  parameters=with_frozen(parameters, self.free, self.freeze))
+    Raises:
+        InputError: see `load_measured_bench`, `check_recordings`, `ContactFit`, `with_frozen`.
+    """
+    bench = None if bench_file is None else load_measured_bench(bench_file)
+    told: dict[str, Any] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
+                            "damping_by_zone": damping_by_zone}
+    options: ContactFitOptions | PaperOptions
+    if strategy == PAPER:
+        options = PaperOptions(seed=seed)
+        told = to_plain(options)
+    else:
+        given: dict[str, Any] = {"starts": 1 if quick else starts, "solver": solver}
+        options = ContactFitOptions(
+            series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
+            **{name: value for name, value in given.items() if value is not None})
+    check_recordings(trials, held_out, series=options.series)
+    subject, model = trials[0].subject, trials[0].model
+    if bench is not None and bench_file is not None:
+        try:
+            bench_of(model.foot, bench)
+        except InputError as error:
+            forefoot = "column fulcrum" if bench_file.suffix.lower() == CURVES else "forefoot"
+            where = forefoot if error.where == "fulcrums_m" else error.where
+            raise InputError(error.what, file=bench_file, where=where, right=error.right) from None
+    walker = Walker(subject, model)
+    parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(trials),
+                                     damping_by_zone=damping_by_zone, paths=paths)
+    problem = ContactFit(trials, bench=bench, options=options, walker=walker,
+                         parameters=with_frozen(parameters, free, freeze))
+    return Task(trials=trials, held_out=held_out, bench=bench, strategy=strategy, problem=problem, quick=quick, asked={
+        "held_out": held_out, "inputs": {} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
+        "options": {**told, "quick": quick, "bench": None if bench_file is None else bench_file.name}})
 
 
 class Checkpoint:
@@ -122,7 +121,10 @@ class Checkpoint:
         self.state: dict[str, Any] | None = None
         self.note = ""
         if resume:
-            self.state = self._load()
+            if not path.exists():
+                raise InputError("there is no interrupted fit to go on from", file=path, where="--resume",
+                                 right="Leave --resume out to begin one")
+            self.state = read_json(path, damaged="Leave --resume out to begin again")
         elif path.exists():
             self.note = (f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
                          "from it")
@@ -142,18 +144,12 @@ class Checkpoint:
         self.saved = True
 
     def after_interruption(self) -> str:
-        """What to tell who pressed Ctrl-C."""
+        """What to tell who pressed Ctrl-C, after "interrupted"."""
         if self.saved or (self.resumed and self.path.exists()):
-            return f"interrupted; {self.path} holds what was found: the same command with --resume goes on from it"
+            return f"; {self.path} holds what was found: the same command with --resume goes on from it"
         if self.began:
-            return "interrupted before anything was found; the same command begins again"
-        return "interrupted before the fit began; nothing was written"
-
-    def _load(self) -> dict[str, Any]:
-        if not self.path.exists():
-            raise InputError("there is no interrupted fit to go on from", file=self.path, where="--resume",
-                             right="Leave --resume out to begin one")
-        return read_json(self.path, damaged="Leave --resume out to begin again")
+            return " before anything was found; the same command begins again"
+        return " before the fit began; nothing was written"
 
 
 def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
@@ -167,12 +163,16 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
                             **task.asked)
 
     with progress() as show:
+        def judging(what: str, share: float) -> None:
+            low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
+            show(what, low + (high - low) * share)
+
         solution = None
         try:
             solution = _solved(task, checkpoint, show, lambda: failed("the fit has not ended"))
             solution.check()
             judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
-                            progress=lambda what, share: show(what, _judging(what, share)))
+                            progress=judging)
         except (FitError, SimulationError) as error:
             # not of the fit itself: its walks or its foot fail where it is judged
             good = solution is not None and solution.success
@@ -206,11 +206,6 @@ def _solved(
         if error.where != "resume":
             raise
         raise InputError(error.what, file=checkpoint.path, where="--resume", right=error.right) from None
-
-
-def _judging(what: str, share: float) -> float:
-    low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
-    return low + (high - low) * share
 
 
 def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]) -> FitParameters:

@@ -10,13 +10,12 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, file_of, progress
-from vsf_drake.files import user_path
+from vsf_drake.cli.app import Contact, Out, app, check_contact_use, console, path, progress, read_trials, say, warn
 
 
 @app.command()
 def simulate(
-    trial: Annotated[Path, typer.Argument(help="Trial manifest (YAML).")],
+    trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
     out: Out,
     contact: Contact = None,
     fit_offsets: Annotated[bool, typer.Option(
@@ -26,27 +25,23 @@ def simulate(
 ) -> None:
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation.study import validate_walk
+    from vsf_drake.analysis.validation.study import walk_trial
     from vsf_drake.report.outputs import WALK, write_walk
 
     check_contact_use(contact, fit_offsets=fit_offsets)
-    out, contact = WALK.check(user_path(out)), file_of(contact)
+    WALK.check(out)
+    [recorded] = read_trials([trial], contact)
     with progress() as show:
-        walk = validate_walk(user_path(trial), with_fit=fit_offsets, contact=contact, step_s=1e-3 * step_ms,
-                             progress=show)
+        walk = walk_trial(recorded, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
     print_walk(metrics, offsets_are="with those of the fitted contact" if contact else "not fitted")
-    console.print(f"written to {out}", highlight=False)
+    say(f"written to {out}")
 
 
 def print_walk(metrics: dict[str, Any], *, offsets_are: str = "not fitted") -> None:
-    """The scores of a walk, its offsets, doubts and notes.
-
-    Args:
-        offsets_are: where the offsets come from, unless they were fitted.
-    """
+    """The scores of a walk, its offsets (`offsets_are`: where they come from, unless fitted), doubts and notes."""
     grid = Table("", "value", title=Text(metrics["trial"]), show_header=False)
-    rows = (
+    for label, key, form in (
         ("resultant GRF, RMSE (BW)", "grf_rmse_bw", "{:.3f}"), ("resultant GRF, R²", "grf_r2", "{:.3f}"),
         ("vertical, RMSE (BW)", "vertical_rmse_bw", "{:.3f}"), ("fore-aft, RMSE (BW)", "fore_aft_rmse_bw", "{:.3f}"),
         ("vertical impulse, error", "vertical_impulse_error", "{:+.1%}"),
@@ -55,18 +50,15 @@ def print_walk(metrics: dict[str, Any], *, offsets_are: str = "not fitted") -> N
         ("unconverged steps", "unconverged_steps", "{:d}"), ("steps cut into smaller ones", "refined_steps", "{:d}"),
         ("simulated (s)", "simulated_s", "{:.3f}"),
         ("wall time (s)", "wall_s", "{:.3f}"), ("compilation, apart (s)", "compile_s", "{:.1f}"),
-    )
-    for label, key, form in rows:
-        if key == "refined_steps" and not metrics[key]:
-            continue
-        grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
+    ):
+        if key != "refined_steps" or metrics[key]:
+            grid.add_row(label, "not known" if metrics[key] is None else form.format(metrics[key]))
     console.print(grid)
     offsets = metrics["offsets"]
     fitted = offsets_are if metrics["offset_fit"] is None else "fitted to this plate"
-    height, fore_aft, angle = 1e3 * offsets["height_m"], 1e3 * offsets["fore_aft_m"], degrees(offsets["alignment_rad"])
-    console.print(f"offsets ({fitted}): height {height:.1f} mm, fore-aft {fore_aft:.1f} mm, alignment {angle:.1f}°",
-                  highlight=False)
+    say(f"offsets ({fitted}): height {1e3 * offsets['height_m']:.1f} mm, fore-aft {1e3 * offsets['fore_aft_m']:.1f} "
+        f"mm, alignment {degrees(offsets['alignment_rad']):.1f}°")
     for doubt in metrics["doubts"]:
-        console.print(f"! {doubt}", style="bold yellow", highlight=False, markup=False)
+        warn(doubt)
     for note in metrics["notes"]:
-        console.print(f"- {note}", highlight=False, markup=False)
+        say(f"- {note}")

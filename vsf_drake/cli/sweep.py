@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,16 +13,32 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from vsf_drake.cli.app import Contact, app, check_contact_use, console, contact_hash, errors, file_of, progress
+from vsf_drake.cli.app import (
+    Contact,
+    OptionalOut,
+    Trials,
+    app,
+    check_contact_use,
+    contact_hash,
+    interrupted,
+    progress,
+    read_trials,
+    say,
+    warn,
+)
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import user_path
-from vsf_drake.parameters import FulcrumParameters
+
+SHIFT = "fulcrum.shift"
+MOST = 20_000
+"""Walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s."""
+MANY = 2_000
+"""Walks above which a sweep has to be meant."""
 
 
 @app.command()
 def sweep(
-    trials: Annotated[list[Path], typer.Argument(metavar="TRIAL.yaml...", help="Trial manifests.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; created if needed.")] = None,
+    trials: Trials,
+    out: OptionalOut = None,
     fulcrum_mm: Annotated[str | None, typer.Option(
         metavar="LOW:HIGH:COUNT", help="Fulcrum positions from the keel's posterior end, or a list: 66,87,108. "
         "Default: each trial's own.")] = None,
@@ -30,14 +46,14 @@ def sweep(
         metavar="NAME=LOW:HIGH:COUNT", help="Values of a variable, or a list: NAME=A,B,C; repeat it for a grid. "
         "With --sample: NAME, or NAME=LOW:HIGH.")] = None,
     sample: Annotated[int | None, typer.Option(
-        help="Instead of a grid, so many sets of values that fill the bounds (Latin hypercube).")] = None,
-    seed: Annotated[int, typer.Option(help="Of the sample.")] = 0,
+        help="Instead of a grid, so many sets of values that fill the bounds (Latin hypercube).", min=1)] = None,
+    seed: Annotated[int, typer.Option(help="Of the sample.", min=0)] = 0,
     contact: Contact = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis, once a "
         "trial.")] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
-    workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.", min=1)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Thousands of walks are meant.")] = False,
     list_variables: Annotated[bool, typer.Option(
         "--list", help="Only print the variables of the trials: name, unit, value, bounds.")] = False,
@@ -48,14 +64,14 @@ def sweep(
     and a larger sweep with the same trials computes only what is new. Values are in the units that --list prints. A
     walk that fails is a row that says why; the exit code is 3 only if all of them fail.
     """
-    contact = file_of(contact)
     if list_variables:
-        _print_variables(trials, contact)
+        _print_variables(read_trials(trials, contact))
         return
     check_contact_use(contact, fit_offsets=fit_offsets)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.analysis.offsets import fit_offsets as offsets_of
     from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
-    from vsf_drake.simulation.many import WalkCase, simulate_many
+    from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
     from vsf_drake.simulation.walk import MAX_STEP_S
 
     if out is None:
@@ -63,130 +79,111 @@ def sweep(
     if not 0.0 < 1e-3 * step_ms <= MAX_STEP_S:
         raise InputError(f"{step_ms:g} ms is not a usable step", where="--step-ms",
                          right=f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}")
-    if sample is not None and sample < 1:
-        raise InputError(f"{sample} sets of values are none", where="--sample")
-    if seed < 0:
-        raise InputError(f"{seed} is negative", where="--seed")
-    if workers is not None and workers < 1:
-        raise InputError(f"{workers} is no number of workers", where="--workers", right="Give 1 or more")
-    positions = fulcrum_positions(fulcrum_mm)
+    positions = () if fulcrum_mm is None else values_of(fulcrum_mm, "--fulcrum-mm")
     axes = [axis(text, sampled=sample is not None) for text in vary or ()]
     if not axes and (not positions or sample is not None):
         raise InputError("there is nothing to vary", where="sweep",
                          right="Give --vary, or --fulcrum-mm without --sample; --list prints the names")
-    count = len(trials) * max(1, len(positions)) * (sample or _product(axes))
-    check_count(count, meant=yes)
-    out = user_path(out)
-    loaded, variables = _loaded(trials, contact, axes, positions)
-    fitted = contact_hash(contact)
-    if any(item.name == SHIFT and item.bounds is None for item in axes) and sample is not None:
-        variables = within_reach(variables, [
-            (trial.fulcrum_m if mm is None else 1e-3 * mm, trial.model.foot.fulcrum)
-            for trial in loaded.values() for mm in positions or (None,)])
+    check_count(len(trials) * max(1, len(positions)) * (sample or math.prod(len(item.values) for item in axes)),
+                meant=yes)
+    loaded, variables = _loaded(trials, contact, axes, positions, sampled=sample is not None)
     check_sweep_folder(out, loaded.values())
-    sets = _sets(axes, variables, sample, seed)
-    offsets = {name: _fitted(trial, name) if fit_offsets else trial.offsets for name, trial in loaded.items()}
+    plan: dict[str, Any] = {"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
+                            "contact": contact_hash(contact), "sample": None}
+    if sample is None:
+        plan["vary"] = {item.name: item.values for item in axes}
+        sets = grid_values(plan["vary"])
+    else:
+        bounded = {item.name: dataclasses.replace(variables[item.name], low=item.bounds[0], high=item.bounds[1])
+                   if item.bounds else variables[item.name] for item in axes}
+        plan["sample"] = {"count": sample, "seed": seed, "bounds": {k: [v.low, v.high] for k, v in bounded.items()},
+                          "method": "Latin hypercube, of the logarithm where the lower bound is above 0"}
+        sets = sample_values(bounded, list(bounded), sample, seed)
+    plan["offsets"] = {name: trial.offsets for name, trial in loaded.items()}
+    if fit_offsets:
+        with progress() as show:
+            for name, trial in loaded.items():
+                show(f"{name}: fitting the offsets", 0.0)
+                plan["offsets"][name] = offsets_of(trial).offsets
     cases = [WalkCase(trial=trial, values=values, fulcrum_m=None if mm is None else 1e-3 * mm,
-                      label="" if name == trial.name else name, offsets=offsets[name], step_s=1e-3 * step_ms)
+                      label="" if name == trial.name else name, offsets=plan["offsets"][name], step_s=1e-3 * step_ms)
              for name, trial in loaded.items() for mm in positions or (None,) for values in sets]
     varied = {item.name: variables[item.name] for item in axes}
     try:
         outcomes = simulate_many(cases, workers=workers, cache=out / "cache", progress=True)
         with progress() as show:
-            table, rows = write_sweep(
-                outcomes, loaded, out, variables=varied, fulcrum=bool(positions), show=lambda f: show("comparing", f),
-                plan={"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
-                      "contact": fitted,
-                      "offsets": offsets, **_plan(axes, variables, sample, seed)})
+            table, rows = write_sweep(outcomes, loaded, out, variables=varied, fulcrum=bool(positions), plan=plan,
+                                      show=lambda f: show("comparing", f))
     except KeyboardInterrupt:
-        errors.print(f"interrupted; the finished walks are in {out / 'cache'}: the same command goes on from them",
-                     highlight=False, soft_wrap=True, markup=False)
-        sys.exit(130)
+        interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
     _print_sweep(table)
     write_sweep_figure(rows, table, out, varied)
-    console.print(f"written to {out}", highlight=False, markup=False)
+    say(f"written to {out}")
     if table["failed"] == table["walks"]:
         sys.exit(SimulationError.exit_code)
 
 
-def _loaded(
-    trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...], *, sampled: bool
+            ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
     from vsf_drake.model_file import check_fulcrum
+    from vsf_drake.simulation.variables import check_names, check_values
     from vsf_drake.simulation.walk import Walker
 
-    paths = [user_path(path) for path in trials]
-    for i, path in enumerate(paths):
-        if path.resolve() in [other.resolve() for other in paths[:i]]:
-            raise InputError("the trial stands twice", file=path)
-    found = _read(paths, contact)
+    for i, file in enumerate(trials):
+        if file.resolve() in [other.resolve() for other in trials[:i]]:
+            raise InputError("the trial stands twice", file=file)
+    found = read_trials(trials, contact)
     names = [trial.name for trial in found]
     variables: dict[str, Any] = {}
-    for path, trial in zip(paths, found, strict=True):
+    for file, trial in zip(trials, found, strict=True):
         own = Walker(trial.subject, trial.model).variables
-        check_axes(axes, own, trial="" if len(paths) == 1 else str(path))
+        try:
+            check_names([item.name for item in axes], own, where="--vary")
+            for item in axes:
+                for value in (*item.values, *(item.bounds or ())):
+                    check_values({item.name: value}, own)
+        except InputError as error:
+            where = (error.where or "").removeprefix("values").strip("[]'")
+            listed = (error.right or "").startswith("There are: ")  # dozens of names, which --list has in columns
+            raise InputError(error.what, file=file if len(trials) > 1 else None,
+                             where="--vary" if where == "--vary" else f"--vary {where}",
+                             right="--list prints the names" if listed else error.right) from None
         variables = variables or own
         for mm in positions:
             check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
-    return {name if names.count(name) == 1 else f"{name} ({path})": trial
-            for name, path, trial in zip(names, paths, found, strict=True)}, variables
+    if sampled and any(item.name == SHIFT and item.bounds is None for item in axes):
+        variables = _within_reach(variables, found, positions)
+    return {name if names.count(name) == 1 else f"{name} ({file})": trial
+            for name, file, trial in zip(names, trials, found, strict=True)}, variables
 
 
-def _read(paths: list[Path], contact: Path | None) -> list[Any]:
-    """The trials, with the fitted contact if there is one."""
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.motion.fitted_trial import trial_with
-    from vsf_drake.motion.trial import load_trial
+def _within_reach(variables: dict[str, Any], trials: Sequence[Any], positions: Sequence[float]) -> dict[str, Any]:
+    """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from each position (mm).
 
-    if contact is None:
-        return [load_trial(path) for path in paths]
-    fitted = load_contact(contact)
-    return [trial_with(load_trial(path), fitted, file=contact) for path in paths]
-
-
-def _sets(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed: int) -> list[dict[str, float]]:
-    from vsf_drake.simulation.many import grid_values, sample_values
-
-    if sample is None:
-        return grid_values({item.name: item.values for item in axes})
-    return sample_values(with_bounds(axes, variables), [item.name for item in axes], sample, seed)
+    Raises:
+        InputError: only a shift of zero does.
+    """
+    reach = [(support.rearmost_m - at, support.foremost_m - at) for trial in trials
+             for support in (trial.model.foot.fulcrum,)
+             for at in ([1e-3 * mm for mm in positions] or [trial.fulcrum_m])]
+    low = min(0.0, round(max(rear for rear, _ in reach), 12))
+    high = max(0.0, round(min(fore for _, fore in reach), 12))
+    if low == high:
+        raise InputError("the fulcrum positions leave it no room in the carriage's reach", where=f"--vary {SHIFT}",
+                         right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail")
+    return {**variables, SHIFT: dataclasses.replace(variables[SHIFT], low=low, high=high)}
 
 
-def _plan(axes: list[Axis], variables: dict[str, Any], sample: int | None, seed: int) -> dict[str, Any]:
-    """What of a sweep's values is needed to repeat it."""
-    if sample is None:
-        return {"vary": {item.name: item.values for item in axes}, "sample": None}
-    return {"sample": {
-        "count": sample, "seed": seed, "method": "Latin hypercube, of the logarithm where the lower bound is above 0",
-        "bounds": {name: [v.low, v.high] for name, v in with_bounds(axes, variables).items()}}}
-
-
-def _fitted(trial: Any, name: str) -> Any:
-    from vsf_drake.analysis.offsets import fit_offsets
-
-    with progress() as show:
-        show(f"{name}: fitting the offsets", 0.0)
-        return fit_offsets(trial).offsets
-
-
-def _product(axes: list[Axis]) -> int:
-    count = 1
-    for item in axes:
-        count *= len(item.values)
-    return count
-
-
-def _print_variables(trials: list[Path], contact: Path | None) -> None:
+def _print_variables(trials: Sequence[Any]) -> None:
     """A line a variable, in columns, for reading and for grep."""
     from vsf_drake.simulation.walk import Walker
 
-    for trial in _read([user_path(path) for path in trials], contact):
+    for trial in trials:
         own = Walker(trial.subject, trial.model).variables
-        found = within_reach(own, [(trial.fulcrum_m, trial.model.foot.fulcrum)]).values()
         rows = [("variable", "unit", "value", "low", "high", ""),
                 *((v.name, v.unit, f"{v.default:.6g}", f"{v.low:.6g}", f"{v.high:.6g}",
-                   "added to what is there" if v.added else "") for v in found)]
+                   "added to what is there" if v.added else "") for v in _within_reach(own, [trial], ()).values())]
         wide = [max(len(row[i]) for row in rows) for i in range(5)]
         typer.echo(f"# {trial.name}, fulcrum at {1e3 * trial.fulcrum_m:g} mm")
         for row in rows:
@@ -196,34 +193,25 @@ def _print_variables(trials: list[Path], contact: Path | None) -> None:
 
 def _print_sweep(table: dict[str, Any]) -> None:
     """What came out, in a few lines."""
-    lines = [f"{table['walks']} walks, {table['failed']} failed"]
+    say(f"{table['walks']} walks, {table['failed']} failed")
     for trial in table["trials"]:
         best = trial["smallest_error"]
         if best is not None:
             varied = ", ".join(f"{name} {value:g}" for name, value in best["at"].items())
-            lines.append(f"{trial['name']}: resultant force within {best['grf_rmse_bw']:.3f} BW at best, at {varied}")
+            say(f"{trial['name']}: resultant force within {best['grf_rmse_bw']:.3f} BW at best, at {varied}")
         elif trial["finished"]:
-            lines.append(f"{trial['name']}: no walk has a stance to compare")
-    unconverged = f"{table['unconverged_steps']} steps unconverged"
-    lines.append(unconverged + (f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""))
+            say(f"{trial['name']}: no walk has a stance to compare")
+    refined = f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""
+    say(f"{table['unconverged_steps']} steps unconverged{refined}")
     if table["with_notes"]:
-        lines.append(f"! notes on {table['with_notes']} of {table['walks']} walks, perhaps doubts: see sweep.csv")
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        say(f"! notes on {table['with_notes']} of {table['walks']} walks, perhaps doubts: see sweep.csv")
     for failure in table["failures"][:3]:
-        console.print(f"! {failure}", style="bold yellow", highlight=False, markup=False, soft_wrap=True)
+        warn(failure)
     if table["failed"] > 3:
-        console.print(f"! and {table['failed'] - 3} more: see sweep.csv", style="bold yellow", highlight=False)
+        warn(f"and {table['failed'] - 3} more: see sweep.csv")
 
 
 # What a user may vary in a sweep, from the words of the command line to numbers.
-
-
-SHIFT = "fulcrum.shift"
-MOST = 20_000
-"""Walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s."""
-MANY = 2_000
-"""Walks above which a sweep has to be meant."""
 
 
 @dataclass(frozen=True)
@@ -235,15 +223,6 @@ class Axis:
     bounds: tuple[float, float] | None = None
 
 
-def fulcrum_positions(text: str | None) -> tuple[float, ...]:
-    """`66:151:5`, `66,87,108` or `66` -> mm; nothing for None.
-
-    Raises:
-        InputError: it is none of these.
-    """
-    return () if text is None else _values(text, "--fulcrum-mm")
-
-
 def axis(text: str, *, sampled: bool) -> Axis:
     """`NAME=LOW:HIGH:COUNT`, `NAME=A,B,C`, `NAME=A`; for a sample `NAME` or `NAME=LOW:HIGH`.
 
@@ -252,61 +231,44 @@ def axis(text: str, *, sampled: bool) -> Axis:
     """
     name, given, spec = text.partition("=")
     name = name.strip()
-    if not sampled:
-        if not given:
-            raise InputError("has no values", where=f"--vary {name}",
-                             right=f"Give {name}=LOW:HIGH:COUNT or {name}=A,B,C; with --sample the name is enough")
-        return Axis(name, _values(spec, f"--vary {name}"))
-    if not given:
+    where = f"--vary {name}"
+    if sampled and not given:
         return Axis(name)
+    if not given:
+        raise InputError("has no values", where=where,
+                         right=f"Give {name}=LOW:HIGH:COUNT or {name}=A,B,C; with --sample the name is enough")
+    if not sampled:
+        return Axis(name, values_of(spec, where))
     ends = spec.split(":")
     if len(ends) != 2:
-        raise InputError(f"{spec!r} are no bounds", where=f"--vary {name}",
+        raise InputError(f"{spec!r} are no bounds", where=where,
                          right=f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample")
-    low, high = (_number(end, f"--vary {name}") for end in ends)
-    _rising(low, high, f"--vary {name}")
-    return Axis(name, bounds=(low, high))
+    return Axis(name, bounds=_rising(ends, where))
 
 
-def check_axes(axes: Sequence[Axis], variables: Mapping[str, Any], *, trial: str = "") -> None:
-    """Raises InputError for an unknown name (it tells the nearest), one that comes twice, or an unusable value."""
-    from vsf_drake.simulation.variables import check_names, check_values
-
-    try:
-        check_names([item.name for item in axes], variables, where="--vary")
-        for item in axes:
-            for value in (*item.values, *(item.bounds or ())):
-                check_values({item.name: value}, variables)
-    except InputError as error:
-        where = (error.where or "").removeprefix("values").strip("[]'")
-        listed = (error.right or "").startswith("There are: ")  # dozens of names, which --list has in columns
-        raise InputError(error.what, file=trial or None, where="--vary" if where == "--vary" else f"--vary {where}",
-                         right="--list prints the names" if listed else error.right) from None
-
-
-def within_reach(
-    variables: Mapping[str, Any], fulcrums: Sequence[tuple[float, FulcrumParameters]]
-) -> dict[str, Any]:
-    """`variables` with bounds of `fulcrum.shift` that keep the carriage within its reach from each of `fulcrums`.
-
-    Args:
-        fulcrums: positions (m from the keel's posterior end), each with the support it is on.
+def values_of(text: str, where: str) -> tuple[float, ...]:
+    """`66:151:5`, `66,87,108` or `66` as numbers.
 
     Raises:
-        InputError: only a shift of zero does.
+        InputError: it is none of these.
     """
-    low = min(0.0, round(max(support.rearmost_m - at for at, support in fulcrums), 12))
-    high = max(0.0, round(min(support.foremost_m - at for at, support in fulcrums), 12))
-    if low == high:
-        raise InputError("the fulcrum positions leave it no room in the carriage's reach", where=f"--vary {SHIFT}",
-                         right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail")
-    return {**variables, SHIFT: dataclasses.replace(variables[SHIFT], low=low, high=high)}
-
-
-def with_bounds(axes: Sequence[Axis], variables: Mapping[str, Any]) -> dict[str, Any]:
-    """The variables of `axes`, each with the bounds that were asked for."""
-    return {item.name: dataclasses.replace(variables[item.name], low=item.bounds[0], high=item.bounds[1])
-            if item.bounds else variables[item.name] for item in axes}
+    if ":" not in text:
+        found = tuple(_number(part, where) for part in text.split(","))
+        if len(set(found)) != len(found):
+            raise InputError(f"{text!r} names a value twice", where=where)
+        return found
+    parts = text.split(":")
+    if len(parts) != 3:
+        raise InputError(f"{text!r} is no range", where=where, right="Give LOW:HIGH:COUNT, or values with commas")
+    low, high = _rising(parts[:2], where)
+    try:
+        count = int(parts[2])
+    except ValueError:
+        raise InputError(f"{parts[2]!r} is no count", where=where, right="It must be a whole number") from None
+    if not 2 <= count <= MOST:
+        raise InputError(f"{count} values are no range", where=where,
+                         right=f"COUNT must be between 2 and {MOST}; give a single value alone")
+    return tuple(float(round(value, 12)) for value in np.linspace(low, high, count))
 
 
 def check_count(count: int, *, meant: bool) -> None:
@@ -319,25 +281,11 @@ def check_count(count: int, *, meant: bool) -> None:
                          right="Add --yes if that is meant")
 
 
-def _values(text: str, where: str) -> tuple[float, ...]:
-    if ":" not in text:
-        found = tuple(_number(part, where) for part in text.split(","))
-        if len(set(found)) != len(found):
-            raise InputError(f"{text!r} names a value twice", where=where)
-        return found
-    parts = text.split(":")
-    if len(parts) != 3:
-        raise InputError(f"{text!r} is no range", where=where, right="Give LOW:HIGH:COUNT, or values with commas")
-    low, high = (_number(part, where) for part in parts[:2])
-    try:
-        count = int(parts[2])
-    except ValueError:
-        raise InputError(f"{parts[2]!r} is no count", where=where, right="It must be a whole number") from None
-    _rising(low, high, where)
-    if not 2 <= count <= MOST:
-        raise InputError(f"{count} values are no range", where=where,
-                         right=f"COUNT must be between 2 and {MOST}; give a single value alone")
-    return tuple(float(round(value, 12)) for value in np.linspace(low, high, count))
+def _rising(ends: Sequence[str], where: str) -> tuple[float, float]:
+    low, high = (_number(end, where) for end in ends)
+    if not low < high:
+        raise InputError(f"{low:g} to {high:g} does not rise", where=where, right="LOW must be below HIGH")
+    return low, high
 
 
 def _number(text: str, where: str) -> float:
@@ -348,8 +296,3 @@ def _number(text: str, where: str) -> float:
     if not math.isfinite(value):
         raise InputError(f"{text.strip()!r} is not a finite number", where=where)
     return value
-
-
-def _rising(low: float, high: float, where: str) -> None:
-    if not low < high:
-        raise InputError(f"{low:g} to {high:g} does not rise", where=where, right="LOW must be below HIGH")

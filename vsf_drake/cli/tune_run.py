@@ -13,7 +13,7 @@ import numpy as np
 from vsf_drake.analysis.tuning import level1, level2
 from vsf_drake.analysis.tuning.inputs import TuningTrials, check_one_person, load_tuning_trials
 from vsf_drake.analysis.tuning.schedule import Task, check_steps, make_schedule, policy_table
-from vsf_drake.cli.tune_options import MOTION_GIVEN, TuneOptions, as_option
+from vsf_drake.cli.tune import TuneOptions
 from vsf_drake.errors import InputError
 from vsf_drake.report.tuning.reading import rest_at, swept
 from vsf_drake.simulation.archive import provenance
@@ -21,10 +21,10 @@ from vsf_drake.simulation.archive import provenance
 Show = Callable[[str, float], None]
 Tuned = tuple[dict[str, Any], dict[str, np.ndarray]]
 """Table and arrays, of a tuning that ended well or not."""
-INTERRUPTED = "interrupted"
-_QUICK_SWEEP_MM, _QUICK_INTERVALS, _QUICK_POSITIONS = 5.0, 20, 5
-_DESIGN_OF_STRIDE = {"alignment": "alignment_rad"}
-"""By what the stride's model calls it, where that differs."""
+_OPTION_OF = {"cost": "--cost", "weights": "--weights", "design": "--design", "bounds_mm": "--fulcrum-range",
+             "pareto": "--pareto", "intervals": "--intervals", "method": "--method", "joints": "--joints",
+             "warm_start": "--warm-start", "seed": "--seed", "trials": "TRIAL.yaml"}
+"""By what the analysis calls it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +46,15 @@ def tune_trials(
         SimulationError, FitError: nothing could be walked at all.
         KeyboardInterrupt: before anything was found.
     """
-    run = _motion_given if options.level == MOTION_GIVEN else _motion_free
+    run = _motion_given if options.level == 1 else _motion_free
     try:
         table, arrays = run(given, options, show, warm)
-    except InputError as error:
-        raise as_option(error, None if warm is None else warm.file) from None
+    except InputError as error:  # named as the command line names it
+        where = str(error.where or "").partition("[")[0]
+        if error.file is not None or where not in _OPTION_OF:
+            raise
+        file = warm.file if warm is not None and where == "warm_start" else None
+        raise InputError(error.what, file=file, where=_OPTION_OF[where], right=error.right) from None
     made = dict(table["provenance"] or {})
     made["options"] = {**options.told(), **(made.get("options") or {})}
     made["inputs_sha256"] = {**given.inputs, **(made.get("inputs_sha256") or {})}
@@ -60,7 +64,7 @@ def tune_trials(
 
 def was_interrupted(table: Mapping[str, Any]) -> bool:
     """Whether Ctrl-C ended this tuning."""
-    return not table["optimal"] and INTERRUPTED in table["status"]
+    return not table["optimal"] and "interrupted" in table["status"]
 
 
 def _motion_given(given: TuningTrials, options: TuneOptions, show: Show, warm: WarmStart | None) -> Tuned:
@@ -68,7 +72,7 @@ def _motion_given(given: TuningTrials, options: TuneOptions, show: Show, warm: W
     chosen: dict[str, Any] = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm,
                               "pareto": options.pareto, "joints": options.joints, "workers": options.workers}
     if options.quick:
-        chosen |= {"sweep_mm": _QUICK_SWEEP_MM, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
+        chosen |= {"sweep_mm": 5.0, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
     tuning = level1.StiffnessTuning(
         given.trials, cost=options.cost, labels=given.labels, options=level1.TuningOptions(
             design=options.design, seed=options.seed, **{k: v for k, v in chosen.items() if v is not None}))
@@ -85,13 +89,14 @@ def _motion_free(given: TuningTrials, options: TuneOptions, show: Show, warm: Wa
     """Level 2."""
     if options.pareto is not None:
         raise InputError("is an option of level 1", where="--pareto", right="Leave it out, or give --level 1")
-    quick: dict[str, Any] = {"intervals": _QUICK_INTERVALS, "positions": _QUICK_POSITIONS, "starts": 1, "confirm": (),
-                             "draws": 0} if options.quick else {}
-    chosen = {"weights": options.weights, "bounds_mm": options.fulcrum_range_mm, "method": options.method,
-              "intervals": options.intervals, "seed": options.seed}
-    tuning = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels, options=level2.StrideOptions(
-        design=tuple(_DESIGN_OF_STRIDE.get(name, name) for name in options.design),
-        **quick | {name: value for name, value in chosen.items() if value is not None}))
+    chosen: dict[str, Any] = {name: value for name, value in (
+        ("weights", options.weights), ("bounds_mm", options.fulcrum_range_mm), ("method", options.method),
+        ("intervals", options.intervals), ("seed", options.seed)) if value is not None}
+    if options.quick:
+        chosen = {"intervals": 20, "positions": 5, "starts": 1, "confirm": (), "draws": 0} | chosen
+    design = tuple("alignment_rad" if name == "alignment" else name for name in options.design)
+    tuning = level2.StrideTuning(given.trials, cost=options.cost, labels=given.labels,
+                                 options=level2.StrideOptions(design=design, **chosen))
 
     def told(what: str, fraction: float, iteration: Any = None) -> None:
         best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
@@ -106,7 +111,6 @@ def _motion_free(given: TuningTrials, options: TuneOptions, show: Show, warm: Wa
 
 _READ = 0.1
 """Share of the bar at which the trials are read."""
-NOT_REACHED = "it was not reached: interrupted"
 
 
 def check_resolution(
@@ -117,12 +121,10 @@ def check_resolution(
     Raises:
         InputError: a trial cannot be read; the trials are of several persons; the range or resolution cannot be used.
     """
-    given = []
-    for i, task in enumerate(tasks):
-        def told(what: str, share: float, i: int = i) -> None:
-            show(what, _READ * (i + share) / len(tasks))
-
-        given.append(load_tuning_trials(task.manifests, contact=contact, level=options.level, progress=told))
+    given = [load_tuning_trials(
+        task.manifests, contact=contact, level=options.level,
+        progress=lambda what, share, i=i: show(what, _READ * (i + share) / len(tasks)))
+        for i, task in enumerate(tasks)]
     check_one_person([trial for one in given for trial in one.trials])
     reach = _reach(given, options)
     try:
@@ -159,8 +161,8 @@ def tune_tasks(
         if interrupted:
             break
     first = found[0]
-    found += [{**first, "optimal": False, "status": NOT_REACHED, "fulcrum_mm": None, "cost": None, "sweep": [],
-               "outcomes": [], "fulcrum_interval_mm": None}] * (len(tasks) - len(found))
+    found += [{**first, "optimal": False, "status": "it was not reached: interrupted", "fulcrum_mm": None,
+               "cost": None, "sweep": [], "outcomes": [], "fulcrum_interval_mm": None}] * (len(tasks) - len(found))
     schedule = make_schedule([(task.label, task.descriptors, table) for task, table in zip(tasks, found, strict=True)],
                              reach_mm=_reach(given, options), resolution_mm=resolution_mm)
     policy = policy_table(schedule)

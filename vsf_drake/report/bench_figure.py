@@ -29,16 +29,11 @@ from vsf_drake.report.style import (
     drawing,
     label,
 )
-from vsf_drake.simulation.results import BenchResult, BenchSetting
+from vsf_drake.simulation.results import BenchResult
 
 
 def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
-    """The figure of a finished bench.
-
-    Args:
-        bench: the passes.
-        table: `bench_table(bench)`.
-    """
+    """The figure of a finished bench; `table` is `bench_table(bench)`."""
     with drawing(10.0, 4.6) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
         _curves(left, bench)
@@ -56,7 +51,11 @@ def _curves(axes: Axes, bench: BenchResult) -> None:
         marker = "*" if setting.fulcrum_m is None else MARKERS[i % len(MARKERS)]
         axes.plot(x, setting.load_n, color=colour, label=condition_label(setting.fulcrum_m), marker=marker,
                   markevery=(0.06 + 0.02 * i, 0.17), markersize=4.5, **SIMULATED)
-        _published_slope(axes, setting)
+        published = published_stiffness(setting.fulcrum_m)
+        if published is not None:  # a line of that slope through the simulated curve at 200 N
+            x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
+            loads = np.array([STIFFNESS_ABOVE_N, float(np.max(setting.load_n))])
+            axes.plot(1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published), loads, color=colour, **MEASURED)
     axes.axhline(STIFFNESS_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
     axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
     axes.set_xlim(left=0.0)
@@ -65,17 +64,6 @@ def _curves(axes: Axes, bench: BenchResult) -> None:
                 facecolor="white", edgecolor="none", framealpha=1.0)
     label(axes, x="displacement of the platen (mm)", y="load (N)",
           title=f"Load and displacement (dotted: {STIFFNESS_ABOVE_N:g} N, above which stiffness is the mean slope)")
-
-
-def _published_slope(axes: Axes, setting: BenchSetting) -> None:
-    """A line of the published stiffness through the simulated curve at 200 N."""
-    published = published_stiffness(setting.fulcrum_m)
-    if published is None:
-        return
-    x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
-    loads = np.array([STIFFNESS_ABOVE_N, float(np.max(setting.load_n))])
-    axes.plot(1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published), loads, color=condition_colour(setting.fulcrum_m),
-              **MEASURED)
 
 
 def _stiffness(axes: Axes, bench: BenchResult, table: Mapping[str, Any]) -> None:

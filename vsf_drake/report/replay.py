@@ -53,13 +53,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = 
 
     The person and the prosthesis move as saved. Contact spheres turn red with their load. Arrows at
     the centre of pressure show the force of the ground on the prosthetic foot (40 Hz, one metre for a
-    body weight), the dots they leave its path. Nothing is left of `path` if it fails.
-
-    Args:
-        result: the finished walk, fresh or loaded.
-        path: the file to write, in an existing folder.
-        plate: the record of the plate under the prosthetic foot, to be drawn beside the prediction.
-        frame_rate_hz: frames for a second of walking.
+    body weight), the dots they leave its path; `plate`, the record under that foot, is drawn beside.
 
     Raises:
         InputError: `result` does not hold the parameters or coordinates of a person; the frame rate
@@ -210,13 +204,8 @@ FULL_COLOUR_BW = 0.1
 
 @dataclass(frozen=True, eq=False)
 class ForceFrames:
-    """A ground reaction force in the f frames.
-
-    Attributes:
-        force_W: (f, 3) N, low-passed like the forces that are scored.
-        cop_W: (f, 3) m, as saved.
-        shown: (f,) whether there is enough load and a centre of pressure.
-    """
+    """A force of the ground in f frames: (f, 3) N, low-passed as it is scored; centre of pressure, (f, 3) m, as saved;
+    and (f,) whether there is enough load, and such a centre."""
 
     force_W: np.ndarray
     cop_W: np.ndarray
@@ -228,10 +217,10 @@ class Frames:
     """A walk in f frames.
 
     Attributes:
-        step_s: time between frames. time_s: (f,) the clock of the recording.
+        time_s: (f,) the clock of the recording.
         q: (f, m) coordinates in the order of the result's `coordinate_names`.
         sphere_load: (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more).
-        predicted: the force on the prosthetic foot; `measured`: the plate's, if there is one.
+        predicted, measured: the force on the prosthetic foot; the plate's, if there is one.
     """
 
     step_s: float

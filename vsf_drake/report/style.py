@@ -98,16 +98,8 @@ class _Digits(LogFormatter):
 
 
 def save_figure(figure: Figure, stem: str | Path, *, letters: str = "none") -> tuple[Path, Path]:
-    """Writes `stem`.png and `stem`.svg, each complete or not at all; the same figure gives the same bytes.
-
-    Args:
-        letters: of the SVG, as Matplotlib's `svg.fonttype` has it: "none" is text, "path" needs no font.
-
-    Returns:
-        The two paths.
-
-    Raises:
-        InputError: the folder does not exist or cannot be written.
+    """Writes `stem`.png and `stem`.svg, each complete or not at all, and returns their paths; the same figure gives the
+    same bytes. `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
     """
     stem = Path(stem)
     png, svg = stem.with_name(stem.name + ".png"), stem.with_name(stem.name + ".svg")

@@ -27,8 +27,6 @@ from vsf_drake.report.style import (
 )
 from vsf_drake.simulation.results import WalkResult
 
-_TIME = "time (s)"
-_FORCE = "force (BW)"
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 TITLE_WIDTH = 110
 """Letters on a line of the title: what the figure is wide enough for."""
@@ -43,51 +41,50 @@ def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) ->
     cuts are shaded. A synthetic trial is called so in the title.
 
     Args:
-        result: the walk.
         plate: the plate under the prosthetic foot.
         metrics: `walk_metrics(result, plate)`.
     """
     comparison = compare(result, plate)
-    weight = metrics["body_weight_n"]
-    model, measured = comparison.model / weight, comparison.measured / weight
-    resultants = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
+    model, measured = (force / metrics["body_weight_n"] for force in (comparison.model, comparison.measured))
     fulcrum = float(np.median(result.fulcrum_m))
     colour = condition_colour(fulcrum)
+    kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
+    state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     with drawing(11.0, 8.2) as figure:
         panels = figure.subplots(3, 2)
-        forces = (
-            (panels[0, 0], "Resultant", *resultants, metrics["grf_rmse_bw"]),
-            (panels[0, 1], "Vertical", model[:, 2], measured[:, 2], metrics["vertical_rmse_bw"]),
-            (panels[1, 0], "Fore-aft (forward +)", model[:, 0], measured[:, 0], metrics["fore_aft_rmse_bw"]),
-            (panels[1, 1], "Medio-lateral (left +)", model[:, 1], measured[:, 1], metrics["medio_lateral_rmse_bw"]),
-        )
-        for axes, name, simulated, recorded, error in forces:
+        for axes, name, column, error in (
+                (panels[0, 0], "Resultant", None, metrics["grf_rmse_bw"]),
+                (panels[0, 1], "Vertical", 2, metrics["vertical_rmse_bw"]),
+                (panels[1, 0], "Fore-aft (forward +)", 0, metrics["fore_aft_rmse_bw"]),
+                (panels[1, 1], "Medio-lateral (left +)", 1, metrics["medio_lateral_rmse_bw"])):
             _shade(axes, comparison)
-            axes.plot(comparison.time_s, recorded, color=colour, **MEASURED)
-            axes.plot(comparison.time_s, simulated, color=colour, **SIMULATED)
-            label(axes, x=_TIME, y=_FORCE, title=name + _error(error, "BW"))
+            for force, look in ((measured, MEASURED), (model, SIMULATED)):
+                shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
+                axes.plot(comparison.time_s, shown, color=colour, **look)
+            label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW"))
             axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
-        _legend(figure, comparison, colour, result.synthetic)
-        figure.suptitle(_title(result, fulcrum), x=0.01, ha="left", fontsize=11)
+        handles: list[Artist] = [
+            Line2D([], [], color=colour, label="reference (synthetic)" if result.synthetic else "force plate",
+                   **MEASURED),
+            Line2D([], [], color=colour, label="simulated", **SIMULATED),
+            Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="scored: stance ± 0.25 s")]
+        if not all(item.inside for item in comparison.stances):
+            handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6,
+                                 label="stance cut by the simulated time"))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
+        figure.suptitle(textwrap.fill(title, TITLE_WIDTH), x=0.01, ha="left", fontsize=11)
     return figure
 
 
 def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
     """Zone -> (n,) normal force (N) summed over its spheres; one entry `all spheres` where zones are unknown."""
-    names = result.sphere_zones
+    names = np.array(result.sphere_zones)
     if len(names) != result.sphere_normal_n.shape[1]:
         return {"all spheres": result.sphere_normal_n.sum(axis=1)}
-    return {zone: result.sphere_normal_n[:, [name == zone for name in names]].sum(axis=1)
-            for zone in dict.fromkeys(names)}
-
-
-def _title(result: WalkResult, fulcrum: float) -> str:
-    kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
-    state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
-    title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
-    return textwrap.fill(title, TITLE_WIDTH)
+    return {zone: result.sphere_normal_n[:, names == zone].sum(axis=1) for zone in dict.fromkeys(result.sphere_zones)}
 
 
 def _error(value: float | None, unit: str) -> str:
@@ -103,18 +100,6 @@ def _shade(axes: Axes, comparison: Comparison) -> None:
             axes.axvspan(start, end, color=SHADE, linewidth=0.0, zorder=0)
         for instant in item.span:
             axes.axvline(instant, color=NEUTRAL, linewidth=0.7, linestyle=":")
-
-
-def _legend(figure: Figure, comparison: Comparison, colour: Any, synthetic: bool) -> None:
-    handles: list[Artist] = [
-        Line2D([], [], color=colour, label="reference (synthetic)" if synthetic else "force plate", **MEASURED),
-        Line2D([], [], color=colour, label="simulated", **SIMULATED),
-        Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="scored: stance ± 0.25 s"),
-    ]
-    if not all(item.inside for item in comparison.stances):
-        name = "stance cut by the simulated time"
-        handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6, label=name))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Mapping[str, Any],
@@ -149,4 +134,4 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
                   label=zone.replace("_", " "))
     axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
     axes.legend(loc="best", ncols=2)
-    label(axes, x=_TIME, y="normal force (N)", title="Simulated load of the zones of the sole, unfiltered")
+    label(axes, x="time (s)", y="normal force (N)", title="Simulated load of the zones of the sole, unfiltered")

@@ -1,4 +1,4 @@
-"""`vsf-drake import`: a laboratory's files to trials that drive the model, and how good they are."""
+"""`vsf-drake import` and `check`: a laboratory's files to trials that drive the model, and how good they are."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from vsf_drake.analysis.recording.check import EXPECTED
-from vsf_drake.cli.app import app, console, errors, progress
+from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, console, fail, path, progress, read_trials, say
 from vsf_drake.errors import InputError
-from vsf_drake.files import user_path
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
@@ -21,24 +20,25 @@ COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 @app.command("import")
 def import_trials(
     files: Annotated[list[Path] | None, typer.Argument(
-        metavar="STATIC WALK...", help="Standing trial, then walks (.c3d, or .trc with forces). Without a standing "
-        "trial name the walk twice.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; created if needed.")] = None,
+        parser=path, metavar="STATIC WALK...", help="Standing trial, then walks (.c3d, or .trc with forces). Without a "
+        "standing trial name the walk twice.")] = None,
+    out: OptionalOut = None,
     list_markers: Annotated[Path | None, typer.Option(
-        "--list-markers", help="Only print this file's labels and a marker map started from them.")] = None,
+        parser=path, help="Only print this file's labels and a marker map started from them.")] = None,
     prosthetic_side: Annotated[str | None, typer.Option(help="right or left.")] = None,
     sex: Annotated[str | None, typer.Option(help="male or female.")] = None,
     mass_kg: Annotated[float | None, typer.Option(help="Prosthesis included; else from the forces.")] = None,
     stature_m: Annotated[float | None, typer.Option(help="Else from the leg's length.")] = None,
     name: Annotated[str | None, typer.Option(help="What reports call the person.")] = None,
-    subject: Annotated[Path | None, typer.Option(help="YAML with what is known of the person, instead.")] = None,
+    subject: Annotated[Path | None, typer.Option(
+        parser=path, help="YAML with what is known of the person, instead.")] = None,
     fulcrum_mm: Annotated[list[float] | None, typer.Option(
         help="Fulcrum position from the keel's posterior end; once, or once a walk in their order. Default: 108, "
         "mid-range.")] = None,
     marker_map: Annotated[str | None, typer.Option(
         "--map", "--marker-map", help="plug_in_gait, rajagopal, ior or a file. Default: what fits best.")] = None,
-    forces: Annotated[list[Path] | None, typer.Option(
-        help="Force file of a walk, one for each in their order. Default: the one beside a .trc of like name.")] = None,
+    forces: Annotated[list[Path] | None, typer.Option(parser=path, help=(
+        "Force file of a walk, one for each in their order. Default: the one beside a .trc of like name."))] = None,
     right_plate: Annotated[str | None, typer.Option(help="Plate under the right foot, if the file misleads.")] = None,
     left_plate: Annotated[str | None, typer.Option(help="Plate under the left foot, if the file misleads.")] = None,
     up: Annotated[str | None, typer.Option(help="Laboratory axis that points up: x, y, z, -x, ...")] = None,
@@ -57,10 +57,11 @@ def import_trials(
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
-        _list_markers(user_path(list_markers), up=up, forward=forward, length_unit=length_unit)
+        _list_markers(list_markers, up=up, forward=forward, length_unit=length_unit)
         return
     from vsf_drake.analysis.intake import IntakeOptions, gather, take_in
-    from vsf_drake.motion.manifest import Window
+    from vsf_drake.motion.manifest import Window, load_stated_subject
+    from vsf_drake.motion.markers.person_facts import PersonFacts
     from vsf_drake.report.import_outputs import IMPORT, write_import
 
     if not files or len(files) < 2:
@@ -68,9 +69,13 @@ def import_trials(
                          right="Without a standing trial name the walk twice")
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    out = user_path(out)
-    person, stated = _person(subject, {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
-                                       "stature_m": stature_m, "name": name})
+    facts = {key: value for key, value in (("prosthetic_side", prosthetic_side), ("sex", sex), ("mass_kg", mass_kg),
+                                           ("stature_m", stature_m), ("name", name)) if value is not None}
+    if subject is not None and facts:
+        option = f"--{next(iter(facts)).replace('_', '-')}"
+        raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
+    facts_and_lengths: tuple[Any, dict[str, float]] = (PersonFacts(**facts), {})  # type: ignore[arg-type]
+    person, stated = facts_and_lengths if subject is None else load_stated_subject(subject)
     IMPORT.check(out)
     options = IntakeOptions(
         person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()), up=up, forward=forward,
@@ -83,13 +88,41 @@ def import_trials(
         intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)
         table = write_import(intake, out)
-    print_checks(table)
-    console.print(f"written to {out}; read import.html first", highlight=False, markup=False)
-    finish(table)
+    _finish(table, out)
 
 
-def print_checks(table: dict[str, Any]) -> None:
-    """Each trial with its mark and expected error: what makes it unusable in words, what else is doubtful by name."""
+@app.command()
+def check(trials: Trials, out: Out, contact: Contact = None) -> None:
+    """Judges recorded trials without simulating: a mark, a number and a sentence for everything that can go wrong."""
+    from vsf_drake.analysis.recording.examine import examine
+    from vsf_drake.motion.manifest import load_manifest
+    from vsf_drake.report.import_outputs import CHECK, write_check
+
+    CHECK.check(out)
+    read_trials([], contact)
+    items, failures = [], {}
+    with progress() as show:
+        for number, file in enumerate(trials):
+            show(f"checking {file.name}", number / len(trials))
+            try:
+                [trial], manifest = read_trials([file], contact), load_manifest(file)
+                items.append(examine(trial, cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
+                                     belt_speed_m_per_s=manifest.belt_speed_m_per_s))
+            except InputError as error:
+                if len(trials) == 1:
+                    raise
+                failures[str(file)] = str(error)
+        if not items:
+            raise InputError("none of the trials can be read:\n" + "\n".join(f"- {why}" for why in failures.values()))
+        table = write_check(items, failures, out)
+    _finish(table, out)
+
+
+def _finish(table: dict[str, Any], out: Path) -> None:
+    """Each trial with its mark and expected error: what makes it unusable in words, what else is doubtful by name.
+
+    Says which files could not be used, and ends with exit code 2 if there are any.
+    """
     grid = Table("trial", "mark", "expected error", "why")
     for trial in table["trials"]:
         name = f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"
@@ -100,45 +133,25 @@ def print_checks(table: dict[str, Any]) -> None:
         grid.add_row(Text(name), Text(trial["mark"], style=COLOURS[trial["mark"]]),
                      f"{100 * trial['expected_error_bw']:.1f} % BW", Text("\n".join(why)))
     console.print(grid)
-    console.print(EXPECTED, highlight=False)
-
-
-def finish(table: dict[str, Any]) -> None:
-    """Says which files could not be used, and ends with exit code 2 if there are any."""
-    for path, why in table["failures"].items():
-        message = why if path in why else f"{path}: {why}"
-        errors.print(f"error: {message}", style="red", highlight=False, soft_wrap=True, markup=False)
+    console.print(EXPECTED)
+    say(f"written to {out}; read {table['kind']}.html first")
+    for file, why in table["failures"].items():
+        fail(why if file in why else f"{file}: {why}")
     if table["failures"]:
         sys.exit(InputError.exit_code)
 
 
-def _list_markers(path: Path, **axes: str | None) -> None:
+def _list_markers(file: Path, **axes: str | None) -> None:
     """Labels and a started marker map, as YAML whose comments list the labels."""
     from vsf_drake.motion.formats.read import list_labels, read_trial
     from vsf_drake.motion.markers.maps import suggest_map
 
-    labels = list_labels(path)
+    labels, recording = list_labels(file), None
     if not labels:
-        raise InputError("has no markers", file=path)
-    lines = [f"# {' '.join(path.name.split())}"]
+        raise InputError("has no markers", file=file)
+    lines = [f"# {' '.join(file.name.split())}"]
     try:
-        recording = read_trial(path, **axes)
+        recording = read_trial(file, **axes)
     except InputError as error:
-        recording = None
         lines.append(f"# Where the markers lie was not looked at: {' '.join(str(error).split())}")
     typer.echo("\n".join(lines) + "\n" + suggest_map(labels, recording), nl=False)
-
-
-def _person(subject: Path | None, single: dict[str, Any]) -> tuple[Any, dict[str, float]]:
-    """What is stated of the person, and the lengths that win over the markers."""
-    from vsf_drake.motion.manifest import load_stated_subject
-    from vsf_drake.motion.markers.person_facts import PersonFacts
-
-    given = {key: value for key, value in single.items() if value is not None}
-    if subject is None:
-        return PersonFacts(**given), {}
-    if given:
-        option = f"--{next(iter(given)).replace('_', '-')}"
-        raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
-    return load_stated_subject(user_path(subject))
-

@@ -1,4 +1,4 @@
-"""`vsf-drake validate`: the paper's study, and more, as a report."""
+"""`vsf-drake validate`, the paper's study and more as a report; and `report`, which makes any report again."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from vsf_drake.cli.app import INTERRUPTED, Contact, Out, app, console, errors, file_of, progress
+from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, progress, say, warn
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import user_path
 
 MOST_ISO_FORCE_N = 10_000.0
 """Beyond what any structural test presses a foot with (a choice)."""
@@ -20,14 +19,15 @@ MOST_ISO_FORCE_N = 10_000.0
 @app.command()
 def validate(
     trials: Annotated[list[Path] | None, typer.Argument(
-        metavar="[TRIAL.yaml...]", help="Trial manifests; without any, the embedded synthetic subject.")] = None,
+        parser=path, metavar="[TRIAL.yaml...]", help="Trial manifests; without any, the embedded synthetic subject.",
+    )] = None,
     out: Out = Path("results"),
     contact: Contact = None,
     bench: Annotated[Path | None, typer.Option(
-        help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
+        parser=path, help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
     quick: Annotated[bool, typer.Option(
         "--quick", help="The short form: one embedded walk a setting, coarser steps, small samples.")] = False,
-    seed: Annotated[int, typer.Option(help="Of all that is random.", min=0)] = 0,
+    seed: Seed = 0,
     workers: Annotated[int | None, typer.Option(
         help="Processes for many walks; default one a core. The numbers do not depend on it.", min=1)] = None,
     iso_force_n: Annotated[float | None, typer.Option(
@@ -47,7 +47,6 @@ def validate(
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
 
-    out, contact, bench = user_path(out), file_of(contact), file_of(bench)
     VALIDATION.check(out)
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
@@ -56,32 +55,33 @@ def validate(
     exact = None
     with progress() as show:
         if trials:
-            study = make_study([user_path(path) for path in trials], contact=contact, bench=bench, options=options,
-                               progress=show)
+            study = make_study(trials, contact=contact, bench=bench, options=options, progress=show)
         else:
             study = make_study(embedded_trials(quick=quick), contact=contact or embedded_contact(),
                                bench=bench or embedded_bench(), options=options, progress=show)
             if contact is None and not quick:
                 exact = make_study(embedded_trials("exact"), contact=embedded_contact("exact"), options=options,
                                    progress=show)
-    console.print(first_line(study), highlight=False, markup=False)
+    console.print(first_line(study))
     try:
         with progress() as show:
             finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
             show("writing the report", 0.99)
             written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
     except KeyboardInterrupt:
-        errors.print(f"interrupted; finished sections are in {out / UNFINISHED}: the same command goes on from them",
-                     highlight=False, soft_wrap=True, markup=False)
-        sys.exit(INTERRUPTED)
+        interrupted(f"; finished sections are in {out / UNFINISHED}: the same command goes on from them")
     SectionStore(out / UNFINISHED, "").remove(NAMES)
-    print_summary(written)
-    console.print(f"written to {out}; open {PAGE} first", highlight=False, markup=False)
-    _finish(study.failed, {name: one.failure for name, one in finished.items() if one.section is None},
-            study.bench_problem)
+    _print_summary(written)
+    say(f"written to {out}; open {PAGE} first")
+    unread = [*(f"{label}: {why}" for label, why in study.failed), *filter(None, [study.bench_problem])]
+    failed = [f"the section {name} failed: {one.failure}" for name, one in finished.items() if one.section is None]
+    for line in (*unread, *failed):
+        fail(line)
+    if unread or failed:
+        sys.exit(InputError.exit_code if unread else SimulationError.exit_code)
 
 
-def print_summary(content: dict[str, Any]) -> None:
+def _print_summary(content: dict[str, Any]) -> None:
     """The summary's rows, then what is missing or doubtful."""
     grid = Table("", "here", "paper", "asked", "met")
     for row in content["summary"]:
@@ -91,19 +91,23 @@ def print_summary(content: dict[str, Any]) -> None:
         grid.add_row(*cells, style="bold yellow" if row["met"] is False else None)
     console.print(grid)
     for note in content["notes"]:
-        console.print(f"! {note}", style="bold yellow", highlight=False, markup=False)
+        warn(note)
     for trial in content["trials"]:
         if trial["doubts"]:
-            console.print(f"! {trial['label']}: {trial['doubts']}", style="bold yellow", highlight=False, markup=False)
+            warn(f"{trial['label']}: {trial['doubts']}")
 
 
-def _finish(unread: tuple[tuple[str, str], ...], failed: dict[str, str], bench_problem: str | None) -> None:
-    """Names what could not be used, and ends with exit code 2 or 3 if there is anything."""
-    lines = [f"{label}: {why}" for label, why in unread] + ([bench_problem] if bench_problem else [])
-    for line in lines:
-        errors.print(f"error: {line}", style="red", highlight=False, soft_wrap=True, markup=False)
-    for name, why in failed.items():
-        errors.print(f"error: the section {name} failed: {why}", style="red", highlight=False, soft_wrap=True,
-                     markup=False)
-    if lines or failed:
-        sys.exit(InputError.exit_code if lines else SimulationError.exit_code)
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(
+        parser=path, help="Folder that `validate`, `tune` or `schedule` wrote with --out.")],
+) -> None:
+    """Makes a report again from its saved results; nothing is simulated."""
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+    from vsf_drake.report.validation.output import VALIDATION
+
+    kind = next((kind for kind in (TUNING, SCHEDULE) if (folder / kind.table).is_file()), VALIDATION)
+    for sentence in kind.remake(folder):
+        warn(sentence)
+    say(f"written to {folder / PAGE}")
