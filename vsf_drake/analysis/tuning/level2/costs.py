@@ -145,48 +145,47 @@ class StrideCosts:
         hold = self.options.deviation_weight * (UNBOUNDED if cost == "push_off" else 1.0)
         return parts | {"deviation": self.of("deviation", hold)}
 
-    def _joint_load(self, factor: float, name: str = "joint_load") -> Terms:
+    def _joint_load(self, factor: float) -> Terms:
         moment = self.weight_n * self.leg_m
         torques = self.function.starting_with("torque_")
         socket = self.function.index(*(f"force_{axis}" for axis in SOCKET))
         scale = np.array([self.weight_n, self.weight_n, moment])
         each = 2.0 * factor / self.duration_s
-        return Terms((Residuals(outputs=torques, weight=each / moment**2, name=name),
-                      Residuals(outputs=socket, weight=each * self.options.socket_weight / scale**2, name=name)))
+        return Terms((Residuals(outputs=torques, weight=each / moment**2),
+                      Residuals(outputs=socket, weight=each * self.options.socket_weight / scale**2)))
 
     def _metabolic(self, factor: float) -> Terms:
         curve = _work(self.options.smooth_power_w)
-        return Terms(convex=tuple(Convex(output=i, function=curve, weight=factor / self.mass_kg, name="metabolic")
+        return Terms(convex=tuple(Convex(output=i, function=curve, weight=factor / self.mass_kg)
                                   for i in self.function.starting_with("power_")))
 
     def _push_off(self, factor: float) -> Terms:
         (power,) = self.function.index("prosthesis_power")
         return Terms(convex=(Convex(output=power, function=_gained(self.options.smooth_power_w),
-                                    weight=factor / self.mass_kg * self.reference.late, name="push_off"),))
+                                    weight=factor / self.mass_kg * self.reference.late),))
 
-    def _deviation(self, factor: float, name: str = "deviation") -> Terms:
+    def _deviation(self, factor: float) -> Terms:
         options, reference = self.options, self.reference
         n = self.function.layout.n
         scale = np.full(n, np.radians(options.angle_deg))
         scale[1:3] = options.place_m
         each = 2.0 * factor / self.duration_s
         found = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
-                           weight=0.5 * each / n / scale**2, name=name)]
+                           weight=0.5 * each / n / scale**2)]
         fast = np.full(n, options.acceleration_rad_per_s2)
         fast[1:3] = options.acceleration_m_per_s2
         found.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
-                               weight=each * options.acceleration_weight / n / fast**2, name=name))
+                               weight=each * options.acceleration_weight / n / fast**2))
         for foot, force in reference.force.items():
             outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
             scales = self.weight_n * np.array([options.force_bw, options.force_bw, options.cop_m])
             found.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
                                    weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
-                                   / scales**2, name=name))
+                                   / scales**2))
         return Terms(tuple(found))
 
     def _tracking(self, factor: float) -> Terms:
-        return (self._deviation(factor, "deviation")
-                + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD, "joint_load"))
+        return self._deviation(factor) + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD)
 
 
 UNBOUNDED = 10.0

@@ -68,13 +68,12 @@ class Fixed:
     """A fixed position's best stride.
 
     Attributes:
-        fulcrum_mm: the position. solution: the best of its searches, None if none converged. start: how it began.
+        fulcrum_mm: the position. solution: the best of its searches, None if none converged.
         tried: how each search began and ended: cost, or NaN.
     """
 
     fulcrum_mm: float
     solution: TrajectorySolution | None
-    start: str
     tried: Mapping[str, float]
 
 
@@ -111,13 +110,9 @@ class StrideSearch:
 
     def _solve(self, fulcrum_mm: tuple[float, float], start: Start, what: str, fraction: float,
                design: tuple[str, ...] = ()) -> TrajectorySolution:
-        problem = self.stride.problem(self.costs, self.costs.whole(self.cost, self.sizes), self.grid, fulcrum_mm,
-                                      design=design)
-        options = CollocationOptions(iterations=self.stride.options.iterations,
-                                     time_limit_s=self.stride.options.time_limit_s)
-        p = np.clip(start.p, problem.p_low, problem.p_high)
-        report = self.progress
-        return solve(problem, Start(z=start.z, p=p), options,
+        terms, options, report = self.costs.whole(self.cost, self.sizes), self.stride.options, self.progress
+        return solve(self.stride.problem(self.costs, terms, self.grid, fulcrum_mm, design=design), start,
+                     CollocationOptions(iterations=options.iterations, time_limit_s=options.time_limit_s),
                      None if report is None else lambda iteration: report(what, fraction, iteration))
 
 
@@ -150,7 +145,7 @@ def swept(search: StrideSearch, tracked_stride: Start, found: list[Fixed], *, ch
     Args:
         found: filled as the sweep goes on, for who interrupts it. chains: whether warm starts are made too.
     """
-    found[:] = [Fixed(float(mm), None, "", {})
+    found[:] = [Fixed(float(mm), None, {})
                 for mm in np.linspace(*search.stride.reach_mm, search.stride.options.positions)]
     passes = PASSES if chains else PASSES[:1]
     for number, kind in enumerate(passes):
@@ -164,8 +159,7 @@ def swept(search: StrideSearch, tracked_stride: Start, found: list[Fixed], *, ch
                 is_best = solution.success and (known.solution is None
                                                 or solution.last_cost < known.solution.last_cost)
                 tried = {**known.tried, kind: solution.last_cost if solution.success else float("nan")}
-                found[i] = Fixed(known.fulcrum_mm, solution if is_best else known.solution,
-                                 kind if is_best else known.start, tried)
+                found[i] = Fixed(known.fulcrum_mm, solution if is_best else known.solution, tried)
             before = found[i].solution
 
 

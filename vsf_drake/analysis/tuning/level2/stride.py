@@ -62,17 +62,11 @@ class Stride:
 
     def problem(
         self, costs: StrideCosts, terms: Mapping[str, Terms], grid: Grid, fulcrum_mm: tuple[float, float], *,
-        design: tuple[str, ...] = (), at: np.ndarray | None = None
+        design: tuple[str, ...] = ()
     ) -> TrajectoryProblem:
-        """The problem with the fulcrum within a range; equal ends fix it.
-
-        Args:
-            design: of the options' design variables, those that are free. at: (4,) values of the others.
-        """
+        """The problem with the fulcrum within a range; equal ends fix it. design: of DESIGN, what else is free."""
         function, reference, options = costs.function, costs.reference, self.options
-        layout = function.layout
-        low = OWN.copy() if at is None else np.array(at, dtype=float)
-        high = low.copy()
+        layout, low, high = function.layout, OWN.copy(), OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
         for name in design:
             low[DESIGN.index(name)], high[DESIGN.index(name)] = options.design_bounds.get(name, RANGE[name])
