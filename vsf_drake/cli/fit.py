@@ -72,13 +72,10 @@ def fit(
             raise InputError(f"{pattern} is to be free and frozen", where="--free", right="Decide for one")
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
-    from vsf_drake.json_file import read_json
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, FIT
 
     FIT.check(out)
-    if (out / FIT.table).exists():
-        read_json(out / FIT.table)  # a damaged one is nobody's to replace
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
     task = make_task(
         [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,

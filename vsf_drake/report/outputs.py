@@ -34,7 +34,7 @@ from vsf_drake.simulation.results import (
 
 BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json")
 WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",),
-                     known=lambda table: False)  # a name that others may have too
+                     known=lambda table: False, damaged_too=False)  # a name that others may have too
 STANDING = ResultsFolder(kind="standing", command="stand", table="standing.json")
 
 
