@@ -32,9 +32,10 @@ from vsf_drake.simulation.results import (
     standing_table,
 )
 
-BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json")
-WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",),
-                     known=lambda table: False, damaged_too=False)  # a name that others may have too
+_NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
+"""Of tables whose names others may have too: their folders are told by the record beside them."""
+BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json", **_NOT_BY_NAME)
+WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",), **_NOT_BY_NAME)
 STANDING = ResultsFolder(kind="standing", command="stand", table="standing.json")
 
 
