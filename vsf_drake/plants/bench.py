@@ -136,7 +136,7 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
 #     ---------------------------- ground, z = 0
 #
 # A structural test holds the pylon on a fixed line and turns the platform under the foot; here the platform is the
-# level ground and the mount turns. The two differ by a change of frame only (`simulation.roll_over_control`). Weight is
+# level ground and the mount turns. The two differ by a change of frame only (`simulation.roll_over`). Weight is
 # left out: a load cell is tared.
 
 

@@ -317,7 +317,7 @@ def _arm(
 # The foot rolled over by the loading profile of ISO 22675, at each fulcrum position.
 #
 # The pylon stays on a fixed line, the platform tilts; force along that line and tilt follow the profile, and the
-# mount's height is what it takes (`simulation.roll_over_control`, `roll_over_control`). Idealised are: the platform has
+# mount's height is what it takes (`simulation.roll_over`). Idealised are: the platform has
 # no friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the
 # forces; the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
 
