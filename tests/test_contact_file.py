@@ -103,7 +103,7 @@ def put(*keys, value):
     (put("subject", "age", value=40), ["subject.age: unknown key"]),
     (put("subject", "mass_kg", value=7.8), ["subject.mass_kg", "between 20 and 250 kg"]),
     (put("subject", "prosthetic_side", value="both"), ["prosthetic_side", "left, right"]),
-    (put("verdict", value="good"), ["verdict", "must be a list"]),
+    (put("verdict", value={"good": True}), ["verdict", "must be a list"]),
     (put("values", "contact.forefoot.stiffness", value=math.nan), ["values.contact.forefoot.stiffness", "finite"]),
     (put("values", "contact.forefoot.stiffness", value="soft"), ["values.contact.forefoot.stiffness", "not a number"]),
     (put("values", "contact.forefoot.colour", value=1.0), ["values.contact.forefoot.colour", "there is no"]),

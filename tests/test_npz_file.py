@@ -128,8 +128,8 @@ def from_store(path):
 
 def from_cache(path):
     store = WalkCache(path.parent)
-    store.path("abc").parent.mkdir()
-    path.rename(store.path("abc"))
+    store._path("abc").parent.mkdir()
+    path.rename(store._path("abc"))
     reply, said = store.read("abc")
     if reply is None and "damaged" in said:  # it is computed anew
         raise InputError("damaged")

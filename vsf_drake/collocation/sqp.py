@@ -29,7 +29,7 @@ STEP, GAIN = 1e-5, 1e-11
 the second's part of 1 + the cost, scaled."""
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
 """Levenberg damping of the scaled step: the first, and its range."""
-WASTED, LOST, TRADING = 30, 1e10, 1e-3
+WASTED, LOST, TRADING = 30, 1e10, 1e-2
 """A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
 as it must where it begins on the equations and trades them for the cost."""
 SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
