@@ -16,6 +16,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from vsf_drake.analysis.comparison import compare_sensitivity
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.sensitivity_walks import (
     OUTPUTS,
     STEP_S,
@@ -33,7 +34,6 @@ from vsf_drake.analysis.validation.sensitivity_walks import (
     workers,
 )
 from vsf_drake.analysis.validation.study import HELD_OUT, Progress, Section, Study, StudyWalk
-from vsf_drake.analysis.wording import say
 from vsf_drake.parameters import GRAVITY
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.settings_detectable import (
     CONFIDENCE,
     FEWEST,
@@ -32,7 +33,6 @@ from vsf_drake.analysis.validation.settings_detectable import (
 )
 from vsf_drake.analysis.validation.settings_walks import NAMES, RECORDINGS, Base, NoiseSizes, Walked, base_of, walk_all
 from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study
-from vsf_drake.analysis.wording import say
 from vsf_drake.errors import InputError
 from vsf_drake.json_file import plain
 from vsf_drake.parameters import FootParameters
