@@ -310,21 +310,3 @@ def _environment() -> Environment:
 
 _PAGES = _environment()
 _macros: Any = _PAGES.get_template("macros.html.j2").module
-
-
-# For pages that have no template of their own yet.
-
-
-def document(title: str, parts: Iterable[str], *, more_style: str = "") -> str:
-    """A page around parts that are HTML, until it has a template of its own."""
-    return render("parts.html.j2", title=title, parts=[Markup(part) for part in parts])
-
-
-def bullets(lines: Sequence[str]) -> str:
-    """See macros.html.j2."""
-    return str(_macros.bullets(lines))
-
-
-def picture(figure: Figure, *, name: str = "") -> str:
-    """See macros.html.j2."""
-    return str(_macros.image(figure, name))
