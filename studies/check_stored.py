@@ -29,8 +29,7 @@ from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.files import sha256
-from vsf_drake.json_file import write_json
+from vsf_drake.files import sha256, write_json
 
 REPEATS = 1e-4
 """Relative: on one machine the numbers come back to the last bit; what moves them by less shows in no table."""

@@ -29,7 +29,7 @@ from contact_fit_study.running import SEED, run, warm_up
 from contact_fit_study.table import text_table
 from floor_of_the_reference_subject import RESULTS
 
-from vsf_drake.json_file import write_json
+from vsf_drake.files import write_json
 from vsf_drake.report import style as look
 from vsf_drake.simulation.archive import provenance
 

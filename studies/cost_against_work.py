@@ -24,12 +24,11 @@ from vsf_drake.motion.events import runs
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.report.style import NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
-from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
 
 COLUMNS = ("family", "size", "walk", "simulated_s", "wall_s", "settling_s", "times_faster_than_real_time",
            "newton_iterations_a_step", "unconverged_steps", "difference_percent_body_weight", "difference_from")

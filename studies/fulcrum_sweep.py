@@ -18,7 +18,7 @@ from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.sweep_table import as_walk, scores
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.json_file import write_json
+from vsf_drake.files import write_json
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY

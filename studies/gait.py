@@ -11,7 +11,7 @@ from pathlib import Path
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.json_file import write_json
+from vsf_drake.files import write_json
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
 

@@ -10,8 +10,7 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from vsf_drake.files import resource
-from vsf_drake.json_file import write_json
+from vsf_drake.files import resource, write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body

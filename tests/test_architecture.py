@@ -18,14 +18,14 @@ from vsf_drake import parameters
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
-BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "json_file", "npz_file", "schema", "subject", "ground",
+BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "schema", "ground",
                "parameters", "model_file", "bench_curves", "contact_file",
                "motion", "scenario")
 LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
-    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "json_file", "npz_file", "schema",
-                                "subject", "parameters", "model_file", "bench_curves", "contact_file")),
+    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "schema",
+                                "parameters", "model_file", "bench_curves", "contact_file")),
     "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/archive.py",
     "analysis/metrics.py", "analysis/sweep_table.py", "analysis/comparison.py", "analysis/bench_metrics.py",
     "report/style.py", "report/*_figure*.py", "report/outputs.py",
@@ -65,7 +65,7 @@ def test_imports_run_one_way(path):
         if own == "laws":
             assert part in ("laws", "errors"), f"a law imports {part}"
         if own == "collocation":
-            assert part in ("collocation", "errors", "schema", "files", "npz_file"), f"collocation imports {part}"
+            assert part in ("collocation", "errors", "schema", "files"), f"collocation imports {part}"
 
 
 @every_file
@@ -78,8 +78,8 @@ def test_drake_is_imported_from_its_public_modules(path):
 @every_file
 def test_foreign_files_are_parsed_in_one_place_for_each_kind(path):
     doors = {"yaml": ("yaml_file.py", r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)Loader"),
-             "npz": ("npz_file.py", r"np\.(load|fromfile|memmap)\(|allow_pickle=True"),
-             "json": ("json_file.py", r"json\.loads?\((?!arrays\.pop\(ABOUT\))"),  # a cache that trusts nothing
+             "npz": ("files.py", r"np\.(load|fromfile|memmap)\(|allow_pickle=True"),
+             "json": ("files.py", r"json\.loads?\((?!arrays\.pop\(ABOUT\))"),  # a cache that trusts nothing
              "~": ("files.py", r"(?<!os\.path)\.expanduser\(")}
     text = path.read_text(encoding="utf-8")
     for kind, (door, pattern) in doors.items():

@@ -4,7 +4,7 @@ import pytest
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import read_json, write_json
+from vsf_drake.files import read_json, write_json
 from vsf_drake.report.results_folder import ResultsFolder
 
 

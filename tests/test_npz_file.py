@@ -17,8 +17,7 @@ import yaml
 from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.collocation.solution import load_start
 from vsf_drake.errors import InputError
-from vsf_drake.files import sha256
-from vsf_drake.npz_file import ALWAYS_BYTES, read_npz
+from vsf_drake.files import ALWAYS_BYTES, read_npz, sha256
 from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.simulation.archive import read_archive

@@ -31,9 +31,8 @@ import yaml
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.model_file import check_model, foam_under_load
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.parameters import SIDES, ModelParameters, person_coordinates
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
-from vsf_drake.subject import SIDES, person_coordinates
 from vsf_drake.yaml_file import Dumper
 
 T = TypeVar("T")

@@ -12,11 +12,6 @@ UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069
 """What is no text: control characters but tab and line feed, turns of the writing direction, halves of characters."""
 
 
-def visible(text: str) -> str:
-    """`text` with its unprintable characters as escapes (`\\x1b`)."""
-    return UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
-
-
 class VsfError(Exception):
     """Base of every error this package raises on purpose."""
 
@@ -27,32 +22,21 @@ class InputError(VsfError):
     """Something the user gave cannot be used: a file, a key, a value, a recording.
 
     The message names the file, the place in it (key, column, line or time), what is
-    wrong there and, where it is known, what would be right.
+    wrong there and, where it is known, what would be right; what is unprintable in it stands as escapes (`\\x1b`).
     """
 
     exit_code = 2
 
-    def __init__(
-        self,
-        what: str,
-        *,
-        file: str | Path | None = None,
-        where: str | None = None,
-        right: str | None = None,
-    ) -> None:
+    def __init__(self, what: str, *, file: str | Path | None = None, where: str | None = None,
+                 right: str | None = None) -> None:
         self.what, self.file, self.where, self.right = what, file, where, right
-        place = ": ".join(str(part) for part in (file, where) if part is not None)
-        message = f"{place}: {what}" if place else what
-        super().__init__(visible(f"{message}. {right}" if right else message))
+        message = ": ".join(str(part) for part in (file, where, what) if part is not None)
+        message = f"{message}. {right}" if right else message
+        super().__init__(UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), message))
 
 
 class SimulationError(VsfError):
-    """A simulation that could not be carried to its end.
-
-    Args:
-        what: what happened, in which part of the model.
-        time_s: simulated time at which it happened.
-    """
+    """A simulation that could not be carried to its end: what happened, in which part of the model, and when."""
 
     exit_code = 3
 
@@ -84,10 +68,6 @@ def interrupted_lately() -> bool:
 
 
 def raise_if_interrupted() -> None:
-    """For who goes on after any error: compiled code of others makes errors of its own of an interruption.
-
-    Raises:
-        KeyboardInterrupt: a signal has just asked the program to end.
-    """
+    """KeyboardInterrupt for who goes on after any error: compiled code makes errors of its own of an interruption."""
     if interrupted_lately() and threading.current_thread() is threading.main_thread():
         raise KeyboardInterrupt

@@ -1,4 +1,8 @@
-"""Paths that users give, reading within limits, writing so that nothing half-written stays, and fingerprints."""
+"""Files: paths that users give, reading within limits, writing whole or not at all, fingerprints; JSON and .npz.
+
+Whatever is read may have been made by anybody: nothing is read before its size is known, nothing in it is executed,
+and what is not numbers and text is refused.
+"""
 
 from __future__ import annotations
 
@@ -6,33 +10,34 @@ import contextlib
 import fcntl
 import glob
 import hashlib
+import json
+import math
 import os
 import re
 import secrets
 import shutil
 import socket
 import stat
+import struct
 import time
-from collections.abc import Callable, Iterable, Iterator
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
+
+import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 
 _FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60
 """Characters of a path that cannot be one, in messages."""
+_PACKAGE = Path(__file__).resolve().parent
 
 
 def user_path(given: str | Path, *, file: str | Path | None = None, where: str | None = None) -> Path:
-    """A path that a user gave, with ~ expanded; whether it exists is another question.
-
-    Args:
-        file, where: what names it, for messages; without them it is the file itself.
-
-    Raises:
-        InputError: it has unprintable characters or line breaks, is too long, or begins with the home of nobody.
-    """
+    """A path that a user gave, with ~ expanded, whether it exists or not; `file` and `where` name it in messages."""
     text = str(given)
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}... ({len(text)} characters)"
     try:
@@ -49,39 +54,56 @@ def user_path(given: str | Path, *, file: str | Path | None = None, where: str |
     return path
 
 
-def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> bytes:
-    """The content of an ordinary file of at most `most` bytes.
+def resource(relative: str) -> Path:
+    """A shipped file or folder such as "models/nominal.yaml": in an installed package, or beside it in a checkout."""
+    for home in (_PACKAGE, _PACKAGE.parent):
+        if (home / relative).exists():
+            return home / relative
+    raise InputError("is not among the files of this package", file=relative)
 
-    Args:
-        right: what to do if there is no such file.
 
-    Raises:
-        InputError: it is missing, cannot be read, is larger, or is a folder, a pipe or a device.
-    """
+@contextlib.contextmanager
+def reading(path: str | Path, *, right: str | None = None) -> Iterator[None]:
+    """Around the reading of a file: says that it is missing (and what is `right`) or cannot be read."""
     try:
-        about = os.stat(path)
+        yield
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError("there is no such file", file=path, right=right) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
+
+
+def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> bytes:
+    """An ordinary file of at most `most` bytes, no folder, pipe or device; `right`: what to do if there is none."""
+    with reading(path, right=right):
+        try:
+            about = os.stat(path)
+        except ValueError as error:  # a NUL in the path
+            raise InputError(f"cannot be read ({error})", file=path) from None
         if not stat.S_ISREG(about.st_mode):
             raise InputError("is a folder" if stat.S_ISDIR(about.st_mode) else "is no ordinary file", file=path)
         if about.st_size > most:
             raise InputError(f"has {about.st_size} bytes, which is more than the {most} that are read", file=path)
         with open(path, "rb") as stream:
             return stream.read(most)
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no such file", file=path, right=right) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None
 
 
 def read_text(path: str | Path, *, most: int, right: str | None = None) -> str:
-    """As `read_bytes`, for UTF-8.
-
-    Raises:
-        InputError: see `read_bytes`; or it is not UTF-8.
-    """
+    """As `read_bytes`, for UTF-8."""
     try:
         return read_bytes(path, most=most, right=right).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"cannot be read as text ({error})", file=path, right="Save it as UTF-8") from None
+
+
+def sha256(path: str | Path) -> str:
+    """The SHA-256 of the file's bytes, 64 hexadecimal digits."""
+    with reading(path), open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+# Writing: a part beside the target, locked while its process lives, becomes the target at the end.
+
 
 OTHER_HOSTS_S = 7 * 86400.0
 """How long what another machine has begun stays, whose processes cannot be seen from here."""
@@ -90,19 +112,12 @@ _HOST = hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
 
 @contextlib.contextmanager
 def replaced(path: str | Path, mode: str = "w", *, lasting: bool = False) -> Iterator[IO[Any]]:
-    """A file to write that becomes `path` only when the block ends without an exception.
-
-    The text goes to a temporary file in the same folder, which is renamed over `path` at
-    the end; after an exception it is removed and an older `path` stays as it was.
+    """A file to write that becomes `path` only when the block ends without an exception; else an older one stays.
 
     Args:
-        path: the file to create or to replace; its folder must exist.
+        path: in an existing folder.
         mode: "w" for text (UTF-8, lines end in a line feed) or "wb" for bytes.
         lasting: whether it must be whole even if the machine stops in the next moment, which costs milliseconds.
-
-    Raises:
-        InputError: the folder does not exist or cannot be written.
-        ValueError: another mode.
     """
     path = Path(path)
     if mode not in ("w", "wb"):
@@ -127,7 +142,7 @@ def replaced(path: str | Path, mode: str = "w", *, lasting: bool = False) -> Ite
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes `text` to `path`, all of it or nothing; see `replaced`."""
+    """Writes `text` to `path`, all of it or nothing."""
     with replaced(path) as stream:
         stream.write(text)
 
@@ -137,9 +152,6 @@ def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Pa
     """A file or folder in `home` that `make` creates, to be renamed to `path`; whatever is left of it then goes.
 
     Parts of `path` whose processes were killed are removed first. A process that lives holds a lock on its own.
-
-    Raises:
-        InputError: it cannot be made.
     """
     held = -1
     part = home
@@ -167,28 +179,6 @@ def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Pa
             os.close(held)
 
 
-def csv_cells(values: Iterable[Any]) -> list[Any]:
-    """`values` for a row of CSV: nothing for None, an apostrophe before what a spreadsheet would take for a formula.
-
-    After OWASP, "CSV injection": text, other than a number, that begins with = + - @, a tab or a carriage return.
-    """
-    return ["" if value is None else f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
-            for value in values]
-
-
-def sha256(path: str | Path) -> str:
-    """The SHA-256 of the file's bytes, 64 hexadecimal digits.
-
-    Raises:
-        InputError: the file is missing or cannot be read.
-    """
-    try:
-        with open(path, "rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
-
-
 def _remove_dead(part: Path) -> None:
     """Removes what nobody writes any more: unlocked, and of this machine or old."""
     with contextlib.suppress(OSError):
@@ -214,21 +204,156 @@ def _remove(part: Path) -> None:
             part.unlink()
 
 
-# Where the files that ship with the package are: `models/` and `data/`.
+def csv_cells(values: Iterable[Any]) -> list[Any]:
+    """`values` for a row of CSV: nothing for None, an apostrophe before what a spreadsheet would take for a formula.
 
-
-_PACKAGE = Path(__file__).resolve().parent
-
-
-def resource(relative: str) -> Path:
-    """Path of a shipped file or folder such as "models/nominal.yaml".
-
-    It lies inside an installed package, and beside it in a checkout.
-
-    Raises:
-        InputError: there is no such file.
+    After OWASP, "CSV injection": text, other than a number, that begins with = + - @, a tab or a carriage return.
     """
-    for home in (_PACKAGE, _PACKAGE.parent):
-        if (home / relative).exists():
-            return home / relative
-    raise InputError("is not among the files of this package", file=relative)
+    return ["" if value is None else f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+            for value in values]
+
+
+# JSON: tables in full precision, never NaN.
+
+
+MOST_JSON_BYTES = 2**25
+"""Of a table that is read; that of a sweep of 100 000 walks has that many."""
+_TAKEN, _MOST_TAKEN = {"{": 232, "[": 64, ",": 64}, 2**28
+"""Bytes that each of these letters stands for in memory, about, and how many all may take."""
+_MOST_DIGITS = 99
+
+
+def plain(value: Any) -> Any:
+    """`value` as dicts, lists and scalars that JSON knows; a number that is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_json(path: str | Path, values: Mapping[str, Any], *, sort: bool = True) -> None:
+    """Writes `values` to `path`, all of it or nothing; keys sorted, or else in the order they have."""
+    text = json.dumps(plain(values), sort_keys=sort, indent=2, allow_nan=False, ensure_ascii=False)
+    write_text(path, text + "\n")
+
+
+def read_json(path: str | Path, *, right: str | None = None, damaged: str | None = None) -> dict[str, Any]:
+    """A table of finite numbers and printable text; what to do if there is no such file, and if it is no such table."""
+    text = read_text(path, most=MOST_JSON_BYTES, right=right)
+    try:
+        if sum(size * text.count(letter) for letter, size in _TAKEN.items()) > _MOST_TAKEN:
+            raise ValueError("it holds too many values")
+        found = json.loads(text, parse_int=_integer, parse_constant=_integer)
+        if not isinstance(found, dict) or not _sound(found):
+            raise ValueError("it is no table of numbers and text")
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"cannot be read as JSON ({error})", file=path, right=damaged) from None
+    return found
+
+
+def _integer(text: str) -> int:
+    if len(text) > _MOST_DIGITS:
+        raise ValueError(f"{text[:_MOST_DIGITS]}... is too large")
+    return int(text)
+
+
+def _sound(value: Any) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, str):
+        return not UNPRINTABLE.search(value)
+    items = [*value, *value.values()] if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return all(map(_sound, items))
+
+
+# .npz: arrays of numbers and text by name.
+
+
+MOST_NPZ_BYTES = 2**31
+"""Of all arrays of a file together; a walk of ten minutes has 1.3e9."""
+ALWAYS_BYTES, LARGEST_RATIO = 2**27, 8
+"""What any file may hold, and how many times its own size beyond that; walks are compressed to 0.6 of theirs."""
+_DIRECTORY_BYTES, _PIECE = 2**20, 2**20
+"""Of the list of arrays; of what is read at once."""
+_END = struct.Struct("<4s4xHHLL2x")
+_HEADER = re.compile(
+    rb"\{'descr': '([<|](?:b1|[iu][1248]|f[248]|U[1-9]\d{0,4}))', 'fortran_order': (True|False), "
+    rb"'shape': \(([\d, ]{0,99})\), \} *\n")
+
+
+def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
+    """Writes `arrays` by name, compressed, all of them or nothing; without pickle."""
+    with replaced(path, "wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
+
+
+def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
+    """Every array by name, and as bytes what is no array (no .npy); `right`: what to do if it cannot be read.
+
+    Refused is what is no .npz, encrypted or compressed in another way than NumPy's, an array that has not the size that
+    it states, and more than `MOST_NPZ_BYTES` or than a file of this size can honestly hold.
+    """
+    where = None
+    try:
+        with reading(path, right=right), open(path, "rb") as stream:
+            size = _check_end(stream)
+            with zipfile.ZipFile(stream) as archive:
+                members = archive.infolist()
+                most = min(MOST_NPZ_BYTES, ALWAYS_BYTES + LARGEST_RATIO * size)
+                total = sum(member.file_size for member in members)
+                if total > most:
+                    raise ValueError(f"says that it holds {total} bytes; {most} are read from a file of {size}")
+                if len({member.filename for member in members}) < len(members):
+                    raise ValueError("two arrays have the same name")
+                found = {}
+                for member in members:
+                    where = member.filename
+                    found[member.filename.removesuffix(".npy")] = _read_member(archive, member)
+                return found
+    except (ValueError, EOFError, IndexError, OverflowError, RuntimeError, struct.error, zipfile.BadZipFile,
+            zlib.error) as error:  # RuntimeError, with NotImplementedError: what zipfile does not know
+        raise InputError(f"cannot be read ({error})", file=path, where=where, right=right) from None
+
+
+def _check_end(stream: Any) -> int:
+    """The file's size; ValueError unless it ends as a zip file does, with a list of members of bounded size."""
+    size: int = stream.seek(0, 2)
+    stream.seek(max(0, size - _END.size - 20))
+    tail = stream.read()
+    if len(tail) < _END.size or not tail[-_END.size:].startswith(b"PK\5\6"):
+        raise ValueError("it is no .npz file, or its end is missing")
+    directory = _END.unpack(tail[-_END.size:])[3]
+    if directory > _DIRECTORY_BYTES or tail.startswith(b"PK\6\7"):  # the latter: the sizes stand elsewhere
+        raise ValueError("it has too many members")
+    return size
+
+
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError("compressed in a way that NumPy does not use")
+    if UNPRINTABLE.search(member.filename):
+        raise ValueError("its name has unprintable characters")
+    with archive.open(member) as stream:
+        if not member.filename.endswith(".npy"):
+            return stream.read(member.file_size)
+        magic, length = struct.unpack("<8sH", stream.read(10))
+        stated = _HEADER.fullmatch(stream.read(length)) if magic == b"\x93NUMPY\1\0" else None
+        if stated is None:
+            raise ValueError("it is no array of numbers or text")
+        kind, order = np.dtype(stated[1].decode()), "F" if stated[2] == b"True" else "C"
+        shape = tuple(int(part) for part in stated[3].split(b",") if part.strip())
+        if math.prod(shape) * kind.itemsize + 10 + length != member.file_size:
+            raise ValueError(f"its shape {shape} does not fit its size")
+        array = np.empty(shape, kind, order)  # type: ignore[call-overload]
+        content, at = array.reshape(-1, order="A").view(np.uint8), 0
+        while piece := stream.read(_PIECE):
+            content[at : at + len(piece)] = np.frombuffer(piece, np.uint8)
+            at += len(piece)
+        if at != len(content):
+            raise ValueError("it is truncated")
+        if kind.kind == "U" and UNPRINTABLE.search(array.tobytes().decode("utf-32-le").replace("\0", "")):
+            raise ValueError("its text has unprintable characters")
+        return array

@@ -1,7 +1,8 @@
-"""Every physical parameter of the model as a frozen dataclass: default, unit, source and range.
+"""Every physical parameter of the model, and the person as measured: default, unit, source and range. Schema only.
 
-Schema only; `plants` gives it meaning. SI units inside; a field in another unit says so in
-its name. Sources are abbreviated here and spelled out in the README's list of references:
+SI units inside; a field in another unit says so in its name. Whatever of a person has a direction is signed by anatomy,
+not by the world, so that one set of numbers means the same on either side. Sources are abbreviated here and spelled out
+in the README's list of references:
 
     McGeehan 2021       doi 10.1115/1.4050456, the paper that describes the Simscape model
     GaitModel_VSF       m-mcgeehan/GaitModel_VSF_LumpedParameterBuild, its authors' public scripts
@@ -16,13 +17,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from vsf_drake.schema import choice, quantity
-from vsf_drake.subject import SIDES, Subject
-
-__all__ = (
-    "FOAM_DAMPING_TIME_S", "GRAVITY", "SIDES", "ActuatorParameters", "BushingAxis", "ContactZone", "FootParameters",
-    "FrictionParameters", "FulcrumParameters", "IntactFootParameters", "KeelParameters", "ModelParameters",
-    "SocketParameters", "Subject",
-)
 
 _PAPER = "McGeehan 2021"
 _PUBLIC = "GaitModel_VSF scripts"
@@ -36,6 +30,23 @@ FOAM_DAMPING_TIME_S = 0.1 * 2 * 0.6 / math.pi**2
 in loading only (loss / stored energy = time * pi^2 / (2 * 0.6 s)), as much as the keel's. A choice; McGeehan 2021
 starts its contact fit from 0.5 s, at which the foam can hardly be compressed within a step. Chosen after both had
 been tried on a public recorded walk, with which this one also agreed better: that walk is no independent test of it."""
+SIDES = ("left", "right")
+PELVIS_TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+PELVIS_ROTATIONS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
+PELVIS_COORDINATES = PELVIS_TRANSLATIONS + PELVIS_ROTATIONS
+
+
+def leg_coordinates(side: str, intact: bool) -> tuple[str, ...]:
+    """Names of the joint coordinates of the leg on `side` ("right" or "left"), hip to ankle; as in OpenSim."""
+    joints = (("hip", "flexion"), ("knee", "angle"), ("ankle", "angle"))[:3 if intact else 2]
+    return tuple(f"{joint}_{motion}_{side[0]}" for joint, bending in joints
+                 for motion in (bending, "adduction", "rotation"))
+
+
+def person_coordinates(prosthetic_side: str) -> tuple[str, ...]:
+    """The 21 recorded coordinates of a person who has no ankle on `prosthetic_side` ("left" or "right")."""
+    return PELVIS_COORDINATES + tuple(
+        name for side in ("right", "left") for name in leg_coordinates(side, side != prosthetic_side))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,10 +197,7 @@ class FootParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class BushingAxis:
-    """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad).
-
-    The numbers come from `SocketParameters`, which says for each axis what they are taken from.
-    """
+    """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad)."""
 
     stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
     stiffness_negative: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
@@ -198,9 +206,7 @@ class BushingAxis:
     rate_limit: float = quantity(unit="m/s or rad/s", low=1e-6, high=100.0, source=_CHOICE)
 
 
-def _axis(
-    source: str, stiffness: float, limit: float, rate_limit: float, negative: float | None = None
-) -> Any:
+def _axis(source: str, stiffness: float, limit: float, rate_limit: float, negative: float | None = None) -> Any:
     axis = BushingAxis(stiffness=stiffness, stiffness_negative=stiffness if negative is None else negative,
                        damping=0.01 * stiffness, limit=limit, rate_limit=rate_limit)
     return field(default=axis, metadata={"source": source})
@@ -267,8 +273,50 @@ class IntactFootParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelParameters:
-    """Everything about the devices and the contact; the person is in `Subject` (vsf_drake/subject.py)."""
+    """Everything about the devices and the contact; the person is a `Subject`."""
 
     foot: FootParameters = field(default_factory=FootParameters)
     socket: SocketParameters = field(default_factory=SocketParameters)
     intact_foot: IntactFootParameters = field(default_factory=IntactFootParameters)
+
+
+def _measured(low: float, high: float, what: str, *, unit: str = "m") -> Any:
+    return quantity(None, unit=unit, low=low, high=high, source=f"measured: {what}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """The person: measured where known, scaled from the stature (de Leva 1996) where None.
+
+    Thigh, shank, ankle height and foot length are the intact leg's; the prosthetic thigh is as long unless
+    measured. The prosthetic leg below the knee is described by `prosthesis_...`: its length, and how the foot
+    sits under the pylon, relative to its standard place (pylon axis `foot.pylon_x_m` ahead of the keel's
+    posterior end, in the middle of its width, foot and shank at right angles, toes forward); None: there.
+
+        length_m            prosthetic knee centre to sole along the shank; None: shank plus ankle height
+        fore_aft_m          + foot forward
+        lateral_m           + foot away from the midline
+        alignment_rad       + toe up (dorsiflexion), as the ankle coordinate
+        inversion_rad       + inversion (medial edge up), as the ankle coordinate
+        toe_out_rad         + external rotation, against the sign of the ankle coordinate
+    """
+
+    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")
+    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="measured")
+    sex: str = choice(options=("male", "female"), source="stated")
+    prosthetic_side: str = choice(options=SIDES, source="stated")
+    name: str = "subject"
+    thigh_length_m: float | None = _measured(0.1, 0.8, "hip to knee centre")
+    shank_length_m: float | None = _measured(0.1, 0.8, "knee to ankle centre")
+    ankle_height_m: float | None = _measured(0.02, 0.2, "ankle centre to sole")
+    foot_length_m: float | None = _measured(0.1, 0.4, "heel to toe tip")
+    hip_forward_m: float | None = _measured(-0.2, 0.2, "hip centre ahead of the pelvis origin")
+    hip_up_m: float | None = _measured(-0.3, 0.2, "hip centre above the pelvis origin")
+    hip_lateral_m: float | None = _measured(0.03, 0.2, "hip centre beside the pelvis origin")
+    prosthetic_thigh_length_m: float | None = _measured(0.1, 0.8, "hip to knee centre on the prosthetic side")
+    prosthesis_length_m: float | None = _measured(0.15, 0.9, "prosthetic knee centre to sole along the shank")
+    prosthesis_fore_aft_m: float | None = _measured(-0.1, 0.1, "foot forward of its standard place under the pylon")
+    prosthesis_lateral_m: float | None = _measured(-0.1, 0.1, "foot away from the midline, from under the pylon")
+    prosthesis_alignment_rad: float | None = _measured(-0.5, 0.5, "foot turned toe up against the pylon", unit="rad")
+    prosthesis_inversion_rad: float | None = _measured(-0.5, 0.5, "foot inverted against the pylon", unit="rad")
+    prosthesis_toe_out_rad: float | None = _measured(-0.7, 0.7, "foot turned outward about the pylon", unit="rad")

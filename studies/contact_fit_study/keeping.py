@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.json_file import plain, write_json
+from vsf_drake.files import plain, write_json
 
 STUDIES = Path(__file__).resolve().parents[1]
 ONLY_SHOWS = (STUDIES.parent / "vsf_drake" / "report", STUDIES / "contact_fit_study" / "figures.py",

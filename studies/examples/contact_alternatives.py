@@ -22,8 +22,7 @@ from contact_comparison import REFERENCE, WAYS, Advance, Comparison, Row, compar
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from vsf_drake.files import replaced, resource
-from vsf_drake.json_file import write_json
+from vsf_drake.files import replaced, resource, write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import CONTACTS

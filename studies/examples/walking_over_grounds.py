@@ -26,9 +26,8 @@ from grounds_figure import draw
 from pydrake.math import RotationMatrix
 
 from vsf_drake.contact_file import load_contact
-from vsf_drake.files import resource
+from vsf_drake.files import resource, write_json
 from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.json_file import write_json
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory

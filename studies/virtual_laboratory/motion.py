@@ -17,10 +17,9 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.interpolate import BSpline
 
 from virtual_laboratory.targets import Draw
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import ModelParameters, Subject, person_coordinates
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import add_person
-from vsf_drake.subject import person_coordinates
 
 ANGLES = Path(__file__).resolve().parents[2] / "data" / "published" / "able_bodied_angles_1p1mps.csv"
 LEG = {"hip_flexion": "hip_flexion", "hip_adduction": "hip_adduction", "hip_rotation": "hip_rotation",

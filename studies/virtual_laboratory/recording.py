@@ -20,8 +20,7 @@ from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.supports import Support
 from virtual_laboratory.targets import Draw, roll_over
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY
-from vsf_drake.subject import PELVIS_TRANSLATIONS
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 
 DECIMALS = 7
 """Of what is written: 1e-7 m and 1e-7 degrees."""

@@ -14,7 +14,7 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.placing import MARGIN_S
 from virtual_laboratory.reaction import LOADED_ABOVE_N
 from virtual_laboratory.recording import DECIMALS, Foot, Recorded
-from vsf_drake.subject import PELVIS_TRANSLATIONS
+from vsf_drake.parameters import PELVIS_TRANSLATIONS
 
 CONSTANT_DEG = 1.2
 """Standard deviation of the constant error of each hip and knee angle, the same in all trials: misplaced markers."""

@@ -17,7 +17,7 @@ from vsf_drake.analysis.bench_metrics import (
     stiffness,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import write_json
+from vsf_drake.files import write_json
 
 
 def test_straight_curve_has_its_slope_and_half_load_at_half_way():

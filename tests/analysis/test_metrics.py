@@ -11,7 +11,7 @@ from made_results import FOOT_LENGTH_M, LIFT_S, MASS_KG, STRIKE_S, WEIGHT_N, mak
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.json_file import write_json
+from vsf_drake.files import write_json
 
 REQUIRED_KEYS = {
     "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",

@@ -13,11 +13,10 @@ from frames.foot_positions import LOAD_N, SLOPE_DEG, DrawnFoot, foot_signs
 from frames.person_poses import KINDS, DrawnPerson, effects, kind_of
 from frames.pictures import GROUPS, NAMES, foot_effects, foot_frames_figure, with_table
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.parameters import PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.person import SOCKET_COORDINATES
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.bench import keel_shape
-from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FOOT = FootParameters()

@@ -43,9 +43,8 @@ from vsf_drake.collocation import load_start, save_start, solve
 from vsf_drake.collocation.sqp import CollocationOptions
 from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
-from vsf_drake.files import resource, sha256
+from vsf_drake.files import resource, sha256, write_json
 from vsf_drake.ground import load_ground
-from vsf_drake.json_file import write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels

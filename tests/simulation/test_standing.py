@@ -10,10 +10,9 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import TRANSLATIONS, simulate_standing
-from vsf_drake.subject import PELVIS_COORDINATES
 
 MALE = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 SUBJECTS = {

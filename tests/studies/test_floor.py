@@ -17,8 +17,7 @@ from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import GRAVITY
-from vsf_drake.subject import PELVIS_TRANSLATIONS
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 
 STUDIES = Path(floors.__file__).resolve().parents[1]
 STORED = STUDIES / "results" / "floor.json"

@@ -14,7 +14,7 @@ import numpy as np
 from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 

@@ -37,11 +37,10 @@ from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import reaching_pelvis
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.parameters import PELVIS_ROTATIONS, PELVIS_TRANSLATIONS, ModelParameters, leg_coordinates
 from vsf_drake.plants.anthropometry import Body, scale_body
 from vsf_drake.plants.solids import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
 from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
-from vsf_drake.subject import PELVIS_ROTATIONS, PELVIS_TRANSLATIONS, leg_coordinates
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT = 2.0, 0.1
 LIMITS_DEG = {

@@ -34,7 +34,7 @@ from vsf_drake.analysis.comparison import (
     r_squared,
     rmse,
 )
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.motion.events import find_stances, runs
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.parameters import GRAVITY

@@ -27,8 +27,7 @@ from vsf_drake.analysis.measured_bench import CURVES, load_measured_bench
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import sha256
-from vsf_drake.json_file import read_json, write_json
+from vsf_drake.files import read_json, sha256, write_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.schema import to_plain

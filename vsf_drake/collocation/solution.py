@@ -13,8 +13,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from vsf_drake.collocation.problem import Grid, TrajectoryProblem
 from vsf_drake.collocation.scaled import Point, Scaled
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.files import replaced
-from vsf_drake.npz_file import read_npz
+from vsf_drake.files import read_npz, replaced
 
 ON_BOUND = 1e-6
 """So near, in its scale, a design parameter counts as on its bound."""

@@ -13,7 +13,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.clock import check_clock
 from vsf_drake.motion.formats.tables import Storage
 from vsf_drake.motion.trajectory import SPLINE_ORDER, CoordinateTrajectory
-from vsf_drake.subject import PELVIS_TRANSLATIONS, person_coordinates
+from vsf_drake.parameters import PELVIS_TRANSLATIONS, person_coordinates
 
 FLEXED_DEG, HYPEREXTENDED_DEG = 30.0, 20.0
 LARGEST_ANGLE_RAD, SMALLEST_RANGE_DEG = 3.5, 3.0

@@ -39,9 +39,8 @@ from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
 from vsf_drake.motion.plates import HEAVIEST_BW, PlateRecording, assign_prefixes, read_plate
 from vsf_drake.motion.trial_record import Trial, check_mass, default_model, mass_from_walk
 from vsf_drake.motion.window import on_the_belt, trial_window
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, ModelParameters, Subject, person_coordinates
 from vsf_drake.schema import load_yaml
-from vsf_drake.subject import PELVIS_TRANSLATIONS, person_coordinates
 
 PLACEHOLDER_KG = 70.0
 """Stands for a mass that only the walk tells until the plates are assigned; then the person is calibrated again, since

@@ -16,7 +16,15 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex, RigidBody, WeldJoint
 
-from vsf_drake.parameters import BushingAxis, IntactFootParameters, ModelParameters, SocketParameters, Subject
+from vsf_drake.parameters import (
+    PELVIS_COORDINATES,
+    BushingAxis,
+    IntactFootParameters,
+    ModelParameters,
+    SocketParameters,
+    Subject,
+    leg_coordinates,
+)
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, Body, pelvis_semi_axes, scale_body
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, zone_sites
@@ -33,7 +41,6 @@ from vsf_drake.plants.solids import (
     rotations,
     translations,
 )
-from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
 
 SOCKET_COORDINATES = ("socket_tx", "socket_ty", "socket_tz", "socket_flexion", "socket_adduction", "socket_rotation")
 SOCKET_RADIUS_M = 0.055

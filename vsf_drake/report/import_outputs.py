@@ -22,13 +22,12 @@ from vsf_drake.files import write_text
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.trial import load_trial, write_trial_files
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import NEUTRAL, label, new_figure, style
 from vsf_drake.schema import dump_yaml, to_plain
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.subject import PELVIS_TRANSLATIONS
 from vsf_drake.yaml_file import dump
 
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json")

@@ -13,9 +13,7 @@ import numpy as np
 from jinja2 import UndefinedError
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import sha256, write_text
-from vsf_drake.json_file import plain, read_json, write_json
-from vsf_drake.npz_file import read_npz, write_npz
+from vsf_drake.files import plain, read_json, read_npz, sha256, write_json, write_npz, write_text
 from vsf_drake.report.page import FIGURES, TABLES, chapter_page
 from vsf_drake.simulation.archive import SIDECAR_FILE, check_target, result_folder
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.sweep_table import SCORES, has_stance, measured_peak_bw, sweep_row
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import read_json
+from vsf_drake.files import read_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.results_folder import ResultsFolder

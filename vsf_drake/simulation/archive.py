@@ -16,9 +16,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, sha256, write_text
-from vsf_drake.json_file import read_json, write_json
-from vsf_drake.npz_file import read_npz, write_npz
+from vsf_drake.files import part_of, read_json, read_npz, sha256, write_json, write_npz, write_text
 from vsf_drake.schema import load_plain
 from vsf_drake.yaml_file import dump
 

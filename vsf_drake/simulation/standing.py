@@ -28,10 +28,9 @@ from scipy.optimize import brentq, root
 
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker
-from vsf_drake.subject import PELVIS_COORDINATES
 
 LARGEST_SWAY_RAD = np.radians(1.0)
 """Turn of a free pelvis from its equilibrium after which the person counts as falling (a choice)."""

@@ -19,7 +19,7 @@ from vsf_drake.analysis.validation.roll_over_section import (
     tilt_rad,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.roll_over import RollOver
 

@@ -14,9 +14,8 @@ from vsf_drake.motion.markers.joint_angles import (
     orientations_of,
 )
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.parameters import ModelParameters, Subject, leg_coordinates
 from vsf_drake.plants.person import add_person
-from vsf_drake.subject import leg_coordinates
 
 # ISB axes (x forward, y up, z right) in the segments' (x forward, y left, z up).
 ISB = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]).T

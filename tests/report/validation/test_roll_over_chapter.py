@@ -12,7 +12,7 @@ import pytest
 from made_roll_over import embedded_roll_over
 from shown_chapter import Shown
 
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.parameters import SIDES
 from vsf_drake.simulation.variables import Variable
-from vsf_drake.subject import SIDES
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
 DAMPING_TIME = "contact.damping_time"

@@ -18,7 +18,7 @@ from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 
 ENOUGH, AGAIN = 0.5, 3
 """A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is

@@ -25,7 +25,7 @@ from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import variable_unit
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain

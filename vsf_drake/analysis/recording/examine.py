@@ -27,9 +27,9 @@ from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.motion.window import on_the_belt
+from vsf_drake.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
-from vsf_drake.subject import PELVIS_TRANSLATIONS
 
 GRID_S = 1e-3
 EDGE_S = 0.1

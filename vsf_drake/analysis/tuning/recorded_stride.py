@@ -58,9 +58,9 @@ from vsf_drake.analysis.tuning.recorded_projection import (
 from vsf_drake.errors import InputError
 from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.parameters import PELVIS_ROTATIONS
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
-from vsf_drake.subject import PELVIS_ROTATIONS
 
 SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85
 """What a stance can take of a stride."""

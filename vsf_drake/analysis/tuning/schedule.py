@@ -24,8 +24,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.files import user_path
-from vsf_drake.json_file import read_json
+from vsf_drake.files import read_json, user_path
 from vsf_drake.schema import load_yaml, quantity
 
 DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}

@@ -33,8 +33,7 @@ from vsf_drake.analysis.validation.bench_lines import (
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import resource
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain, resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
 from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
 from vsf_drake.parameters import FootParameters, ModelParameters

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsf_drake.analysis.validation.run import Finished
 from vsf_drake.analysis.validation.study import Study
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance

@@ -21,9 +21,7 @@ from vsf_drake.analysis.validation.standing_section import standing_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.analysis.validation.walking_section import walking_section
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import replaced, sha256
-from vsf_drake.json_file import plain, read_json, write_json
-from vsf_drake.npz_file import read_npz
+from vsf_drake.files import plain, read_json, read_npz, replaced, sha256, write_json
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.cases import digest, software
 

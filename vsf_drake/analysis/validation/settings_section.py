@@ -34,7 +34,7 @@ from vsf_drake.analysis.validation.settings_detectable import (
 from vsf_drake.analysis.validation.settings_walks import NAMES, RECORDINGS, Base, NoiseSizes, Walked, base_of, walk_all
 from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study
 from vsf_drake.errors import InputError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness

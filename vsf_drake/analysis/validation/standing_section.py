@@ -8,7 +8,7 @@ import numpy as np
 
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing

@@ -32,7 +32,7 @@ from vsf_drake.analysis.validation.walking_ensembles import (
     walk_curves,
 )
 from vsf_drake.errors import raise_if_interrupted
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.motion.events import longest_run, runs
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.results import WalkResult, coordinate_unit

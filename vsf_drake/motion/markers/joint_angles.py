@@ -21,7 +21,7 @@ import numpy as np
 
 from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
-from vsf_drake.subject import PELVIS_COORDINATES, leg_coordinates
+from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 
 COORDINATES = PELVIS_COORDINATES + tuple(name for side in SIDES for name in leg_coordinates(side, intact=True))
 """The 24 coordinates of pelvis and two intact legs, in the model's order."""

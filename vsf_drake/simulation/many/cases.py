@@ -184,7 +184,7 @@ def _scaled(value: Any, unit: str) -> str:
 
 PACKAGE = Path(__file__).resolve().parents[2]
 SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "motion/events.py",
-           "ground.py", "model_file.py", "parameters.py", "schema.py", "subject.py")
+           "ground.py", "model_file.py", "parameters.py", "schema.py")
 """Parts of the package that the numbers of a walk come from, once its recording is read."""
 
 

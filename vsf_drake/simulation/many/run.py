@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
-from vsf_drake.files import replaced, user_path
-from vsf_drake.npz_file import read_npz
+from vsf_drake.files import read_npz, replaced, user_path
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.cases import ARRAYS, DEFAULT_KEEP, Planner, Task, WalkCase, check_keep, digest, software
 from vsf_drake.simulation.many.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting

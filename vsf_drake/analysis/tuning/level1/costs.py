@@ -14,11 +14,10 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES
 from vsf_drake.simulation.reactions import sum_sites
 from vsf_drake.simulation.segment_motion import follow
 from vsf_drake.simulation.walk import Walk, Walker
-from vsf_drake.subject import PELVIS_COORDINATES
 
 CONSISTENCY, TRACKING = "consistency", "tracking"
 KINDS = {"joint_load": ("load on the prosthetic leg and residual limb", "1"),

@@ -13,7 +13,7 @@ from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Compromise, Setting, Sweep, Task
 from vsf_drake.analysis.tuning.level1.uncertainty import Draw, FulcrumUncertainty, difference
 from vsf_drake.errors import FitError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 

@@ -35,7 +35,7 @@ from vsf_drake.analysis.tuning.resimulation import (
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
