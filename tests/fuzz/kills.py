@@ -25,7 +25,7 @@ from vsf_drake.analysis.validation import embedded_contact, embedded_trials
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.fit_output import FIT
-from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
 from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.simulation.results import load_walk
 

@@ -104,7 +104,7 @@ def report(
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.output import SCHEDULE, TUNING
+    from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
     from vsf_drake.report.validation.output import VALIDATION
 
     kind = next((kind for kind in (TUNING, SCHEDULE) if (folder / kind.table).is_file()), VALIDATION)

@@ -81,7 +81,7 @@ def tune(
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.cli.tune_run import tune_trials, was_interrupted
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.output import TUNING
+    from vsf_drake.report.tuning.chapters import TUNING
 
     TUNING.check(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
@@ -109,7 +109,7 @@ def read_warm_start(file: Path) -> Any:
         InputError: there is none, or it cannot be read.
     """
     from vsf_drake.cli.tune_run import WarmStart
-    from vsf_drake.report.tuning.output import TUNING
+    from vsf_drake.report.tuning.chapters import TUNING
 
     if not file.is_dir() and file.name not in (TUNING.table, TUNING.arrays):
         raise InputError("is no tuning" if file.exists() else "there is no such file", file=file, where="--warm-start",
@@ -171,7 +171,7 @@ def schedule(
     from vsf_drake.cli.tune_run import check_resolution, tune_tasks
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import schedule_words
-    from vsf_drake.report.tuning.output import SCHEDULE, write_schedule
+    from vsf_drake.report.tuning.chapters import SCHEDULE, write_schedule
 
     SCHEDULE.check(out)
     with progress() as show:

@@ -21,7 +21,7 @@ from page_reader import Balanced
 
 from vsf_drake.analysis.tuning.common import KEYS
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.output import TUNING
+from vsf_drake.report.tuning.chapters import TUNING
 
 MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
         "failed": (failed_table, dict)}

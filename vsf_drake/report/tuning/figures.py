@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -12,42 +12,32 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, drawing, label
-from vsf_drake.report.tuning.reading import (
-    Table,
-    curved,
-    drawn_trials,
-    excess,
-    excess_unit,
-    recorded_positions,
-    shown_outcomes,
-    swept,
-)
+from vsf_drake.report.tuning import reading
+from vsf_drake.report.tuning.reading import Arrays, Table
 
-Arrays = Mapping[str, Any]
 NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
-FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
-SETTINGS = ("softest", "optimum", "stiffest")
-DESCRIPTORS = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}
-LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-"""Coordinates in metres, not radians."""
 _FAILED = "#b3261e"
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
-_OWN: dict[str, Any] = {"color": "black", "linewidth": 1.5}
-_RECORDED: dict[str, Any] = {"color": "0.45", **MEASURED}
-_DIRECTIONS = ("fore-aft", "vertical")
+_WIDE = 10.6
+"""Inches, of a figure of several columns."""
 
 
-@contextmanager
-def _drawn(table: Table, width: float, height: float) -> Iterator[Figure]:
-    """A figure in the common look (inches); above it that there is no optimum, that data are synthetic."""
-    with drawing(width, height) as figure:
-        yield figure
-        said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
-                *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
-        if said:
-            figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
-                            color=_FAILED if not table["optimal"] else "black")
+def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
+    """`draw`, which fills a figure of a table, as a function that returns it in the common look: above it that there is
+    no optimum, that data are synthetic."""
+    @wraps(draw)
+    def drawn(table: Table, *others: Any) -> Figure:
+        with drawing(_WIDE, 1.0) as figure:
+            draw(figure, table, *others)
+            said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
+                    *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
+            if said:
+                figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
+                                color=_FAILED if not table["optimal"] else "black")
+        return figure
+
+    return drawn
 
 
 def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]:
@@ -61,8 +51,8 @@ def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]
     return list(panels[:count])
 
 
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
+def _legend(axes: Axes, **look: Any) -> None:
+    axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", **{"framealpha": 0.8, **look})
 
 
 def _colour(fulcrum_mm: float | None) -> Any:
@@ -74,12 +64,30 @@ def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> No
     axes.plot(x, y, **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look})
 
 
+def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
+    """A curve with about twenty markers."""
+    axes.plot(x, y, **{"color": "black", "marker": "o", "markersize": 3.5, "markevery": max(1, round(len(x) / 20)),
+                       **look})
+
+
+def _rows(axes: Axes, names: Sequence[str]) -> None:
+    """A named row for each, from above."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+
+
+def _one_for_all(axes: Axes, table: Table) -> None:
+    common = table["common_fulcrum_mm"]
+    if common is not None:
+        axes.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
+
+
 def _mark_positions(axes: Axes, table: Table, *, named: bool = True) -> None:
     """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it ended."""
     interval = table["fulcrum_interval_mm"]
     if interval is not None and table["optimal"]:
         axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
-    for i, mm in enumerate(recorded_positions(table)):
+    for i, mm in enumerate(reading.recorded_positions(table)):
         axes.axvline(mm, color=NEUTRAL, linestyle=":", linewidth=1.2, zorder=1,
                      label="recorded" if named and not i else None)
     if table["fulcrum_mm"] is not None:
@@ -87,35 +95,28 @@ def _mark_positions(axes: Axes, table: Table, *, named: bool = True) -> None:
                      linewidth=1.0, zorder=1)
 
 
-def _every(x: np.ndarray) -> int:
-    """How many points of a curve share a marker, so that there are about twenty."""
-    return max(1, round(len(x) / 20))
-
-
-def cost_curve_figure(table: Table, arrays: Arrays) -> Figure:
+@_drawn
+def cost_curve_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
     """Left, the cost with its optimum; right, what each of its terms adds as the fulcrum leaves the optimum."""
-    terms = [row for row in table["terms"] if len(swept(table, "terms", row["name"])[0])]
-    with _drawn(table, 10.6 if len(terms) > 1 else 7.4, 4.3) as figure:
-        panels = figure.subplots(1, 2 if len(terms) > 1 else 1, squeeze=False)[0]
-        _cost(panels[0], table, arrays)
-        if len(terms) > 1:
-            panels[1].axhline(0.0, color="0.4", linewidth=0.8)
-            for i, row in enumerate(terms):
-                x, y = swept(table, "terms", row["name"])
-                here = row["value"] if row["value"] is not None else float(y.min())
-                panels[1].plot(x, y - here, color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6,
-                               linestyle=_DASHES[i % 6], marker=MARKERS[i % len(MARKERS)], markersize=3.5,
-                               markevery=_every(x), label=row["label"])
-            label(panels[1], x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})",
-                  title="What each term adds")
-        for axes in panels:
-            _mark_positions(axes, table)
-            _legend(axes)
-    return figure
+    terms = [row for row in table["terms"] if len(reading.swept(table, "terms", row["name"])[0])]
+    several = len(terms) > 1
+    figure.set_size_inches(_WIDE if several else 7.4, 4.3)
+    panels = figure.subplots(1, 1 + several, squeeze=False)[0]
+    _cost(panels[0], table, arrays)
+    if several:
+        panels[1].axhline(0.0, color="0.4", linewidth=0.8)
+        for i, row in enumerate(terms):
+            x, y = reading.swept(table, "terms", row["name"])
+            _curve(panels[1], x, y - (row["value"] if row["value"] is not None else float(y.min())),
+                   color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
+                   marker=MARKERS[i % len(MARKERS)], label=row["label"])
+        label(panels[1], x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})", title="What each term adds")
+    for axes in panels:
+        _mark_positions(axes, table)
+        _legend(axes)
 
 
 def _cost(axes: Axes, table: Table, arrays: Arrays) -> None:
-    x, y = swept(table)
     x_of, trials, best = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials"), table["fulcrum_mm"]
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
         own = np.asarray(trials, dtype=float).T
@@ -123,7 +124,7 @@ def _cost(axes: Axes, table: Table, arrays: Arrays) -> None:
         for i, values in enumerate(own):
             axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
-    axes.plot(x, y, color="black", linewidth=1.8, marker="o", markersize=3.5, markevery=_every(x), label="cost")
+    _curve(axes, *reading.swept(table), linewidth=1.8, label="cost")
     if best is not None and table["cost"] is not None:
         look = {"marker": "*", "markersize": 15, "color": "white", "markeredgecolor": _colour(best),
                 "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table["optimal"] else {
@@ -133,102 +134,104 @@ def _cost(axes: Axes, table: Table, arrays: Arrays) -> None:
     label(axes, x=FULCRUM, y=f"{table['cost_label']} ({table['cost_unit']})", title="Cost over the whole range")
 
 
-def outcomes_figure(table: Table) -> Figure:
+@_drawn
+def outcomes_figure(figure: Figure, table: Table) -> None:
     """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
-    rows, best = shown_outcomes(table), table["fulcrum_mm"]
+    rows, best = reading.shown_outcomes(table), table["fulcrum_mm"]
     across = min(3, len(rows))
-    with _drawn(table, 10.6 if across > 1 else 6.0, 0.5 + 2.5 * -(-len(rows) // across)) as figure:
-        for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
-            x, y = swept(table, "outcomes", row["name"])
-            _mark_positions(axes, table, named=False)
-            here, error = row["optimum"], row["uncertainty"]
-            if here is not None and error is not None:
-                axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
-            axes.plot(x, y, color="black", linewidth=1.5, marker="o", markersize=3.0, markevery=_every(x))
-            if here is not None and best is not None and table["optimal"]:
-                _point(axes, best, best, here, marker="*", markersize=12, color="white", zorder=5,
-                       markeredgecolor=_colour(best), markeredgewidth=1.4)
-            if np.ptp(y) == 0.0:
-                axes.margins(y=0.5)
-            axes.set_ylabel(row["unit"] if row["unit"] not in ("", "1") else "no unit")
-            hardly = ": hardly changes" if row["matters"] is False else ""
-            axes.set_title(textwrap.fill(f"{row['label']}{hardly}", 38), loc="left")
-    return figure
+    figure.set_size_inches(_WIDE if across > 1 else 6.0, 0.5 + 2.5 * -(-len(rows) // across))
+    for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
+        x, y = reading.swept(table, "outcomes", row["name"])
+        _mark_positions(axes, table, named=False)
+        here, error = row["optimum"], row["uncertainty"]
+        if here is not None and error is not None:
+            axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
+        _curve(axes, x, y, linewidth=1.5, markersize=3.0)
+        if here is not None and best is not None and table["optimal"]:
+            _point(axes, best, best, here, marker="*", markersize=12, color="white", zorder=5,
+                   markeredgecolor=_colour(best), markeredgewidth=1.4)
+        if np.ptp(y) == 0.0:
+            axes.margins(y=0.5)
+        axes.set_ylabel(row["unit"] if row["unit"] not in ("", "1") else "no unit")
+        hardly = ": hardly changes" if row["matters"] is False else ""
+        axes.set_title(textwrap.fill(f"{row['label']}{hardly}", 38), loc="left")
 
 
 # Forces, motion and torques at the optimum: against the recorded ones, and simulated again with the full keel.
 
 
+_RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
 _LINES: dict[str, dict[str, Any]] = {
-    "_recorded": {"label": "recorded", **_RECORDED},
-    "": {"label": "optimised", **_OWN},
+    "_recorded": _RECORDED,
+    "": {"label": "optimised", "color": "black", "linewidth": 1.5},
     "_resimulated_prescribed": {"label": "simulated again, motion prescribed", "color": "#1f6f8b", "linewidth": 1.4,
                                 "linestyle": (0, (4, 1.6))},
     "_resimulated_feedback": {"label": "simulated again, torques and feedback", "color": "#b35900", "linewidth": 1.4,
                               "linestyle": (0, (1, 1))}}
 
 
-def stride_force_figure(table: Table, arrays: Arrays) -> Figure:
+def _forces(
+    panels: np.ndarray, arrays: Arrays, rows: Mapping[str, str], time: Callable[[str], Any],
+    looks: Mapping[str, Mapping[str, Any]], *, vertical: int, x_label: str
+) -> None:
+    """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of arrays) and vertical."""
+    for row, (title, prefix) in zip(panels, rows.items(), strict=True):
+        for axes, column, direction in zip(row, (0, vertical), ("fore-aft", "vertical"), strict=True):
+            for name, look in looks.items():
+                if f"{prefix}{name}" in arrays:
+                    axes.plot(time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
+            label(axes, x=x_label, y="force (N)", title=f"{title}{direction}")
+    panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+@_drawn
+def stride_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
     """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
-    feet = [foot for foot in FEET if f"grf_{foot}" in arrays]
-    with _drawn(table, 10.6, 0.7 + 2.6 * len(feet)) as figure:
-        panels = figure.subplots(len(feet), 2, sharex=True, squeeze=False)
-        for row, foot in zip(panels, feet, strict=True):
-            for column, (axes, direction) in enumerate(zip(row, _DIRECTIONS, strict=True)):
-                for suffix, look in _LINES.items():
-                    if f"grf_{foot}{suffix}" in arrays:
-                        axes.plot(100.0 * np.asarray(arrays["phase"]),
-                                  np.asarray(arrays[f"grf_{foot}{suffix}"])[:, column], **look)
-                label(axes, x="gait cycle (%)", y="force (N)", title=f"{FEET[foot]}, {direction}")
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
+    rows = {f"{name}, ": f"grf_{foot}" for foot, name in reading.FEET.items() if f"grf_{foot}" in arrays}
+    figure.set_size_inches(_WIDE, 0.7 + 2.6 * len(rows))
+    _forces(figure.subplots(len(rows), 2, sharex=True, squeeze=False), arrays, rows,
+            lambda prefix: 100.0 * np.asarray(arrays["phase"]), _LINES, vertical=1, x_label="gait cycle (%)")
 
 
-def stance_force_figure(table: Table, arrays: Arrays) -> Figure:
+@_drawn
+def stance_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
     """Level 1: the prosthetic foot's force in up to three trials, at three settings and as recorded."""
-    shown, swept_mm = drawn_trials(table, arrays), [row["fulcrum_mm"] for row in table["sweep"]]
-    looks: dict[str, dict[str, Any]] = {"recorded": {"label": "recorded", **_RECORDED}}
+    shown, swept_mm = reading.drawn_trials(table, arrays), [row["fulcrum_mm"] for row in table["sweep"]]
+    looks = {"recorded": _RECORDED}
     ends = (min(swept_mm, default=None), table["fulcrum_mm"], max(swept_mm, default=None))
-    for name, mm, dashes in zip(SETTINGS, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
+    for name, mm, dashes in zip(reading.SHOWN, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
         called = name if table["optimal"] or name != "optimum" else "last iterate"
         looks[name] = {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": dashes,
                        "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
-    with _drawn(table, 10.6, 0.9 + 2.7 * len(shown)) as figure:
-        panels = figure.subplots(len(shown), 2, squeeze=False)
-        for row, (trial, prefix) in zip(panels, shown.items(), strict=True):
-            for axes, column, direction in zip(row, (0, 2), _DIRECTIONS, strict=True):
-                for name, look in looks.items():
-                    if f"{prefix}{name}" in arrays:
-                        axes.plot(arrays[f"{prefix}time"], np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
-                label(axes, x="time (s)", y="force (N)", title=f"{trial + ': ' if trial else ''}{direction}")
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
+    figure.set_size_inches(_WIDE, 0.9 + 2.7 * len(shown))
+    _forces(figure.subplots(len(shown), 2, squeeze=False), arrays,
+            {f"{trial}: " if trial else "": prefix for trial, prefix in shown.items()},
+            lambda prefix: arrays[f"{prefix}time"], looks, vertical=2, x_label="time (s)")
 
 
-def course_figure(table: Table, arrays: Arrays, key: str) -> Figure:
+@_drawn
+def course_figure(figure: Figure, table: Table, arrays: Arrays, key: str) -> None:
     """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
-    own = np.asarray(arrays[key])
-    count = own.shape[1]
+    count = np.shape(arrays[key])[1]
     names = [str(name) for name in arrays.get("names", ())][-count:] or [f"torque {i + 1}" for i in range(count)]
     across = 4 if count > 6 else 3
-    with _drawn(table, 10.6, 0.6 + 2.3 * -(-count // across)) as figure:
-        panels = _panels(figure, count, across, "gait cycle (%)")
-        for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
-            for suffix in ("_recorded", ""):
-                if f"{key}{suffix}" in arrays:
-                    values = np.asarray(arrays[f"{key}{suffix}"])[:, i]
-                    axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _course(name, values),
-                              **_LINES[suffix])
-            axes.set_ylabel("torque (N m)" if key == "torque" else "from its mean (mm)" if name in LENGTHS else
-                            "angle (°)")
-            axes.set_title(name.replace("_", " "), loc="left")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
+    figure.set_size_inches(_WIDE, 0.6 + 2.3 * -(-count // across))
+    panels = _panels(figure, count, across, "gait cycle (%)")
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        for suffix in ("_recorded", ""):
+            if f"{key}{suffix}" in arrays:
+                values = np.asarray(arrays[f"{key}{suffix}"])[:, i]
+                axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _course(name, values),
+                          **_LINES[suffix])
+        axes.set_ylabel("torque (N m)" if key == "torque" else
+                        "from its mean (mm)" if name in reading.LENGTHS else "angle (°)")
+        axes.set_title(name.replace("_", " "), loc="left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
 def _course(name: str, values: np.ndarray) -> np.ndarray:
     """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way is its progress."""
-    if name not in LENGTHS:
+    if name not in reading.LENGTHS:
         return np.degrees(values)
     i = np.arange(len(values))
     found: np.ndarray = 1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i))
@@ -238,125 +241,114 @@ def _course(name: str, values: np.ndarray) -> np.ndarray:
 # Between two costs, between one setting and several, and how firm the setting is when the contact is not.
 
 
-def pareto_figure(table: Table) -> Figure:
+@_drawn
+def pareto_figure(figure: Figure, table: Table) -> None:
     """The front of two costs: each point is the best that one weight gives."""
     rows = [row for row in table["pareto"] if row["first"] is not None and row["second"] is not None]
     first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table["pareto_names"])
-    with _drawn(table, 7.4, 4.4) as figure:
-        axes = figure.subplots()
-        axes.plot([row["first"] for row in rows], [row["second"] for row in rows], color=NEUTRAL, linewidth=1.0)
-        for row in rows:
-            _point(axes, row["fulcrum_mm"], row["first"], row["second"], markersize=7)
-        for row in _apart(rows):
-            axes.annotate(f"{row['fulcrum_mm']:.0f} mm", (row["first"], row["second"]), xytext=(7, 5),
-                          textcoords="offset points", fontsize=8)
-        axes.margins(x=0.12, y=0.1)
-        label(axes, x=first, y=second, title="Less of one costs more of the other")
-    return figure
-
-
-def _apart(rows: Sequence[Table]) -> list[Table]:
-    """Points that are far enough from all named ones to have a name of their own."""
+    figure.set_size_inches(7.4, 4.4)
+    axes = figure.subplots()
+    axes.plot([row["first"] for row in rows], [row["second"] for row in rows], color=NEUTRAL, linewidth=1.0)
     wide, tall = (max(float(np.ptp([row[key] for row in rows] or [0.0])), 1e-300) for key in ("first", "second"))
     named: list[Table] = []
     for row in rows:
+        _point(axes, row["fulcrum_mm"], row["first"], row["second"], markersize=7)
+        # Points that are far enough from all named ones have a name of their own.
         if all(np.hypot((row["first"] - other["first"]) / wide, (row["second"] - other["second"]) / tall) > 0.08
                for other in named):
             named.append(row)
-    return named
+            axes.annotate(f"{row['fulcrum_mm']:.0f} mm", (row["first"], row["second"]), xytext=(7, 5),
+                          textcoords="offset points", fontsize=8)
+    axes.margins(x=0.12, y=0.1)
+    label(axes, x=first, y=second, title="Less of one costs more of the other")
 
 
-def tasks_figure(table: Table) -> Figure:
+@_drawn
+def tasks_figure(figure: Figure, table: Table) -> None:
     """Each task's own setting, and by how much one setting for all is worse."""
-    rows, common = table["tasks"], table["common_fulcrum_mm"]
-    with _drawn(table, 10.6, 1.5 + 0.38 * len(rows)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
-        if common is not None:
-            left.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
-            left.legend(loc="best", frameon=True, facecolor="white", edgecolor="none")
-        for place, row in enumerate(rows):
-            if row.get("interval_mm") is not None:
-                left.plot(row["interval_mm"], [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt",
-                          zorder=1)
-            _point(left, row["fulcrum_mm"], row["fulcrum_mm"], place, zorder=2)
-            lost = excess(row)
-            if lost is not None:
-                right.barh(place, lost, height=0.55, color="0.55")
-                right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
-        left.set_yticks(range(len(rows)), [row["label"] for row in rows])
-        left.set_ylim(len(rows) - 0.4, -0.6)
-        right.margins(x=0.15)
-        right.set_xlim(left=0.0)
-        label(left, x=FULCRUM, y="", title="Setting of each task")
-        label(right, x=f"more {table['cost_label']} with one setting for all ({excess_unit(table)})", y="",
-              title="What adaptability buys")
-    return figure
+    rows = table["tasks"]
+    figure.set_size_inches(_WIDE, 1.5 + 0.38 * len(rows))
+    left, right = figure.subplots(1, 2, sharey=True)
+    _one_for_all(left, table)
+    if table["common_fulcrum_mm"] is not None:
+        _legend(left, framealpha=None)
+    for place, row in enumerate(rows):
+        if row.get("interval_mm") is not None:
+            left.plot(row["interval_mm"], [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt", zorder=1)
+        _point(left, row["fulcrum_mm"], row["fulcrum_mm"], place, zorder=2)
+        lost = reading.excess(row)
+        if lost is not None:
+            right.barh(place, lost, height=0.55, color="0.55")
+            right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
+    _rows(left, [row["label"] for row in rows])
+    right.margins(x=0.15)
+    right.set_xlim(left=0.0)
+    label(left, x=FULCRUM, y="", title="Setting of each task")
+    label(right, x=f"more {table['cost_label']} with one setting for all ({reading.excess_unit(table)})", y="",
+          title="What adaptability buys")
 
 
-def robustness_figure(table: Table) -> Figure:
+@_drawn
+def robustness_figure(figure: Figure, table: Table) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
     rows = [row for row in table["robustness"] if row["fulcrum_mm"] is not None]
     ends = [row["fulcrum_mm"] for row in table["sweep"]]
-    with _drawn(table, 8.6, 1.4 + 0.3 * len(rows)) as figure:
-        axes = figure.subplots()
-        if table["fulcrum_interval_mm"] is not None:
-            axes.axvspan(*table["fulcrum_interval_mm"], color=SHADE, zorder=0)
-        if table["fulcrum_mm"] is not None:
-            axes.axvline(table["fulcrum_mm"], color="black", linewidth=1.0, zorder=1)
-        for place, row in enumerate(rows):
-            _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], place, markersize=7, zorder=2)
-        axes.set_yticks(range(len(rows)), [row["what"] for row in rows])
-        axes.set_ylim(len(rows) - 0.4, -0.6)
-        if ends:
-            axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
-        label(axes, x=FULCRUM, y="", title="The optimum when something is changed")
-    return figure
+    figure.set_size_inches(8.6, 1.4 + 0.3 * len(rows))
+    axes = figure.subplots()
+    if table["fulcrum_interval_mm"] is not None:
+        axes.axvspan(*table["fulcrum_interval_mm"], color=SHADE, zorder=0)
+    if table["fulcrum_mm"] is not None:
+        axes.axvline(table["fulcrum_mm"], color="black", linewidth=1.0, zorder=1)
+    for place, row in enumerate(rows):
+        _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], place, markersize=7, zorder=2)
+    _rows(axes, [row["what"] for row in rows])
+    if ends:
+        axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
+    label(axes, x=FULCRUM, y="", title="The optimum when something is changed")
 
 
 # A schedule: the cost of every task over the range, and the setting over what tells the tasks apart.
 
 
-def schedule_curves_figure(table: Table) -> Figure:
+@_drawn
+def schedule_curves_figure(figure: Figure, table: Table) -> None:
     """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
-    with _drawn(table, 8.6, 4.2) as figure:
-        axes = figure.subplots()
-        for i, row in enumerate(curved(table)):
-            x, y = (np.array(row["sweep"][key], dtype=float) for key in ("fulcrum_mm", "cost"))
-            least = row["cost_exact"] if row["cost_exact"] is not None else y.min()
-            axes.plot(x, y - least, color=_colour(row["fulcrum_mm"]), linestyle=_DASHES[i % len(_DASHES)],
-                      linewidth=1.6, label=row["label"])
-            if row["fulcrum_mm"] is not None and row["cost"] is not None:
-                _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], row["cost"] - least, markersize=7,
-                       marker="o" if row["optimal"] else "x")
-        common = table["common_fulcrum_mm"]
-        if common is not None:
-            axes.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
-        _legend(axes)
-        label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
-              title=f"Each task over the whole range: {table['cost_label']}")
-    return figure
+    figure.set_size_inches(8.6, 4.2)
+    axes = figure.subplots()
+    for i, row in enumerate(reading.curved(table)):
+        x, y = (np.array(row["sweep"][key], dtype=float) for key in ("fulcrum_mm", "cost"))
+        least = row["cost_exact"] if row["cost_exact"] is not None else y.min()
+        axes.plot(x, y - least, color=_colour(row["fulcrum_mm"]), linestyle=_DASHES[i % len(_DASHES)], linewidth=1.6,
+                  label=row["label"])
+        if row["fulcrum_mm"] is not None and row["cost"] is not None:
+            _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], row["cost"] - least, markersize=7,
+                   marker="o" if row["optimal"] else "x")
+    _one_for_all(axes, table)
+    _legend(axes)
+    label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
+          title=f"Each task over the whole range: {table['cost_label']}")
 
 
-def policy_figure(table: Table, name: str) -> Figure:
+@_drawn
+def policy_figure(figure: Figure, table: Table, name: str) -> None:
     """The setting over one descriptor, `name`, with its lookup between and outside of the tasks."""
     rows = sorted((row for row in table["tasks"] if row["exact_mm"] is not None), key=lambda row: row[name])
     x, y = ([row[key] for row in rows] for key in (name, "exact_mm"))
     beyond = 0.15 * (max(x) - min(x) or 1.0)
-    with _drawn(table, 7.4, 3.8) as figure:
-        axes = figure.subplots()
-        axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
-                  label="lookup, before rounding")
-        for i, row in enumerate(rows):
-            at = (row[name], row["fulcrum_mm"])
-            if row["interval_mm"] is not None:
-                axes.plot([row[name]] * 2, row["interval_mm"], color="0.8", linewidth=6.0, solid_capstyle="butt",
-                          zorder=0, label="interval" if i == 0 else None)
-            _point(axes, row["fulcrum_mm"], *at, label="stored" if i == 0 else None)
-            axes.annotate(row["label"], at, xytext=(8, 6), textcoords="offset points", fontsize=8)
-        if table["common_fulcrum_mm"] is not None:
-            axes.axhline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
-        low, high = table["reach_mm"]
-        axes.set_ylim(low - 2.0, high + 2.0)
-        _legend(axes)
-        label(axes, x=DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")
-    return figure
+    figure.set_size_inches(7.4, 3.8)
+    axes = figure.subplots()
+    axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
+              label="lookup, before rounding")
+    for i, row in enumerate(rows):
+        if row["interval_mm"] is not None:
+            axes.plot([row[name]] * 2, row["interval_mm"], color="0.8", linewidth=6.0, solid_capstyle="butt", zorder=0,
+                      label="interval" if i == 0 else None)
+        _point(axes, row["fulcrum_mm"], row[name], row["fulcrum_mm"], label="stored" if i == 0 else None)
+        axes.annotate(row["label"], (row[name], row["fulcrum_mm"]), xytext=(8, 6), textcoords="offset points",
+                      fontsize=8)
+    if table["common_fulcrum_mm"] is not None:
+        axes.axhline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
+    low, high = table["reach_mm"]
+    axes.set_ylim(low - 2.0, high + 2.0)
+    _legend(axes)
+    label(axes, x=reading.DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")

@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning.common import SETTINGS
+
 Table = Mapping[str, Any]
+Arrays = Mapping[str, Any]
+SHOWN = SETTINGS[:3]
+"""Settings of a tuning beside the recorded one."""
+FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
+LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+"""Coordinates in metres, not radians."""
+DESCRIPTORS = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}
 HOLDING = ("consistency", "deviation")
 """Terms of a cost that only hold it to the recording, by name: what they add says nothing of the person's gain."""
 _NEAR_MM = 0.05
@@ -46,10 +55,8 @@ def holding_terms(table: Table) -> list[Table]:
 
 def rest_at(table: Table, fulcrum_mm: float | None) -> float | None:
     """The cost without `holding_terms` at a position, as `cost_at`; None without such terms or position."""
-    if fulcrum_mm is None:
-        return None
-    there, holding = cost_at(table, fulcrum_mm), holding_terms(table)
-    if there is None or not holding:
+    there, holding = None if fulcrum_mm is None else cost_at(table, fulcrum_mm), holding_terms(table)
+    if fulcrum_mm is None or there is None or not holding:
         return None
     return there - sum(float(np.interp(fulcrum_mm, *swept(table, "terms", row["name"]))) for row in holding)
 
@@ -89,12 +96,12 @@ def compared(table: Table, cost: Callable[[float], float | None], own: float) ->
     if not len(x):
         return []
     recorded = recorded_positions(table)
-    inside = [("the recorded setting" if len(recorded) == 1 else "another recorded one", mm, False)
-              for mm in recorded if x[0] < mm < x[-1]]
+    inside = [mm for mm in recorded if x[0] < mm < x[-1]]
+    names = ["the softest setting", "the stiffest",
+             *["the recorded setting" if len(recorded) == 1 else "another recorded one"] * len(inside)]
     found: list[dict[str, Any]] = []
-    for name, mm, again in (*((name, mm, mm in recorded) for name, mm in
-                              (("the softest setting", float(x[0])), ("the stiffest", float(x[-1])))), *inside):
-        there, place = cost(mm), {"name": name, "mm": mm, "recorded": again}
+    for i, (name, mm) in enumerate(zip(names, [float(x[0]), float(x[-1]), *inside], strict=True)):
+        there, place = cost(mm), {"name": name, "mm": mm, "recorded": i < 2 and mm in recorded}
         if abs(mm - table["fulcrum_mm"]) < _NEAR_MM:
             found.append(place | {"saved": None})
         elif there is not None:
@@ -105,8 +112,7 @@ def compared(table: Table, cost: Callable[[float], float | None], own: float) ->
 
 def telling(table: Table) -> str | None:
     """The one descriptor in which a schedule's tasks differ; None if there is none, or several."""
-    found = [name for name in ("speed_m_per_s", "slope_deg", "carried_kg")
-             if len({row[name] for row in table["tasks"]}) > 1]
+    found = [name for name in DESCRIPTORS if len({row[name] for row in table["tasks"]}) > 1]
     known = all(row[name] is not None for name in found for row in table["tasks"])
     return found[0] if len(found) == 1 and known else None
 
@@ -116,26 +122,22 @@ def curved(table: Table) -> list[Table]:
     return [row for row in table["tasks"] if len(row["sweep"]["fulcrum_mm"]) > 1]
 
 
-def drawn_trials(table: Table, arrays: Mapping[str, Any]) -> dict[str, str]:
+def drawn_trials(table: Table, arrays: Arrays) -> dict[str, str]:
     """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label.
 
     One without a label where the arrays do not tell trials apart.
     """
-    def known(prefix: str) -> bool:
-        return f"{prefix}time" in arrays and any(f"{prefix}{name}" in arrays for name in ("softest", "optimum",
-                                                                                          "stiffest"))
-
-    found = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"]) if known(f"trial_{i}_")}
-    if not found:
-        return {"": "grf_"} if known("grf_") else {}
+    prefixes = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"])}
+    found, alone = ({name: prefix for name, prefix in given.items() if f"{prefix}time" in arrays and any(
+        f"{prefix}{setting}" in arrays for setting in SHOWN)} for given in (prefixes, {"": "grf_"}))
     names = list(found)
-    return {name: found[name] for name in (names[0], names[len(names) // 2], names[-1])}
+    return {name: found[name] for name in (names[0], names[len(names) // 2], names[-1])} if found else alone
 
 
-def root_mean_squares(arrays: Mapping[str, Any], key: str) -> np.ndarray | None:
-    """Of the differences of `key` and its recorded counterpart, column by column; None where one is missing."""
-    own, recorded = arrays.get(key), arrays.get(f"{key}_recorded")
-    if own is None or recorded is None or np.shape(own) != np.shape(recorded):
+def root_mean_squares(arrays: Arrays, key: str, other: str = "_recorded") -> np.ndarray | None:
+    """Of the differences of `key` and its recorded (or `other`) counterpart, column by column; None without one."""
+    own, against = arrays.get(key), arrays.get(f"{key}{other}")
+    if own is None or against is None or np.shape(own) != np.shape(against):
         return None
-    found: np.ndarray = np.sqrt(np.mean((np.asarray(own) - np.asarray(recorded)) ** 2, axis=0))
+    found: np.ndarray = np.sqrt(np.mean((np.asarray(own) - np.asarray(against)) ** 2, axis=0))
     return found
