@@ -8,7 +8,7 @@ from jinja2 import ChoiceLoader, DictLoader, UndefinedError
 from page_reader import Balanced
 
 from vsf_drake.report import page as page_module
-from vsf_drake.report.page import Chapter, Column, Grid, cell, chapter_page, listed, number, said
+from vsf_drake.report.page import Chapter, Column, cell, chapter_page, listed, number, said
 from vsf_drake.report.style import label, new_figure, style
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
@@ -31,18 +31,18 @@ def templates(monkeypatch):
     return own
 
 
-WIDE = Grid("wide", rows=[{f"c{i}": 1.0 / 3.0 for i in range(40)}],
-            columns=[Column(f"c{i}", f"number {i} (N)", "{:.6f}") for i in range(40)])
-TABLE = '{% call table("wide") %}Forty columns.{% endcall %}'
+WIDE = {"rows": [{f"c{i}": 1.0 / 3.0 for i in range(40)}],
+        "columns": [(f"c{i}", f"number {i} (N)", "{:.6f}") for i in range(40)]}
+TABLE = '{% call table("wide", rows, columns) %}Forty columns.{% endcall %}'
 FIGURE = '{% call figure("line", alt="The force rises from 0 to 2 N in 1 s.") %}Force {{ "<rises>" }}.{% endcall %}'
 
 
 @pytest.fixture
 def page(templates):
     """The page of one chapter with this template."""
-    def of(template: str, *, links=None, tables=(WIDE,), **facts) -> str:
+    def of(template: str, *, links=None, **facts) -> str:
         templates["one.html.j2"] = template
-        made = Chapter(name="bench", title="Bench & more", template="one.html.j2", facts=facts, tables=tables,
+        made = Chapter(name="bench", title="Bench & more", template="one.html.j2", facts=WIDE | facts,
                        figures={"line": drawn()} if "figure" in template else {})
         return chapter_page([made], title="A <title>", first_line="Walking data are SYNTHETIC.", synthetic=True,
                             links=links)[0]
@@ -133,8 +133,7 @@ def test_the_browser_would_notice_overflow_messages_requests_and_missing_images(
 
 
 def test_on_paper_a_table_of_many_columns_is_set_smaller(page):
-    narrow = Grid("narrow", rows=WIDE.rows, columns=WIDE.columns[:2])
-    text = page(TABLE + '{% call table("narrow") %}Two.{% endcall %}', tables=[WIDE, narrow])
+    text = page(TABLE + '{% call table("narrow", rows, columns[:2]) %}Two.{% endcall %}')
     sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
     assert sizes[0] < 4.0 and sizes[1] == 7.5
     assert "font-size:var(--print)" in text
@@ -154,15 +153,15 @@ TEMPLATE = """
 {% if bad %}<p>{{ name }} failed, {{ share | number("{:.0f}", 100) }} %.</p>{% endif %}
 {% call missing() %}No <b>{{ name }}</b>
    was measured.{% endcall %}
-{% call table("wide") %}Forty of {{ name }}.{% endcall %}
+{% call table("wide", rows, columns) %}Forty of {{ name }}.{% endcall %}
 {% call figure("line", alt="Rises to " ~ name) %}Force of {{ name }}.{% endcall %}
 """
 
 
 def written(templates, text, folder, **options):
     templates["own.html.j2"] = text
-    made = Chapter(name="own", title="Own", template="own.html.j2", tables=[WIDE], figures={"line": drawn()},
-                   facts={"bad": True, "name": "<x>", "share": 0.5})
+    made = Chapter(name="own", title="Own", template="own.html.j2", figures={"line": drawn()},
+                   facts=WIDE | {"bad": True, "name": "<x>", "share": 0.5})
     return chapter_page([made], title="t", first_line="f", synthetic=False, folder=folder, **options)
 
 

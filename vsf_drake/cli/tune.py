@@ -170,8 +170,7 @@ def schedule(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.tune_run import check_resolution, tune_tasks
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import schedule_words
-    from vsf_drake.report.tuning.chapters import SCHEDULE, write_schedule
+    from vsf_drake.report.tuning.chapters import SCHEDULE, schedule_words, write_schedule
 
     SCHEDULE.check(out)
     with progress() as show:

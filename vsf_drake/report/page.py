@@ -93,7 +93,7 @@ def data_uri(figure: Figure | bytes) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a grid.
+    """A column of a table.
 
     Attributes:
         key: of the row's value, with its unit at the end; the CSV's heading.
@@ -113,30 +113,20 @@ class Column:
             raise ValueError(f"{self.form!r} would show itself, not a number: write {{:{self.form}}}")
 
 
-@dataclass(frozen=True)
-class Grid:
-    """A table: `name` is the stem of its CSV file, unlike that of any other of the page; `rows` are values by key.
-
-    A row whose `met` is False is marked.
-    """
-
-    name: str
-    columns: Sequence[Column]
-    rows: Sequence[Mapping[str, Any]]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
     """A chapter of a page, made of saved results.
 
     Attributes:
         name: HTML anchor. title: its heading.
-        template: its text, "" for none. It shows what it is given with `{% call table("errors") %}caption{% endcall %}`
-            (or `table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...))`, the columns told there),
+        template: its text, "" for none. It shows what it is given with
+            `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
+            of the table's CSV file, its values by key (a row whose `met` is False is marked), and each column as
+            `Column` has it,
             `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
             `{% call missing() %}what is not there, and why{% endcall %}`.
         facts: numbers and decisions, by the names that the template calls them.
-        tables: in any order. figures: by name, the stem of their files, unlike that of any other of the page.
+        figures: by name, the stem of their files, unlike that of any other of the page.
         missing: what is not there, and why, above the rest.
     """
 
@@ -144,7 +134,6 @@ class Chapter:
     title: str
     template: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    tables: Sequence[Grid] = ()
     figures: Mapping[str, Figure] = field(default_factory=dict)
     missing: Sequence[str] = ()
 
@@ -194,17 +183,18 @@ class ShownChapter:
         self.missing.append(text.striptags() if isinstance(text, Markup) else text)
         return _macros.absent(text)
 
-    def _table(self, name: str, rows: Sequence[Mapping[str, Any]] = (), columns: Iterable[Sequence[Any]] = (),
+    def _table(self, name: str, rows: Sequence[Mapping[str, Any]], columns: Iterable[Sequence[Any]],
                caller: Callable[[], str] | None = None) -> Markup:
-        """A table of the chapter, or of `rows` with these columns, each what `Column` is made of."""
-        grid = next((each for each in self._chapter.tables if each.name == name), None) or Grid(
-            name, [Column(*column) for column in columns], rows)
+        made = [Column(*column) for column in columns]
         try:
-            shown = _grid(grid, _one_line("", caller))
+            shown = _macros.table([column.heading for column in made],
+                                  [[cell(column, row.get(column.key)) for column in made] for row in rows],
+                                  _one_line("", caller), right=[bool(column.form) for column in made],
+                                  unmet=[i for i, row in enumerate(rows) if row.get("met") is False])
             if self._folder is not None:
                 path = self._folder / TABLES / f"{name}.csv"
-                write_csv(path, [column.key for column in grid.columns],
-                          ([row.get(column.key) for column in grid.columns] for row in grid.rows))
+                write_csv(path, [column.key for column in made],
+                          ([row.get(column.key) for column in made] for row in rows))
                 self.files.add(path.relative_to(self._folder))
             return shown
         except (InputError, OSError):
@@ -261,15 +251,8 @@ def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]
         writer.writerows(csv_cells(row) for row in rows)
 
 
-def _grid(grid: Grid, caption: str) -> Markup:
-    rows = [[cell(column, row.get(column.key)) for column in grid.columns] for row in grid.rows]
-    return _macros.table([column.heading for column in grid.columns], rows, caption,
-                         right=[bool(column.form) for column in grid.columns],
-                         unmet=[i for i, row in enumerate(grid.rows) if row.get("met") is False])
-
-
 def cell(column: Column, value: Any) -> str:
-    """A value of a grid as the page shows it."""
+    """A value of a table as the page shows it."""
     return number(value, column.form, column.scale) if column.form else UNKNOWN if value is None else (
         said(value) if isinstance(value, bool) else str(value))
 

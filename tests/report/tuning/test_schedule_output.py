@@ -13,9 +13,8 @@ from page_reader import Balanced
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
-from vsf_drake.report.tuning.chapters import schedule_words
+from vsf_drake.report.tuning.chapters import SCHEDULE, schedule_words, write_schedule
 from vsf_drake.report.tuning.figures import policy_figure, schedule_curves_figure
-from vsf_drake.report.tuning.chapters import SCHEDULE, write_schedule
 from vsf_drake.report.tuning.reading import telling
 from vsf_drake.simulation.archive import RECORD_FILE
 
