@@ -25,7 +25,7 @@ LAYERS = {
 }
 OWN_PAGES = ("laws", "systems", "plants", "parameters")
 """Layers whose modules have a page each; in the others a package is one page."""
-SHOWN_PRIVATE = ("vsf_drake.systems._parameters",)
+SHOWN_PRIVATE = ("vsf_drake.systems._system",)
 """Private modules whose class every system shows: `GetParameter`, `SetParameters`."""
 BESIDE = "parameters"
 BESIDE_TITLE = "Parameters, files, errors"
@@ -77,7 +77,7 @@ def described(path: Path) -> list[str]:
     for node, following in zip(body, [*body[1:], None], strict=False):  # an empty file has no node
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-                is_template = any("TemplateSystem" in ast.unparse(decorator) for decorator in node.decorator_list)
+                is_template = any("system_template" in ast.unparse(decorator) for decorator in node.decorator_list)
                 if is_template or ast.get_docstring(node):
                     names.append(name.removesuffix("_") if is_template else name)
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):

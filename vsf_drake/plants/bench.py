@@ -20,8 +20,8 @@ from vsf_drake.plants.foot_wiring import wire_foot, wire_unloaded_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
 from vsf_drake.plants.wiring import connect_kinematics, servo, share_generalized_forces, share_spatial_forces
+from vsf_drake.systems.contact import TestingMachine
 from vsf_drake.systems.foot_forces import FootForces
-from vsf_drake.systems.testing_machine import TestingMachine
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,22 @@
 """Forces, sensors and controllers that Drake does not have, as LeafSystems for float and AutoDiffXd.
 
-Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by name; physical constants
-are numeric parameters in the Context, read and set by name with `GetParameter` and `SetParameters`.
+Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Ports are found by name. Physical constants
+are numeric parameters in the Context, read and set by name with `GetParameter` and `SetParameters`; a scalar stands for
+an array of equal values, and an array of another shape is a ValueError.
+
+Inputs named body_poses, body_spatial_velocities (of all bodies) and state are for the MultibodyPlant's ports of those
+names; `plants.share_spatial_forces` and `plants.share_generalized_forces` bring the outputs spatial_forces (one per
+body) and generalized_force to its applied_spatial_force and applied_generalized_force, beside what acts there already.
 """
 
-from vsf_drake.systems.contact import KelvinVoigtContact, KelvinVoigtContact_, StickSlipFriction, StickSlipFriction_
+from vsf_drake.systems.contact import (
+    KelvinVoigtContact,
+    KelvinVoigtContact_,
+    StickSlipFriction,
+    StickSlipFriction_,
+    TestingMachine,
+    TestingMachine_,
+)
 from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_, FulcrumSupport, FulcrumSupport_
 from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
@@ -24,7 +36,6 @@ from vsf_drake.systems.swing_controller import (
     SwingController,
     SwingController_,
 )
-from vsf_drake.systems.testing_machine import TestingMachine, TestingMachine_
 
 __all__ = [
     "AdjustmentRecorder", "AdjustmentRecorder_", "FootForces", "FootForces_", "FulcrumActuator", "FulcrumActuator_",

@@ -1,25 +1,20 @@
-"""Normal force and friction of the ground on all contact spheres of the model."""
+"""Normal force and friction of the ground on contact spheres, and a testing machine's platen against sites."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
 from vsf_drake.laws.stick_slip import friction_force
-from vsf_drake.systems._lifetime import PEERS, constructor, copied
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import Sites, declare_kinematics
+from vsf_drake.systems._sites import Sites
+from vsf_drake.systems._system import System_, system_template
 
 
-@TemplateSystem.define("KelvinVoigtContact_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def KelvinVoigtContact_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Modified Kelvin-Voigt contact of N spheres with the ground plane.
 
         The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 1) with depth =
@@ -41,27 +36,17 @@ def KelvinVoigtContact_(T):
         Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
         depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
 
-        Wiring: both inputs from MultibodyPlant's ports of those names; spatial_forces to its applied_spatial_force, by
-        way of an ExternallyAppliedSpatialForceMultiplexer.
-
         Args:
             body_indices: N body indices, one per sphere.
             p_BS: (N, 3) sphere centres in their bodies' frames (m).
             radius: (N,) m.
             stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
             ground_height: z of the ground in W (m).
-            unloading: branch of the law while the depth falls, "continuous" or "printed".
+            unloading: branch of the law while the depth falls, "continuous" or "printed"; else ValueError.
 
-        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height. A
-        scalar stands for N equal values.
-
-        Raises:
-            ValueError: an array has the wrong shape, or `unloading` is unknown.
+        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_velocities_port")
-
-        @constructor
         def _construct(
             self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
             exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
@@ -69,32 +54,30 @@ def KelvinVoigtContact_(T):
         ) -> None:
             if unloading not in UNLOADING_BRANCHES:
                 raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
-            self._sites, self._unloading = Sites(body_indices, T), unloading
+            self._sites, self._unloading = Sites(body_indices), unloading
             count = len(self._sites)
             each = (count,)
-            self._poses_port, self._velocities_port = declare_kinematics(self, T)
+            self._declare_kinematics()
             self._declare_parameters(
-                T, p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each),
-                exponent=(exponent, each), damping=(damping, each), full_damping_depth=(full_damping_depth, each),
+                p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each), exponent=(exponent, each),
+                damping=(damping, each), full_damping_depth=(full_damping_depth, each),
                 ground_height=(ground_height, ()))
-            self._contact = self._declare_inputs_cache("contact", self._calc_contact)
+            self._contact = self._declare_cached("contact", self._calc_contact)
             self._declare_parts(self._contact, normal_force=count, depth=count, depth_rate=count)
-            self._declare_spatial_forces(T, self._spatial_forces)
-
-        _construct_copy = copied
+            self._declare_spatial_forces(self._spatial_forces)
 
         def _calc_contact(self, context) -> dict[str, np.ndarray]:
             law = dict(self._constants(context))
             radius, ground_height = law.pop("radius"), law.pop("ground_height")
-            p_WS, p_BoS_W = self._sites.positions(self._poses_port.Eval(context), law.pop("p_BS"))
-            v_WS = self._sites.velocities(self._velocities_port.Eval(context), p_BoS_W)
+            p_WS, p_BoS_W = self._sites.positions(self._value(context, "body_poses"), law.pop("p_BS"))
+            v_WS = self._sites.velocities(self._value(context, "body_spatial_velocities"), p_BoS_W)
             depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
             force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
             return {"normal_force": force, "depth": depth, "depth_rate": depth_rate, "p_BoS_W": p_BoS_W}
 
-        def _spatial_forces(self, context) -> list:
-            contact = self._contact.Eval(context)
-            return self._sites.upward_forces(contact["p_BoS_W"], contact["normal_force"])  # S, C: one line of action
+        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
+            contact = self._contact(context)
+            return self._sites.spatial_forces(contact["p_BoS_W"], contact["normal_force"])  # S, C: one line of action
 
     return Impl
 
@@ -102,9 +85,9 @@ def KelvinVoigtContact_(T):
 KelvinVoigtContact = KelvinVoigtContact_[float]
 
 
-@TemplateSystem.define("StickSlipFriction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def StickSlipFriction_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Stick-slip friction of N spheres on the ground plane.
 
         The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 2). The slip is
@@ -122,11 +105,9 @@ def StickSlipFriction_(T):
             - friction_force
             - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N. Outputs:
-        friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the spheres; spatial_forces, one per body.
-
-        Wiring: poses and velocities from MultibodyPlant, normal_force from `KelvinVoigtContact` with the same sites;
-        spatial_forces to MultibodyPlant's applied_spatial_force.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
+        `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
+        spheres; spatial_forces, one per body.
 
         Args:
             body_indices: N body indices, one per sphere.
@@ -136,48 +117,111 @@ def StickSlipFriction_(T):
             smooth: use the variant with a continuous derivative.
 
         Parameters in the Context: p_BS, radius, mu_static, mu_kinetic, threshold_velocity.
-
-        Raises:
-            ValueError: an array has the wrong shape.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_normal_force_port")
-
-        @constructor
         def _construct(
             self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
             mu_kinetic: float, threshold_velocity: float, smooth: bool = False
         ) -> None:
-            self._sites, self._smooth = Sites(body_indices, T), smooth
+            self._sites, self._smooth = Sites(body_indices), smooth
             count = len(self._sites)
-            self._poses_port, self._velocities_port = declare_kinematics(self, T)
-            self._normal_force_port = self.DeclareVectorInputPort("normal_force", count)
+            self._declare_kinematics()
+            self._declare_inputs(normal_force=count)
             self._declare_parameters(
-                T, p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
+                p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
                 mu_kinetic=(mu_kinetic, ()), threshold_velocity=(threshold_velocity, ()))
-            self._friction = self._declare_inputs_cache("friction", self._calc_friction)
-            self._declare_value("friction_force", 3 * count, self._friction_force)
-            self._declare_spatial_forces(T, self._spatial_forces)
-
-        _construct_copy = copied
+            self._friction = self._declare_cached("friction", self._calc_friction)
+            self._declare_output("friction_force", 3 * count, self._friction_force)
+            self._declare_spatial_forces(self._spatial_forces)
 
         def _calc_friction(self, context) -> tuple[np.ndarray, np.ndarray]:
             """p_BoC_W and f_C_W, each (N, 3)."""
             law = dict(self._constants(context))
-            _, p_BoC_W = self._sites.positions(self._poses_port.Eval(context), law.pop("p_BS"))
+            _, p_BoC_W = self._sites.positions(self._value(context, "body_poses"), law.pop("p_BS"))
             p_BoC_W[:, 2] -= law.pop("radius")
-            v_WC = self._sites.velocities(self._velocities_port.Eval(context), p_BoC_W)
-            f_C_W, normal = 0.0 * v_WC, self._normal_force_port.Eval(context)
-            f_C_W[:, :2] = friction_force(v_WC[:, :2], normal, **law, smooth=self._smooth)
+            v_WC = self._sites.velocities(self._value(context, "body_spatial_velocities"), p_BoC_W)
+            f_C_W = 0.0 * v_WC
+            f_C_W[:, :2] = friction_force(v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth)
             return p_BoC_W, f_C_W
 
         def _friction_force(self, context) -> np.ndarray:
-            return self._friction.Eval(context)[1].ravel()
+            return self._friction(context)[1].ravel()
 
-        def _spatial_forces(self, context) -> list:
-            return self._sites.spatial_forces(*self._friction.Eval(context))
+        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
+            return self._sites.spatial_forces(*self._friction(context))
 
     return Impl
 
 
 StickSlipFriction = StickSlipFriction_[float]
+
+
+@system_template()
+def TestingMachine_(T):
+    class Impl(System_(T)):
+        """A massless platen that presses N sites of the foot from below, in displacement control.
+
+        The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and
+        at the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
+        10.1115/1.4050456). Ball and site touch when the platen's height z_p equals the site's, so radii are part of
+        z_p; then depth = z_p - z_S, depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`.
+        The force acts along +z_W at S. No friction.
+
+        .. pydrake_system::
+
+            name: TestingMachine
+            input_ports:
+            - body_poses
+            - body_spatial_velocities
+            - platen
+            output_ports:
+            - load
+            - depth
+            - spatial_forces
+
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
+        velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
+
+        Args:
+            body_indices: N body indices, one per site.
+            p_BS: (N, 3) sites in their bodies' frames (m).
+            stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
+
+        Parameters in the Context: p_BS, stiffness, exponent, damping, full_damping_depth.
+        """
+
+        __test__ = False  # not a test class, whatever pytest thinks of its name
+
+        def _construct(
+            self, *, body_indices: Sequence[int], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
+            damping: np.ndarray, full_damping_depth: np.ndarray
+        ) -> None:
+            self._sites = Sites(body_indices)
+            count = len(self._sites)
+            each = (count,)
+            self._declare_kinematics()
+            self._declare_inputs(platen=2)
+            self._declare_parameters(
+                p_BS=(p_BS, (count, 3)), stiffness=(stiffness, each), exponent=(exponent, each),
+                damping=(damping, each), full_damping_depth=(full_damping_depth, each))
+            self._contact = self._declare_cached("contact", self._calc_contact)
+            self._declare_parts(self._contact, load=1, depth=count)
+            self._declare_spatial_forces(self._spatial_forces)
+
+        def _calc_contact(self, context) -> dict[str, np.ndarray]:
+            law = dict(self._constants(context))
+            height, velocity = self._value(context, "platen")
+            p_WS, p_BoS_W = self._sites.positions(self._value(context, "body_poses"), law.pop("p_BS"))
+            v_WS = self._sites.velocities(self._value(context, "body_spatial_velocities"), p_BoS_W)
+            depth = penetration_depth(p_WS[:, 2], height)
+            force = normal_force(depth, velocity - v_WS[:, 2], **law)
+            return {"load": [force.sum()], "depth": depth, "force": force, "p_BoS_W": p_BoS_W}
+
+        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
+            contact = self._contact(context)
+            return self._sites.spatial_forces(contact["p_BoS_W"], contact["force"])
+
+    return Impl
+
+
+TestingMachine = TestingMachine_[float]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_kernel import (
@@ -22,18 +18,16 @@ from vsf_drake.systems._foot_kernel import (
     foot_vector_in_python,
     slices,
 )
-from vsf_drake.systems._lifetime import PEERS, constructor, copied
-from vsf_drake.systems._parameters import NamedParameters, fulcrum_place
-from vsf_drake.systems._sites import ForcePacker, declare_kinematics
+from vsf_drake.systems._system import System_, system_template
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
 
-@TemplateSystem.define("FootForces_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def FootForces_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into.
 
         In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`,
@@ -76,10 +70,7 @@ def FootForces_(T):
         the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the
         mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,)
         m/s, also without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are
-        zero. With `law` None there is no contact and no output from grf on.
-
-        Wiring: `wire_foot` does it. body_poses, body_spatial_velocities and state from MultibodyPlant; spatial_forces
-        to its applied_spatial_force and generalized_force to its applied_generalized_force, see `share_spatial_forces`.
+        zero. With `law` None there is no contact and no output from grf on. `wire_foot` makes and connects it.
 
         Args:
             num_positions, num_velocities: of the plant.
@@ -105,9 +96,6 @@ def FootForces_(T):
                 beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_state_port", "_fulcrum_port")
-
-        @constructor
         def _construct(
             self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
             velocity_indices: Sequence[int], frame_body_index: int, keel_starts: np.ndarray, site_keel: Sequence[int],
@@ -123,19 +111,16 @@ def FootForces_(T):
             m, sites = len(self._starts), len(self._site_keel)
             if self._at.shape != (2, m + 1):
                 raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
-            self._slices, self._packer = slices(m, sites, num_velocities), ForcePacker([self._frame], T)
-            self._poses_port, self._velocities_port = declare_kinematics(self, T)
-            self._state_port = self.DeclareVectorInputPort("state", num_positions + num_velocities)
-            self._fulcrum_port = self.DeclareVectorInputPort("fulcrum_position", 1)
-            self._declare_parameters(T, **_shaped(constants, m, sites, contact=law is not None))
-            self._packed = self._declare_cached("packed", self._pack_constants, {self.all_parameters_ticket()})
-            self._values = self._declare_inputs_cache("values", self._calc_values)
-            self._declare_spatial_forces(T, self._spatial_forces)
+            self._slices = slices(m, sites, num_velocities)
+            self._declare_kinematics()
+            self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
+            self._declare_parameters(**_shaped(constants, m, sites, contact=law is not None))
+            self._packed = self._declare_cached("packed", self._pack_constants, self.all_parameters_ticket())
+            self._values = values = self._declare_cached("values", self._calc_values)
+            self._declare_spatial_forces(self._spatial_forces)
             for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
                 part = self._slices[name]
-                self._declare_value(name, part.stop - part.start, partial(self._part, name))
-
-        _construct_copy = copied
+                self._declare_output(name, part.stop - part.start, lambda context, part=part: values(context)[part])
 
         def _pack_constants(self, context) -> tuple:
             c = _NO_CONTACT | self._constants(context)
@@ -145,14 +130,12 @@ def FootForces_(T):
                     np.array([c[name] for name in SCALARS]), self._at, self._count)
 
         def _calc_values(self, context) -> np.ndarray:
-            X_WF = self._poses_port.Eval(context)[self._frame].GetAsMatrix34()
-            V_WF = self._velocities_port.Eval(context)[self._frame].get_coeffs()
-            given = self._fulcrum_port.HasValue(context)
-            position = self._fulcrum_port.Eval(context)[0] if given else self._constants(context)["fulcrum_m"]
-            at = (X_WF, V_WF, self._state_port.Eval(context), fulcrum_place(position, self))
+            X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
+            V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
+            at = (X_WF, V_WF, self._value(context, "state"), self._fulcrum_place(context))
             if T is AutoDiffXd:
-                return foot_vector_in_python(*self._packed.Eval(context), *at) + AutoDiffXd(0.0)  # not ints either
-            values = foot_vector(*self._packed.Eval(context), *at)
+                return foot_vector_in_python(*self._packed(context), *at) + AutoDiffXd(0.0)  # not ints either
+            values = foot_vector(*self._packed(context), *at)
             if self._grip_limit is not None:
                 self._check_grip(context, values[self._slices["normal_force"]])
             return values
@@ -169,11 +152,8 @@ def FootForces_(T):
                     where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
                     "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
 
-        def _part(self, name: str, context) -> np.ndarray:
-            return self._values.Eval(context)[self._slices[name]]
-
-        def _spatial_forces(self, context) -> list:
-            return [self._packer.pack(self._frame, self._part("wrench", context))]
+        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
+            return [(self._frame, self._values(context)[self._slices["wrench"]])]
 
     return Impl
 

@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, DependencyTicket, LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
+from pydrake.systems.framework import BasicVector_, DependencyTicket
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
-from vsf_drake.systems._lifetime import PEERS, constructor, copied
-from vsf_drake.systems._parameters import NamedParameters, fulcrum_place
-from vsf_drake.systems._sites import ForcePacker, cross, declare_kinematics, scattered
+from vsf_drake.systems._sites import cross
+from vsf_drake.systems._system import System_, system_template
+
+STATE = ("fulcrum_position", "carriage_velocity", "energy", "work", "losses")
 
 
-@TemplateSystem.define("FulcrumSupport_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def FulcrumSupport_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Two-sided stiff support of the keel at a continuous position along it.
 
         The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the
@@ -49,30 +48,21 @@ def FulcrumSupport_(T):
             - spatial_forces
             - support_force
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A.
-        Outputs: spatial_forces on the keel body that holds P and on F; support_force (1,) N on the keel along z_K,
-        negative while the ground bends the toe up.
-
-        Wiring: poses and velocities from MultibodyPlant, fulcrum_position from a source or from the carriage's
-        coordinate; spatial_forces to MultibodyPlant's applied_spatial_force.
+        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of
+        a source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F;
+        support_force (1,) N on the keel along z_K, negative while the ground bends the toe up.
 
         Args:
             frame_body_index: body F.
             X_FK: pose of K in F.
             keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
-            keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first.
+            keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
             stiffness: N/m.
             damping: N s/m.
 
         Parameters in the Context: stiffness, damping.
-
-        Raises:
-            ValueError: the starts do not increase, or do not match the bodies.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_velocities_port", "_position_port")
-
-        @constructor
         def _construct(
             self, *, frame_body_index: int, X_FK: RigidTransform, keel_body_indices: Sequence[int],
             keel_body_starts: np.ndarray, stiffness: float, damping: float
@@ -82,21 +72,17 @@ def FulcrumSupport_(T):
                 raise ValueError(f"keel_body_starts must be {len(keel_body_indices)} increasing numbers")
             self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
             self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
-            self._packer = ForcePacker([self._frame, *self._keel], T)
-            self._poses_port, self._velocities_port = declare_kinematics(self, T)
-            self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
-            self._declare_parameters(T, "fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
-            self._support = self._declare_inputs_cache("support", self._calc_support)
-            self._declare_spatial_forces(T, self._spatial_forces)
+            self._declare_kinematics()
+            self._declare_inputs(fulcrum_position=1)
+            self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
+            self._support = self._declare_cached("support", self._calc_support)
+            self._declare_spatial_forces(self._spatial_forces)
             self._declare_parts(self._support, support_force=1)
-
-        _construct_copy = copied
 
         def _calc_support(self, context) -> dict[str, Any]:
             constants = self._constants(context)
-            poses = self._poses_port.Eval(context)
-            velocities = self._velocities_port.Eval(context)
-            position = fulcrum_place(self._position_port.Eval(context)[0], self)
+            poses, velocities = self._value(context, "body_poses"), self._value(context, "body_spatial_velocities")
+            position = self._fulcrum_place(context)
             at = position if T is float else position.value()
             keel = int(np.searchsorted(self._starts, at, side="right")) - 1
             keel = min(max(keel, 0), len(self._starts) - 1)
@@ -114,8 +100,8 @@ def FulcrumSupport_(T):
             F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
             return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
 
-        def _spatial_forces(self, context) -> list:
-            return [self._packer.pack(body, F_W) for body, F_W in self._support.Eval(context)["applied"]]
+        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
+            return self._support(context)["applied"]
 
     return Impl
 
@@ -126,9 +112,9 @@ FulcrumSupport = FulcrumSupport_[float]
 # The desired states of a foot's actuators, in a plant with a time step.
 
 
-@TemplateSystem.define("FulcrumCommand_", T_list=[float, AutoDiffXd, Expression], scope=sys.modules[__name__])
+@system_template(AutoDiffXd, Expression)
 def FulcrumCommand_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Sends the carriage to the fulcrum position and the keel's joints to straight.
 
         For a foot whose springs and carriage are PD-controlled actuators of its model instance: q_d = 0 in the keel's
@@ -144,9 +130,8 @@ def FulcrumCommand_(T):
             - position
 
         Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
-        desired_state (2 num_actuators,), [q_d; v_d]; position (1,) m, that fulcrum position.
-
-        Wiring: `wire_foot` does it. desired_state to MultibodyPlant's desired_state port of the foot's instance.
+        desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
+        `wire_foot` connects it; position (1,) m, that fulcrum position.
 
         Args:
             num_actuators: of the foot's instance.
@@ -162,19 +147,16 @@ def FulcrumCommand_(T):
             InputError: (when evaluated) the fulcrum's position is not a number, or in mm; (when converted) see above.
         """
 
-        __slots__ = (PEERS, "_position_port")
-
-        @constructor
         def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
-            self._count, self._carriage = 2 * num_actuators, np.array([carriage])
-            self._position_port = self.DeclareVectorInputPort("fulcrum_position", 1)
-            self._declare_parameters(T, fulcrum_m=(fulcrum_m, ()))
-            self._declare_value("desired_state", self._count, self._desired_state)
-            self._declare_value("position", 1, self._position)
+            self._count, self._carriage = 2 * num_actuators, carriage
+            self._declare_inputs(fulcrum_position=1)
+            self._declare_parameters(fulcrum_m=(fulcrum_m, ()))
+            self._declare_output("desired_state", self._count, self._desired_state)
+            self._declare_output("position", 1, self._position)
 
         def _construct_copy(self, other, converter=None) -> None:
             if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
-                copied(self, other, converter)
+                self._construct(converter=converter, **other._arguments)
                 return
             raise InputError(
                 "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
@@ -182,12 +164,13 @@ def FulcrumCommand_(T):
                 right="Build the diagram again for a second one, and take a continuous plant for derivatives")
 
         def _position(self, context) -> np.ndarray:
-            given = self._position_port.HasValue(context)
-            position = self._position_port.Eval(context)[0] if given else self._constants(context)["fulcrum_m"]
-            return np.array([position if T is Expression else fulcrum_place(position, self)])
+            return np.array([self._fulcrum_place(context)])
 
         def _desired_state(self, context) -> np.ndarray:
-            return scattered(self._position(context), self._carriage, self._count)
+            position = self._position(context)
+            desired = np.zeros(self._count, dtype=position.dtype)
+            desired[self._carriage] = position[0]
+            return desired
 
     return Impl
 
@@ -198,9 +181,9 @@ FulcrumCommand = FulcrumCommand_[float]
 # Motor, lead screw and carriage that move the fulcrum along the keel.
 
 
-@TemplateSystem.define("FulcrumActuator_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def FulcrumActuator_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
 
         The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
@@ -242,10 +225,10 @@ def FulcrumActuator_(T):
         either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
         Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
         (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
-        energies are states, without feedthrough. Continuous state: position; velocity; energy, work, losses.
+        energies are states, without feedthrough.
 
         Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose support_force
-        comes back. `vsf_drake.plants.foot_wiring.add_fulcrum_drive` does it.
+        comes back. `plants.add_fulcrum_drive` does it.
 
         Args:
             parameters: motor, gear, screw and rail.
@@ -263,9 +246,6 @@ def FulcrumActuator_(T):
                 is too small for its friction, or the carriage would start outside its travel.
         """
 
-        __slots__ = (PEERS, "_desired_port", "_enabled_port", "_support_port", "_axial_port")
-
-        @constructor
         def _construct(
             self, *, parameters: ActuatorParameters | None = None, carriage_mass: float = 0.1, rearmost: float = 0.066,
             foremost: float = 0.151, initial_position: float = 0.108
@@ -274,25 +254,21 @@ def FulcrumActuator_(T):
             travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
             _check_screw(parameters, carriage_mass)
             _check_travel(rearmost, foremost, initial_position)
-            self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
-            self._enabled_port = self.DeclareVectorInputPort("enabled", 1)
-            self._support_port = self.DeclareVectorInputPort("support_force", 1)
-            self._axial_port = self.DeclareVectorInputPort("axial_load", 1)
+            self._declare_inputs(desired_position=1, enabled=1, support_force=1, axial_load=1)
+            desired = self.GetInputPort("desired_position")
             constants = dataclasses.asdict(parameters) | travel
-            self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
+            self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
             state = BasicVector_[T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
             self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
-            sources = {self.q_ticket(), self.v_ticket(), self.all_input_ports_ticket(), self.all_parameters_ticket()}
-            self._drive = self._declare_cached("drive", self._calc_drive, sources)
-            self._declare_state("fulcrum_position", 0, self.q_ticket())
-            self._declare_state("carriage_velocity", 1, self.v_ticket())
-            self._declare_value("motor_current", 1, self._current, {self._drive.ticket()})
-            for i, name in enumerate(("energy", "work", "losses")):
-                self._declare_state(name, 2 + i, self.z_ticket())
-            self._declare_value("position_error", 1, self._position_error, {
-                self.q_ticket(), self._desired_port.ticket(), self.all_parameters_ticket()})
-
-        _construct_copy = copied
+            q, v, z, given = self.q_ticket(), self.v_ticket(), self.z_ticket(), self.all_parameters_ticket()
+            sources = (q, v, self.all_input_ports_ticket(), given)
+            self._drive = self._declare_cached("drive", self._calc_drive, *sources)
+            self._declare_state(q, "fulcrum_position")
+            self._declare_state(v, "carriage_velocity")
+            self._declare_output("motor_current", 1, self._current, *sources)
+            for name in STATE[2:]:
+                self._declare_state(z, name)
+            self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
 
         def SetPosition(self, context, position: float) -> None:
             """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are.
@@ -306,20 +282,18 @@ def FulcrumActuator_(T):
             state[:2] = position, 0.0
             context.SetContinuousState(state)
 
-        def _declare_state(self, name: str, i: int, ticket: DependencyTicket) -> None:
-            self._declare_value(name, 1, lambda context: _state(context)[i:i + 1], {ticket})
+        def _declare_state(self, ticket: DependencyTicket, name: str) -> None:
+            i = STATE.index(name)
+            self._declare_output(name, 1, lambda context: _state(context)[i:i + 1], ticket)
 
         def _current(self, context) -> np.ndarray:
-            return np.array([self._drive.Eval(context)[0]])
+            return np.array([self._drive(context)[0]])
 
         def _position_error(self, context) -> np.ndarray:
-            return np.array([self._error(context)])
-
-        def _error(self, context) -> Any:
-            constants, desired = self._constants(context), self._desired_port.Eval(context)[0]
+            constants, desired = self._constants(context), self._value(context, "desired_position")[0]
             low, high = constants["rearmost"], constants["foremost"]
             within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
-            return within - _state(context)[0]
+            return np.array([within - _state(context)[0]])
 
         def _calc_drive(self, context) -> tuple[Any, np.ndarray]:
             """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
@@ -333,15 +307,15 @@ def FulcrumActuator_(T):
             limit = law.limited_voltage(
                 c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
                 torque_constant=c["torque_constant_n_m_per_a"])
-            voltage = self._enabled_port.Eval(context)[0] * law.servo_voltage(
-                self._error(context), limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
+            voltage = self._value(context, "enabled")[0] * law.servo_voltage(
+                self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
             current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
                                         resistance=c["winding_resistance_ohm"])
             torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
             stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
                                   dissipation=c["stop_dissipation_s_per_m"])
-            drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._support_port.Eval(context)[0])
-            axial = self._axial_port.Eval(context)[0] if self._axial_port.HasValue(context) else 0.0
+            drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._value(context, "support_force")[0])
+            axial = self._value(context, "axial_load")[0] if self._ports["axial_load"].HasValue(context) else 0.0
             inertia = c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
             motion = law.carriage_motion(
                 torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
@@ -354,7 +328,7 @@ def FulcrumActuator_(T):
             return current, np.array([v, motion.acceleration, taken, motion.nut_force * v, losses])
 
         def DoCalcTimeDerivatives(self, context, derivatives) -> None:
-            derivatives.SetFromVector(self._drive.Eval(context)[1])
+            derivatives.SetFromVector(self._drive(context)[1])
 
     return Impl
 

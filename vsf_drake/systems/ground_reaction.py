@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults_
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake.systems._lifetime import PEERS, Collectable, constructor, copied
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import Sites, cross, declare_body_poses, level_reaction
+from vsf_drake.systems._sites import Sites, cross
+from vsf_drake.systems._system import System_, system_template
 
 
-@TemplateSystem.define("GroundReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def GroundReaction_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Ground reaction force on N spheres, its centre of pressure and free moment.
 
         The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their moment M about the
@@ -48,12 +44,10 @@ def GroundReaction_(T):
             - cop
             - free_moment
 
-        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N; friction_force (3 N,), N rows (fx, fy, 0)
-        in W. Outputs: grf (3,) N in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model.
-        Without load all three are zero (so cop is the origin of W: check grf first).
-
-        Wiring: body_poses from MultibodyPlant, normal_force from `KelvinVoigtContact`, friction_force from
-        `StickSlipFriction`. For one foot of two, give it that foot's sites.
+        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3
+        N,), N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot of two, of its own sites. Outputs: grf (3,) N
+        in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are
+        zero (so cop is the origin of W: check grf first).
 
         Args:
             body_indices: N body indices, one per sphere.
@@ -62,37 +56,27 @@ def GroundReaction_(T):
             ground_height: z of the ground in W (m).
 
         Parameters in the Context: p_BS, radius, ground_height.
-
-        Raises:
-            ValueError: an array has the wrong shape.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_normal_force_port", "_friction_force_port")
-
-        @constructor
         def _construct(
             self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
         ) -> None:
-            self._sites = Sites(body_indices, T)
+            self._sites = Sites(body_indices)
             count = len(self._sites)
-            self._poses_port = declare_body_poses(self, T)
-            self._normal_force_port = self.DeclareVectorInputPort("normal_force", count)
-            self._friction_force_port = self.DeclareVectorInputPort("friction_force", 3 * count)
+            self._declare_kinematics("body_poses")
+            self._declare_inputs(normal_force=count, friction_force=3 * count)
             self._declare_parameters(
-                T, p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
-            self._reaction = self._declare_inputs_cache("reaction", self._calc_reaction)
-            self._declare_parts(self._reaction, grf=3, cop=3, free_moment=1)
-
-        _construct_copy = copied
+                p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
+            reaction = self._declare_cached("reaction", self._calc_reaction)
+            self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
         def _calc_reaction(self, context) -> dict[str, np.ndarray]:
             constants = self._constants(context)
-            p_WC, _ = self._sites.positions(self._poses_port.Eval(context), constants["p_BS"])
+            p_WC, _ = self._sites.positions(self._value(context, "body_poses"), constants["p_BS"])
             p_WC[:, 2] -= constants["radius"]
-            force = self._friction_force_port.Eval(context).reshape(-1, 3).copy()
-            force[:, 2] += self._normal_force_port.Eval(context)
-            F, M = force.sum(axis=0), cross(p_WC, force).sum(axis=0)
-            return level_reaction(F, M, constants["ground_height"])
+            force = self._value(context, "friction_force").reshape(-1, 3).copy()
+            force[:, 2] += self._value(context, "normal_force")
+            return _on_plane(force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"])
 
     return Impl
 
@@ -100,9 +84,9 @@ def GroundReaction_(T):
 GroundReaction = GroundReaction_[float]
 
 
-@TemplateSystem.define("DrakeReaction_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def DrakeReaction_(T):
-    class Impl(Collectable, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
 
         The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
@@ -123,39 +107,30 @@ def DrakeReaction_(T):
             - cop
             - free_moment
 
-        Inputs: contact_results, of the plant. Outputs: grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,)
-        N m about +z_W, on the foot. Without load all three are zero.
-
-        Wiring: `wire_foot` does it. contact_results from MultibodyPlant.
+        Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,)
+        m in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
 
         Args:
             body_indices: the foot's bodies.
             geometry_ids: the collision geometries on them.
         """
 
-        __slots__ = (PEERS, "_results_port")
-
-        @constructor
-        def _construct(
-            self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]
-        ) -> None:
+        def _construct(self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]) -> None:
             self._bodies = frozenset(int(i) for i in body_indices)
             self._geometries = frozenset(_number(id) for id in geometry_ids)
             self._arguments["geometry_ids"] = self._geometries
-            self._results_port = self.DeclareAbstractInputPort(
+            self._ports["contact_results"] = self.DeclareAbstractInputPort(
                 "contact_results", AbstractValue.Make(ContactResults_[T]()))
-            self._reaction = self._declare_cached("reaction", self._calc_reaction, {self.all_input_ports_ticket()})
-            self._declare_parts(self._reaction, grf=3, cop=3, free_moment=1)
-
-        _construct_copy = copied
+            reaction = self._declare_cached("reaction", self._calc_reaction)
+            self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
         def _calc_reaction(self, context) -> dict[str, np.ndarray]:
             F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
-            for point, touched, force, moment in self._contacts(self._results_port.Eval(context)):
+            for point, touched, force, moment in self._contacts(self._value(context, "contact_results")):
                 F, M = F + force, M + moment + cross(point, force)
                 weight = np.sqrt(force @ force)
                 size, height = size + weight, height + weight * touched[2]
-            return level_reaction(F, M, height / size if F[2] > 0 else height)
+            return _on_plane(F, M, height / size if F[2] > 0 else height)
 
         def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
             """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
@@ -176,6 +151,15 @@ def DrakeReaction_(T):
                     yield centroid, centroid, sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
 
     return Impl
+
+
+def _on_plane(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray]:
+    """Outputs of F (N) and M (N m about Wo) in W; without load there is no centre of pressure."""
+    if not F[2] > 0:
+        return {"grf": F, "cop": 0.0 * F, "free_moment": 0.0 * F[2:]}
+    cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
+    return {"grf": F, "cop": np.array([cop_x, cop_y, height]),
+            "free_moment": np.array([M[2] - (cop_x * F[1] - cop_y * F[0])])}
 
 
 def _number(geometry_id: GeometryId | int) -> int:

@@ -2,30 +2,54 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.systems._lifetime import PEERS, constructor, copied
-from vsf_drake.systems._parameters import NamedParameters
-from vsf_drake.systems._sites import scattered
+from vsf_drake.systems._system import System_, system_template
 
 
-@TemplateSystem.define("KeelElasticity_", T_list=[float, AutoDiffXd, Expression], scope=sys.modules[__name__])
+@cache
+def _JointForces_(T: type) -> Any:
+    class JointForces(System_(T)):
+        """What `_force(context)` of a subclass says as the generalized force of a plant, all of whose joints have one
+        degree of freedom."""
+
+        def _declare_joints(self, num_velocities: int, velocity_indices: Sequence[int]) -> int:
+            """Input state and output generalized_force; returns how many joints have a force."""
+            self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
+            self._declare_inputs(state=2 * num_velocities)
+            self._declare_output("generalized_force", num_velocities, self._generalized_force)
+            return len(self._at)
+
+        def _motion(self, context) -> tuple[np.ndarray, np.ndarray]:
+            """q and v of the joints."""
+            state = self._value(context, "state")
+            return state[self._at], state[self._count + self._at]
+
+        def _generalized_force(self, context) -> np.ndarray:
+            values = self._force(context)
+            force = np.zeros(self._count, dtype=values.dtype)
+            force[self._at] = values
+            return force
+
+    return JointForces
+
+
+@system_template(AutoDiffXd, Expression)
 def KeelElasticity_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(_JointForces_(T)):
         """Moment -(stiffness q + damping v) in each of m joints of the keel.
 
-        A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element
-        and damping proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan
-        2021, doi 10.1115/1.4050456). The springs are here rather than in the plant's joints so that
-        they can be changed in the Context and differentiated.
+        A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
+        proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
+        The springs are here rather than in the plant's joints so that they can be changed in the Context and
+        differentiated.
 
         .. pydrake_system::
 
@@ -39,9 +63,6 @@ def KeelElasticity_(T):
         Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
         Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
-        Wiring: state from MultibodyPlant; generalized_force, added to those of the other systems,
-        to its applied_generalized_force.
-
         Args:
             num_velocities: of the plant.
             velocity_indices: m indices into v (and q), one per joint.
@@ -49,32 +70,18 @@ def KeelElasticity_(T):
             damping: (m,) N m s/rad.
 
         Parameters in the Context: stiffness, damping.
-
-        Raises:
-            ValueError: an array has the wrong shape.
         """
 
-        __slots__ = (PEERS, "_state_port")
-
-        @constructor
         def _construct(
             self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray, damping: np.ndarray
         ) -> None:
-            self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
-            joints = len(self._at)
-            self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
-            self._declare_parameters(T, "joint_", stiffness=(stiffness, (joints,)), damping=(damping, (joints,)))
-            self._declare_value("generalized_force", num_velocities, self._generalized_force)
-            self._declare_value("joint_moment", joints, self._moment)
+            m = self._declare_joints(num_velocities, velocity_indices)
+            self._declare_parameters("joint_", stiffness=(stiffness, (m,)), damping=(damping, (m,)))
+            self._declare_output("joint_moment", m, self._force)
 
-        _construct_copy = copied
-
-        def _moment(self, context) -> np.ndarray:
-            constants, state = self._constants(context), self._state_port.Eval(context)
-            return -(constants["stiffness"] * state[self._at] + constants["damping"] * state[self._count + self._at])
-
-        def _generalized_force(self, context) -> np.ndarray:
-            return scattered(self._moment(context), self._at, self._count)
+        def _force(self, context) -> np.ndarray:
+            constants, (q, v) = self._constants(context), self._motion(context)
+            return -(constants["stiffness"] * q + constants["damping"] * v)
 
     return Impl
 
@@ -82,9 +89,9 @@ def KeelElasticity_(T):
 KeelElasticity = KeelElasticity_[float]
 
 
-@TemplateSystem.define("SocketBushing_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def SocketBushing_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(_JointForces_(T)):
         """Six springs and dampers with limits on the six coordinates between residual limb and socket.
 
         The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
@@ -104,24 +111,15 @@ def SocketBushing_(T):
         Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz
         (N) and about flexion, adduction, rotation (N m).
 
-        Wiring: state from MultibodyPlant; generalized_force, added to those of the other systems, to its
-        applied_generalized_force.
-
         Args:
             num_velocities: of the plant.
-            velocity_indices: 6 indices into v (and q): tx, ty, tz, flexion, adduction, rotation.
+            velocity_indices: 6 indices into v (and q): tx, ty, tz, flexion, adduction, rotation; else ValueError.
             stiffness, stiffness_negative, damping, limit, rate_limit: (6,) constants of the law, SI.
             stop_ratio: scalar, constant of the law.
 
         Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
-
-        Raises:
-            ValueError: there are not six indices, or an array has the wrong shape.
         """
 
-        __slots__ = (PEERS, "_state_port")
-
-        @constructor
         def _construct(
             self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray,
             stiffness_negative: np.ndarray, damping: np.ndarray, limit: np.ndarray, rate_limit: np.ndarray,
@@ -129,23 +127,15 @@ def SocketBushing_(T):
         ) -> None:
             if len(velocity_indices) != 6:
                 raise ValueError(f"velocity_indices must be 6, but are {len(velocity_indices)}")
-            self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
-            self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
+            self._declare_joints(num_velocities, velocity_indices)
             self._declare_parameters(
-                T, "socket_", stiffness=(stiffness, (6,)), stiffness_negative=(stiffness_negative, (6,)),
+                "socket_", stiffness=(stiffness, (6,)), stiffness_negative=(stiffness_negative, (6,)),
                 damping=(damping, (6,)), limit=(limit, (6,)), rate_limit=(rate_limit, (6,)),
                 stop_ratio=(stop_ratio, ()))
-            self._declare_value("generalized_force", num_velocities, self._generalized_force)
-            self._declare_value("wrench", 6, self._wrench)
+            self._declare_output("wrench", 6, self._force)
 
-        _construct_copy = copied
-
-        def _wrench(self, context) -> np.ndarray:
-            state = self._state_port.Eval(context)
-            return axis_force(state[self._at], state[self._count + self._at], **self._constants(context))
-
-        def _generalized_force(self, context) -> np.ndarray:
-            return scattered(self._wrench(context), self._at, self._count)
+        def _force(self, context) -> np.ndarray:
+            return axis_force(*self._motion(context), **self._constants(context))
 
     return Impl
 
@@ -153,9 +143,9 @@ def SocketBushing_(T):
 SocketBushing = SocketBushing_[float]
 
 
-@TemplateSystem.define("GaitDriver_", T_list=[float, AutoDiffXd, Expression], scope=sys.modules[__name__])
+@system_template(AutoDiffXd, Expression)
 def GaitDriver_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(_JointForces_(T)):
         """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).
 
         It drives chosen joints along a recorded motion under Drake's Simulator.
@@ -174,9 +164,6 @@ def GaitDriver_(T):
         p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q,
         rad or m.
 
-        Wiring: state from MultibodyPlant, desired_state from a trajectory source; generalized_force, added to those of
-        the other systems, to the plant's applied_generalized_force.
-
         Args:
             num_velocities: of the plant.
             velocity_indices: p indices into v (and q).
@@ -184,37 +171,27 @@ def GaitDriver_(T):
             velocity_gain: (p,) N s/m or N m s/rad.
 
         Parameters in the Context: position_gain, velocity_gain.
-
-        Raises:
-            ValueError: an array has the wrong shape.
         """
 
-        __slots__ = (PEERS, "_state_port", "_desired_port")
-
-        @constructor
         def _construct(
             self, *, num_velocities: int, velocity_indices: Sequence[int], position_gain: np.ndarray,
             velocity_gain: np.ndarray
         ) -> None:
-            self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
-            joints = len(self._at)
-            self._state_port = self.DeclareVectorInputPort("state", 2 * num_velocities)
-            self._desired_port = self.DeclareVectorInputPort("desired_state", 2 * joints)
-            self._declare_parameters(
-                T, position_gain=(position_gain, (joints,)), velocity_gain=(velocity_gain, (joints,)))
-            self._declare_value("generalized_force", num_velocities, self._generalized_force)
-            self._declare_value("tracking_error", joints, self._position_error)
+            p = self._declare_joints(num_velocities, velocity_indices)
+            self._declare_inputs(desired_state=2 * p)
+            self._declare_parameters(position_gain=(position_gain, (p,)), velocity_gain=(velocity_gain, (p,)))
+            self._declare_output("tracking_error", p, self._tracking_error)
 
-        _construct_copy = copied
+        def _errors(self, context) -> np.ndarray:
+            """(2, p): q_d - q and v_d - v."""
+            return self._value(context, "desired_state").reshape(2, -1) - np.array(self._motion(context))
 
-        def _position_error(self, context) -> np.ndarray:
-            return self._desired_port.Eval(context)[:len(self._at)] - self._state_port.Eval(context)[self._at]
+        def _tracking_error(self, context) -> np.ndarray:
+            return self._errors(context)[0]
 
-        def _generalized_force(self, context) -> np.ndarray:
-            constants, state = self._constants(context), self._state_port.Eval(context)
-            rate_error = self._desired_port.Eval(context)[len(self._at):] - state[self._count + self._at]
-            force = constants["position_gain"] * self._position_error(context) + constants["velocity_gain"] * rate_error
-            return scattered(force, self._at, self._count)
+        def _force(self, context) -> np.ndarray:
+            constants, (error, rate_error) = self._constants(context), self._errors(context)
+            return constants["position_gain"] * error + constants["velocity_gain"] * rate_error
 
     return Impl
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-import sys
 from typing import Any
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import arctan2
-from pydrake.systems.framework import BasicVector_, LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
+from pydrake.systems.framework import BasicVector_
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems._lifetime import PEERS, Collectable, constructor, copied
-from vsf_drake.systems._parameters import FARTHEST_M, NamedParameters
-from vsf_drake.systems._sites import cross, declare_kinematics
+from vsf_drake.systems._sites import cross
+from vsf_drake.systems._system import FARTHEST_M, System_, system_template
 
 SIGNALS = ("contact", "shank", "both")
 """What tells the controller of swing: the ground's force, the shank's angle and rate, or both at once."""
@@ -23,9 +19,9 @@ STANCE, UNCONFIRMED, SWING = 0.0, 1.0, 2.0
 """Values of the output `phase`."""
 
 
-@TemplateSystem.define("SwingController_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def SwingController_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Enables the fulcrum's motor in swing and holds, from the onset of each swing, the position to go to.
 
         Sampled at a fixed period, as a microcontroller. What says that the foot is in the air:
@@ -56,13 +52,11 @@ def SwingController_(T):
             - commanded_position
 
         Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle
-        (2,) rad and rad/s, leaning forward positive. Of grf and shank_angle only those that the signal needs are read,
-        the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0 stance, 1 unloaded but
-        not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states, without feedthrough: phase;
-        time (s) for which stance or the sign of swing has lasted; commanded position. AutoDiffXd works; the thresholds'
-        derivatives are zero, as the phase is.
-
-        Wiring: grf from the foot or shank_angle from `ShankAngle`; enabled and commanded_position to `FulcrumActuator`.
+        (2,) rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and shank_angle only those that the signal
+        needs are read, the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0
+        stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states,
+        without feedthrough: phase; time (s) for which stance or the sign of swing has lasted; commanded position.
+        AutoDiffXd works; the thresholds' derivatives are zero, as the phase is.
 
         Args:
             signal: one of SIGNALS.
@@ -81,9 +75,6 @@ def SwingController_(T):
                 is not a number at the onset of a swing, or in mm.
         """
 
-        __slots__ = (PEERS, "_desired_port", "_grf_port", "_shank_port")
-
-        @constructor
         def _construct(
             self, *, signal: str = "contact", initial_position: float = 0.108, period: float = 5e-3,
             unload_force: float = 20.0, load_force: float = 30.0, swing_rate: float = 1.0, stop_rate: float = 0.3,
@@ -101,18 +92,14 @@ def SwingController_(T):
                     raise InputError(f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
                                      where=high, right=f"It must be above {low}")
             self._signal, self._period = signal, float(period)
-            self._desired_port = self.DeclareVectorInputPort("desired_position", 1)
-            self._grf_port = self.DeclareVectorInputPort("grf", 3)
-            self._shank_port = self.DeclareVectorInputPort("shank_angle", 2)
-            self._declare_parameters(T, **{name: (value, ()) for name, value in constants.items()})
+            self._declare_inputs(desired_position=1, grf=3, shank_angle=2)
+            self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
             self.DeclareDiscreteState(BasicVector_[T](np.array([STANCE, least_stance, initial_position])))
-            self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
-            state = {self.xd_ticket()}
-            self._declare_value("enabled", 1, lambda context: [T(_state(context)[0] == SWING)], state)
-            self._declare_value("phase", 1, lambda context: _state(context)[:1], state)
-            self._declare_value("commanded_position", 1, lambda context: _state(context)[2:], state)
-
-        _construct_copy = copied
+            self._declare_periodic(self._period, self._update)
+            state = self.xd_ticket()
+            self._declare_output("enabled", 1, lambda context: [T(_state(context)[0] == SWING)], state)
+            self._declare_output("phase", 1, lambda context: _state(context)[:1], state)
+            self._declare_output("commanded_position", 1, lambda context: _state(context)[2:], state)
 
         def _update(self, context, discrete) -> None:
             phase, held, commanded = _state(context)
@@ -129,7 +116,7 @@ def SwingController_(T):
             discrete.set_value(np.array([phase, held, commanded]))
 
         def _desired(self, context) -> Any:
-            desired = self._desired_port.Eval(context)[0]
+            desired = self._value(context, "desired_position")[0]
             if not abs(desired) <= FARTHEST_M:
                 raise InputError(f"is {desired} at {context.get_time()} s", where="desired_position",
                                  right="It must be a position in m from A")
@@ -139,11 +126,11 @@ def SwingController_(T):
             """Whether a swing would begin, and whether one would end, at what the inputs are now."""
             c, begins, ends = self._constants(context), [], []
             if self._signal != "shank":
-                load = self._grf_port.Eval(context)[2]
+                load = self._value(context, "grf")[2]
                 begins.append(bool(load < c["unload_force"]))
                 ends.append(not bool(load <= c["load_force"]))
             if self._signal != "contact":
-                angle, rate = self._shank_port.Eval(context)
+                angle, rate = self._value(context, "shank_angle")
                 begins.append(bool(-rate > c["swing_rate"]) and bool(angle > c["least_lean"]))
                 ends.append(not bool(-rate >= c["stop_rate"]))
             return all(begins), any(ends)
@@ -161,9 +148,9 @@ SwingController = SwingController_[float]
 # What an inertial sensor on the shank tells of its sagittal angle and rate.
 
 
-@TemplateSystem.define("ShankAngle_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def ShankAngle_(T):
-    class Impl(Collectable, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Sagittal inclination of a body B against the vertical, and its rate, without noise, bias or drift.
 
         With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright,
@@ -182,27 +169,20 @@ def ShankAngle_(T):
             - shank_angle
 
         Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle
-        in rad within (-pi, pi] and rate in rad/s.
-
-        Wiring: both inputs from MultibodyPlant's ports of those names; shank_angle to `SwingController`.
+        in rad within (-pi, pi] and rate in rad/s, for `SwingController`.
 
         Args:
             body_index: the body B that bears the sensor.
         """
 
-        __slots__ = (PEERS, "_poses_port", "_velocities_port")
-
-        @constructor
         def _construct(self, *, body_index: int) -> None:
             self._body = int(body_index)
-            self._poses_port, self._velocities_port = declare_kinematics(self, T)
-            self._declare_value("shank_angle", 2, self._angle, {self.all_input_ports_ticket()})
-
-        _construct_copy = copied
+            self._declare_kinematics()
+            self._declare_output("shank_angle", 2, self._angle)
 
         def _angle(self, context) -> np.ndarray:
-            R_WB = self._poses_port.Eval(context)[self._body].GetAsMatrix34()[:, :3]
-            w_WB_W = self._velocities_port.Eval(context)[self._body].get_coeffs()[:3]
+            R_WB = self._value(context, "body_poses")[self._body].GetAsMatrix34()[:, :3]
+            w_WB_W = self._value(context, "body_spatial_velocities")[self._body].get_coeffs()[:3]
             g_B = R_WB[2]
             rate_B = -cross(R_WB.T @ w_WB_W, g_B)
             x, z = g_B[0], g_B[2]
@@ -218,9 +198,9 @@ ShankAngle = ShankAngle_[float]
 # How many strides and how much energy each adjustment of the fulcrum takes.
 
 
-@TemplateSystem.define("AdjustmentRecorder_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
+@system_template()
 def AdjustmentRecorder_(T):
-    class Impl(NamedParameters, LeafSystem_[T]):
+    class Impl(System_(T)):
         """Counts the adjustments of the fulcrum, and the swings and the energy that each of them took.
 
         An adjustment begins when the motor is enabled with an error above `reached` and ends when it is off again
@@ -240,43 +220,35 @@ def AdjustmentRecorder_(T):
             - adjustment_energy
             - adjustment_swings
 
-        Inputs: enabled (1,) 0 or 1; energy (1,) J; position_error (1,) m. Outputs: adjustments (1,), how many have
-        ended; adjustment_energy (1,) J and adjustment_swings (1,) of the last that ended, zero before the first.
-        Sampled at a fixed period, without feedthrough.
-
-        Wiring: enabled from `SwingController`, energy and position_error from `FulcrumActuator`.
+        Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J and position_error (1,) m, of
+        `FulcrumActuator`. Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J and
+        adjustment_swings (1,) of the last that ended, zero before the first. Sampled at a fixed period, without
+        feedthrough.
 
         Args:
-            period: s; at most that of the controller.
-            reached: error (m) within which the fulcrum is where it should be.
+            period: s; at most that of the controller, above 0.
+            reached: error (m), above 0, within which the fulcrum is where it should be.
 
         Parameters in the Context: reached.
-
-        Raises:
-            InputError: the period or `reached` is not above 0.
         """
 
-        __slots__ = (PEERS, "_inputs")
-
-        @constructor
         def _construct(self, *, period: float = 5e-3, reached: float = 1e-3) -> None:
             for name, value in (("period", period), ("reached", reached)):
                 if not value > 0.0:
                     raise InputError(f"is {value}", where=name, right="It must be above 0")
-            self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("enabled", "energy", "position_error")]
-            self._declare_parameters(T, reached=(reached, ()))
+            self._declare_inputs(enabled=1, energy=1, position_error=1)
+            self._declare_parameters(reached=(reached, ()))
             # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled and
             # energy at the sample before
             self.DeclareDiscreteState(BasicVector_[T](np.zeros(7)))
-            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+            self._declare_periodic(period, self._update)
             for i, name in enumerate(("adjustments", "adjustment_energy", "adjustment_swings")):
-                self._declare_value(name, 1, lambda context, i=i: _state(context)[i:i + 1], {self.xd_ticket()})
-
-        _construct_copy = copied
+                self._declare_output(name, 1, lambda context, i=i: _state(context)[i:i + 1], self.xd_ticket())
 
         def _update(self, context, discrete) -> None:
             ended, last_energy, last_swings, start, swings, before, energy_before = _state(context)
-            enabled, energy, error = (port.Eval(context)[0] for port in self._inputs)
+            enabled, energy, error = (
+                self._value(context, name)[0] for name in ("enabled", "energy", "position_error"))
             reached = abs(error) <= self._constants(context)["reached"]
             if enabled > 0.5 and swings == 0.0 and not reached:
                 start, swings = energy_before, T(1.0)

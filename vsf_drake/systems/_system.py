@@ -1,0 +1,293 @@
+"""What every LeafSystem of this package has: named parameters within bounds, ports by name, an end.
+
+Drake keeps a system's callbacks in C++, where Python's garbage collector does not see that they refer to the system: a
+bound method, or a lambda that names `self`, would keep it for ever (RobotLocomotion/drake#22515, #24162). So callbacks
+here refer to their system weakly; whoever owns the diagram keeps the system.
+
+A port refers to its system and the system to its ports. pydrake stores that where the collector sees it, in the
+attribute PEERS; but with pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is
+counted twice (`gc.get_referents` shows it), and what is in it is then never freed. So PEERS and what holds the ports
+are slots. If pydrake renames its attribute, systems live longer than they should, and nothing else happens.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import weakref
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from functools import cache, wraps
+from types import MethodType
+from typing import Any
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform_
+from pydrake.multibody.math import SpatialForce_, SpatialVelocity_
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce_
+from pydrake.multibody.tree import BodyIndex
+from pydrake.symbolic import Expression
+from pydrake.systems.framework import BasicVector_, Context, LeafSystem_, ValueProducer
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import GroundPatch
+from vsf_drake.parameters import (
+    ActuatorParameters,
+    BushingAxis,
+    ContactZone,
+    FrictionParameters,
+    FulcrumParameters,
+    SocketParameters,
+)
+
+PEERS = "_pydrake_internal_ref_cycle_peers"
+FARTHEST_M = 10.0
+"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may overshoot)."""
+
+
+def _of(schema: type, before: str = "", **names: str) -> dict[str, tuple[str, float, float]]:
+    """Bounds of the parameters name=field as the schema has them; without names of all, with `before` before theirs."""
+    metadata = {field.name: field.metadata for field in fields(schema)}
+    return {name: (metadata[field]["unit"], metadata[field]["low"], metadata[field]["high"])
+            for name, field in (names or {f"{before}{field}": field for field in metadata}).items()}
+
+
+def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, tuple[str, float, float]]:
+    return dict.fromkeys(names, (unit, low, math.inf))
+
+
+BOUNDS: dict[str, tuple[str, float, float]] = {
+    **_of(ContactZone, radius="radius_m", stiffness="stiffness", exponent="exponent", damping="damping_n_s_per_m",
+          full_damping_depth="full_damping_depth_m"),
+    "radius": ("m", 0.0, 0.2), **_positive("N s/m", "damping"), **_positive("N/m^exponent", "stiffness"),
+    **_of(FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
+          threshold_velocity="threshold_velocity_m_per_s"),
+    **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),
+    **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)), "ground_compliance": ("m/N", 0.0, 1.0),
+    **_of(FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
+          carriage_mass="carriage_mass_kg"),
+    **_of(BushingAxis, "socket_"), **_of(SocketParameters, socket_stop_ratio="stop_ratio"), **_of(ActuatorParameters),
+    "p_BS": ("m", -math.inf, math.inf), **_positive("s/m", "dissipation"),
+    **_positive("m", "depth_width", "reached", low=1e-9), **_positive("m/s", "rate_width", low=1e-9),
+    **_positive("N m/rad", "joint_stiffness"), **_positive("N m s/rad", "joint_damping"),
+    **_positive("N/m", "fulcrum_stiffness", "carriage_gain"),
+    **_positive("N s/m", "fulcrum_damping", "carriage_rate_gain"),
+    **_positive("N/m or N m/rad", "position_gain"), **_positive("N s/m or N m s/rad", "velocity_gain"),
+    **_positive("N", "unload_force", "load_force"), **_positive("rad/s", "swing_rate", "stop_rate"),
+    "least_lean": ("rad", -math.pi, math.pi), **_positive("s", "debounce", "least_stance"),
+}
+"""Unit, least and largest value of every parameter in a Context: what the schemas say where they have it (a slope is at
+most 45 degrees, a patch's stiffness at least 1 N/m), else what its law bears. Keel, fulcrum and socket have joint_,
+fulcrum_ and socket_ before the names of their own systems."""
+
+
+class NamedParameters:
+    """A LeafSystem whose physical constants are numeric parameters in the Context.
+
+    Each named constant is one numeric parameter group, stored row by row. Values can so be changed without rebuilding
+    the diagram, and differ between Contexts. A scalar stands for an array of equal values.
+
+    Attributes:
+        parameter_index: name of each constant -> index of its numeric parameter group.
+        why_not_symbolic: what `plants.to_symbolic` says of a system that has no form in symbolic expressions.
+    """
+
+    parameter_index: dict[str, int]
+    why_not_symbolic = "it chooses between branches of its law by the size of its inputs, which an expression has not"
+
+    def __init_subclass__(cls) -> None:
+        """`_construct` begins as LeafSystem and keeps its arguments, from which a copy for another scalar is made."""
+        super().__init_subclass__()
+        if "_construct" not in cls.__dict__:
+            return
+        construct = cls._construct
+
+        @wraps(construct)
+        def _construct(self: Any, *, converter: Any = None, **arguments: Any) -> None:
+            LeafSystem_[cls._T].__init__(self, converter=converter)
+            self._arguments, self._ports, self.parameter_index, self._shapes = arguments, {}, {}, {}
+            construct(self, **arguments)
+
+        def _construct_copy(self: Any, other: Any, converter: Any = None) -> None:
+            self._construct(converter=converter, **other._arguments)
+
+        cls._construct = _construct
+        if "_construct_copy" not in cls.__dict__:
+            cls._construct_copy = _construct_copy
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names that `GetParameter` and `SetParameters` know."""
+        return tuple(self.parameter_index)
+
+    def GetParameter(self, context: Context, name: str) -> np.ndarray:
+        """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with.
+
+        Raises:
+            ValueError: there is no constant of that name.
+            InputError: the Context is another system's, such as the whole diagram's; a constant is out of bounds.
+        """
+        self._check_own(context)
+        self._index_of(name)
+        return np.array(self._constants(context)[name])
+
+    def SetParameters(self, context: Context, **values: Any) -> None:
+        """Sets constants by name in this system's `context`; a scalar fills a whole array.
+
+        What is out of bounds is refused where the system is evaluated next, as what is written into the Context itself.
+
+        Raises:
+            ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
+            InputError: the Context is another system's, such as the whole diagram's. Nothing has been set then.
+        """
+        self._check_own(context)
+        checked = {}
+        for name, value in values.items():
+            index, shape = self._index_of(name), self._shapes[name]
+            try:
+                vector = checked[index] = np.broadcast_to(value, shape).ravel()
+            except ValueError:
+                raise ValueError(f"{name} has shape {shape}, but was given {np.shape(value)}") from None
+            numbers = all(item is not None for item in vector) if vector.dtype == object else (
+                vector.dtype.kind in "biuf" and np.isfinite(vector).all())
+            if not numbers:
+                raise ValueError(f"{name} must be a finite number or numbers, but was given {value!r}")
+        for index, vector in checked.items():
+            context.get_mutable_numeric_parameter(index).SetFromVector(vector)
+
+    def _check_own(self, context: Context) -> None:
+        """The numeric parameters of a diagram are numbered on; those of another system would be changed unseen."""
+        try:
+            self.ValidateContext(context)
+        except (RuntimeError, TypeError):
+            raise InputError("belongs to another system than this", where=f"context of {self.get_name()!r}",
+                             right="Take system.GetMyMutableContextFromRoot(root_context)") from None
+
+    def _index_of(self, name: str) -> int:
+        if name not in self.parameter_index:
+            raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
+        return self.parameter_index[name]
+
+    def _declare_parameters(self, of: str = "", **constants: tuple[Any, tuple[int, ...]]) -> None:
+        """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` has all of them
+        by name, scalars as scalars, read and checked once per change of one."""
+        self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
+        for name, (value, shape) in constants.items():
+            try:
+                vector = np.broadcast_to(np.asarray(value, dtype=float), shape).ravel()
+            except ValueError:
+                raise ValueError(f"{name} must have shape {shape}, but has {np.shape(value)}") from None
+            self.parameter_index[name] = self.DeclareNumericParameter(BasicVector_[self._T](vector))
+            self._shapes[name] = shape
+        self._constants = self._declare_cached("constants", self._read_parameters, self.all_parameters_ticket())
+
+    def _read_parameters(self, context: Context) -> dict[str, Any]:
+        read = {name: context.get_numeric_parameter(index).CopyToVector()
+                for name, index in self.parameter_index.items()}
+        for name, (unit, low, high) in self._bounds.items() if self._T is not Expression else ():
+            outside = [value for value in read[name] if not low <= value <= high]
+            if outside:
+                worst = outside[0].value() if isinstance(outside[0], AutoDiffXd) else outside[0]
+                raise InputError(f"is {worst:g} {unit}", where=f"{name} of {self.get_name()!r}",
+                                 right=f"It must be from {low:g} to {high:g} {unit}")
+        return {name: value.reshape(self._shapes[name])[()] for name, value in read.items()}
+
+    def _declare_inputs(self, **sizes: int) -> None:
+        """Vector inputs name=size; `self._value(context, name)` reads them."""
+        for name, size in sizes.items():
+            self._ports[name] = self.DeclareVectorInputPort(name, size)
+
+    def _declare_kinematics(self, *names: str) -> None:
+        """The inputs that take MultibodyPlant's ports `body_poses` and `body_spatial_velocities`, or those `names`."""
+        kinds = {"body_poses": RigidTransform_, "body_spatial_velocities": SpatialVelocity_}
+        for name in names or kinds:
+            self._ports[name] = self.DeclareAbstractInputPort(name, AbstractValue.Make([kinds[name][self._T]()]))
+
+    def _value(self, context: Context, name: str) -> Any:
+        return self._ports[name].Eval(context)
+
+    def _fulcrum_place(self, context: Context) -> Any:
+        """The input `fulcrum_position` (m from A), or the parameter fulcrum_m where it is not connected; InputError if
+        it is not a number within FARTHEST_M."""
+        given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(context)
+        position = self._value(context, "fulcrum_position")[0] if given else self._constants(context)["fulcrum_m"]
+        if self._T is not Expression and not -FARTHEST_M <= position <= FARTHEST_M:
+            raise InputError(f"the fulcrum at {position} m from A is under no foot",
+                             where=f"fulcrum_position of {self.get_name()!r}",
+                             right="It is in metres: 0.066 to 0.151 for the nominal foot")
+        return position
+
+    def _declare_output(self, name: str, size: int, calc: Callable[[Context], Any], *sources: Any) -> None:
+        """An output (size,) whose value is what the method `calc(context)` returns; it depends on the tickets."""
+        value = _weakly(calc)
+
+        def write(context: Context, out: Any) -> None:
+            out.SetFromVector(value(context))
+
+        if self._T is Expression:  # which Drake stores as numbers that are not: numpy would warn of each
+            write = np.errstate(invalid="ignore")(write)
+        self.DeclareVectorOutputPort(name, size, write, *([set(sources)] if sources else []))
+
+    def _declare_parts(self, entry: Callable[[Context], Any], **sizes: int) -> None:
+        """An output name=size for each of these parts of a cached mapping."""
+        for name, size in sizes.items():
+            self._declare_output(name, size, lambda context, name=name: entry(context)[name])
+
+    def _declare_spatial_forces(self, calc: Callable[[Context], Iterable[tuple[int, np.ndarray]]]) -> None:
+        """The output for a plant's `applied_spatial_force`: of each pair that the method `calc(context)` returns, body
+        and (6,) moment and force in W at its origin."""
+        pairs, applied, force = _weakly(calc), self._applied, self._force
+
+        def packed(body: int, F_Bo_W: np.ndarray) -> Any:
+            one = applied()
+            one.body_index, one.p_BoBq_B, one.F_Bq_W = BodyIndex(body), np.zeros(3), force(F_Bo_W)
+            return one
+
+        def write(context: Context, out: Any) -> None:
+            out.set_value([packed(*pair) for pair in pairs(context)])
+
+        self.DeclareAbstractOutputPort("spatial_forces", lambda: AbstractValue.Make([applied()]), write)
+
+    def _declare_cached(self, name: str, calc: Callable[[Context], Any], *sources: Any) -> Callable[[Context], Any]:
+        """A function of the Context: what the method `calc(context)` returns, kept until a source changes; by default
+        these are the inputs and parameters declared so far. It does not own the system, as Drake's CacheEntry does."""
+        compute, owner = _weakly(calc), weakref.ref(self)
+        index = self.DeclareCacheEntry(
+            name, ValueProducer(allocate=lambda: AbstractValue.Make(()),
+                                calc=lambda context, value: value.set_value(compute(context))),
+            set(sources or (self.all_input_ports_ticket(), self.all_parameters_ticket()))).cache_index()
+        return lambda context: owner().get_cache_entry(index).Eval(context)
+
+    def _declare_periodic(self, period: float, update: Callable[[Context, Any], None]) -> None:
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
+
+
+def _weakly(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A method as a function that does not own its object; anything else as it is."""
+    if not isinstance(method, MethodType):
+        return method
+    function, owner = method.__func__, weakref.ref(method.__self__)
+    return lambda *args: function(owner(), *args)
+
+
+@cache
+def System_(T: type) -> Any:
+    class System(NamedParameters, LeafSystem_[T]):
+        """The base class of the systems for scalar type T."""
+
+        __slots__ = (PEERS, "_ports")
+        _T, _applied, _force = T, ExternallyAppliedSpatialForce_[T], SpatialForce_[T]
+
+    return System
+
+
+def system_template(*others: type) -> Callable[[Callable[[type], type]], TemplateSystem]:
+    """Decorates `Name_(T)`, which makes the system for scalar type T: float and `others`, by default AutoDiffXd."""
+    def decorate(make: Callable[[type], type]) -> TemplateSystem:
+        return TemplateSystem.define(make.__name__, T_list=[float, *(others or [AutoDiffXd])],
+                                     scope=sys.modules[make.__module__])(make)
+
+    return decorate
