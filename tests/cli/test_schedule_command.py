@@ -7,7 +7,7 @@ from command_line import read_json
 from made_tuning import failed_table, made_table, small_table
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
-from vsf_drake.cli import tune_run
+from vsf_drake.cli import tune
 from vsf_drake.files import resource
 
 LABORATORY = resource("data/reference_subject") / "laboratory"
@@ -25,7 +25,7 @@ def made(monkeypatch):
         sweep = [row | {"cost": 2.0 + 1e-4 * (row["fulcrum_mm"] - best) ** 2} for row in made_table()["sweep"]]
         return small_table(fulcrum_mm=best, cost=2.0, sweep=sweep, fulcrum_interval_mm=[best - 3.0, best + 3.0])
 
-    def tuned(given, options, show, warm):
+    def tuned(given, cost, options, show, warm):
         name = given.labels[0]
         state["calls"].append(given.labels)
         show("sweep", 0.5)
@@ -34,7 +34,7 @@ def made(monkeypatch):
             raise found
         return found, {}
 
-    monkeypatch.setattr(tune_run, "_motion_given", tuned)
+    monkeypatch.setattr(tune, "_motion_given", tuned)
     return state
 
 

@@ -19,7 +19,7 @@ from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
 from sweep_files import copied
 
 from vsf_drake.analysis.tuning import level2
-from vsf_drake.cli import tune, tune_run
+from vsf_drake.cli import tune
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 
@@ -48,15 +48,15 @@ def made(monkeypatch):
     """The tuning replaced: called with the trials, the options and the warm start, it gives `made["table"]`."""
     state = {"table": small_table(), "arrays": {"sweep_mm": POSITIONS}, "calls": []}
 
-    def tuned(given, options, show, warm):
-        state["calls"].append((given, options, warm))
+    def tuned(given, cost, options, show, warm):
+        state["calls"].append((given, cost, options, warm))
         show("sweep, 100.0 mm, cost 2", 0.5)
         if isinstance(state["table"], BaseException):
             raise state["table"]
         return state["table"], state["arrays"]
 
-    monkeypatch.setattr(tune_run, "_motion_given", tuned)
-    monkeypatch.setattr(tune_run, "_motion_free", tuned)
+    monkeypatch.setattr(tune, "_motion_given", tuned)
+    monkeypatch.setattr(tune, "_motion_free", tuned)
     return state
 
 
@@ -78,11 +78,13 @@ def test_options_reach_the_analysis(run, tmp_path, made):
     run("tune", LOW, "--contact", CONTACT, "--cost", "weighted", "--weights", "joint_load=1, push_off=0.5", "--design",
         "alignment,heel_stiffness", "--fulcrum-range", "70", "140", "--pareto", "metabolic,push_off", "--seed", "3",
         "--quick", "--out", tmp_path / "out")
-    options = made["calls"][0][1]
-    assert options.weights == {"joint_load": 1.0, "push_off": 0.5}
+    cost, options = made["calls"][0][1:3]
+    assert cost == "weighted" and options.weights == {"joint_load": 1.0, "push_off": 0.5}
     assert options.design == ("alignment", "heel_stiffness")
-    assert options.fulcrum_range_mm == (70.0, 140.0)
-    assert (options.pareto, options.seed, options.quick, options.level) == (("metabolic", "push_off"), 3, True, 1)
+    assert options.bounds_mm == (70.0, 140.0)
+    assert (options.pareto, options.seed, options.sweep_mm) == (("metabolic", "push_off"), 3, 5.0)
+    told = read_json(tmp_path / "out" / "tuning.json")["provenance"]["options"]
+    assert told["fulcrum_range_mm"] == [70.0, 140.0]
 
 
 def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_fitted(run, tmp_path, made):
@@ -127,9 +129,9 @@ def test_an_earlier_tuning_can_be_begun_from(run, tmp_path, made, named):
     named = tmp_path / "one" / named
     code, _, _ = run("tune", LOW, "--contact", CONTACT, "--warm-start", named, "--out", tmp_path / "two")
     assert code == 0
-    warm = made["calls"][1][2]
-    assert warm.table["fulcrum_mm"] == BEST_MM
-    assert set(warm.arrays) == {"sweep_mm"}
+    table, arrays = made["calls"][1][3]
+    assert table["fulcrum_mm"] == BEST_MM
+    assert set(arrays) == {"sweep_mm"}
 
 
 def test_without_a_contact_offsets_are_fitted_and_that_is_said(run, tmp_path, made, monkeypatch):
@@ -190,8 +192,8 @@ def test_level_2_gets_its_options_and_tells_its_iterations(run, tmp_path, monkey
 
 def test_without_a_trial_level_2_takes_one_embedded_stride(run, tmp_path, made):
     assert run("tune", "--level", "2", "--out", tmp_path / "out")[0] == 0
-    given, options, _ = made["calls"][0]
-    assert (given.labels, options.level) == (("medium_2",), 2)
+    given, _, options, _ = made["calls"][0]
+    assert given.labels == ("medium_2",) and isinstance(options, level2.StrideOptions)
 
 
 MISTAKES = [
@@ -200,19 +202,20 @@ MISTAKES = [
     (("--weights", "joint_load=1"), "--weights: cannot go with --cost joint_load"),
     (("--cost", "weighted", "--weights", "joint_load"), "--weights: 'joint_load' is no weight. Write COST=NUMBER"),
     (("--cost", "weighted", "--weights", "joint_load=a"), "--weights joint_load: 'a' is no number"),
-    (("--cost", "weighted", "--weights", "joint_load=-1"), "--weights joint_load: -1 is no weight"),
-    (("--cost", "weighted", "--weights", "joint_load=nan"), "nan is no weight"),
+    (("--cost", "weighted", "--weights", "joint_load=-1"), "--weights joint_load: -1 is outside its physical range"),
+    (("--cost", "weighted", "--weights", "joint_load=nan"), "--weights joint_load: nan is not a finite number"),
     (("--cost", "weighted", "--weights", "joint_load=0,push_off=0"), "--weights: are all zero"),
     (("--cost", "weighted", "--weights", "push_of=1"), "Did you mean push_off?"),
     (("--cost", "weighted", "--weights", "push_off=1,push_off=2"), "push_off has two weights"),
     (("--design", "keel"), "--design: there is no 'keel'"), (("--design", ","), "--design: names nothing"),
     (("--design", "alignment,alignment"), "names alignment twice"),
-    (("--fulcrum-range", "151", "66"), "--fulcrum-range: 151 to 66 mm is no range"),
-    (("--fulcrum-range", "nan", "66"), "is no range"), (("--fulcrum-range", "20", "90"), "out of the carriage's reach"),
+    (("--fulcrum-range", "151", "66"), "--fulcrum-range: its lower bound 151 is not below"),
+    (("--fulcrum-range", "nan", "66"), "--fulcrum-range: nan is not a finite number"),
+    (("--fulcrum-range", "20", "90"), "out of the carriage's reach"),
     (("--level", "3"), "--level: 3 is no level"), (("--intervals", "20"), "--intervals: is an option of level 2"),
     (("--method", "trapezoidal"), "--method: is an option of level 2"),
-    (("--level", "2", "--method", "euler"), "--method: there is no 'euler'"),
-    (("--level", "2", "--intervals", "0"), "--intervals: 0 intervals are none"),
+    (("--level", "2", "--method", "euler"), "--method: 'euler' is not known"),
+    (("--level", "2", "--intervals", "0"), "--intervals: 0 is outside its physical range"),
     (("--level", "2", "--joints", "knee_angle"), "--joints: is an option of level 1"),
     (("--joints", "elbow"), "--joints: 'elbow' is not known"),
     (("--pareto", "joint_load"), "--pareto: names 1 cost. Give two"),

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import difflib
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.cli.app import Contact, Seed, app, console, interrupted, path, progress, say, warn
+from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_cost, check_name
+from vsf_drake.cli.app import Contact, Out, Seed, app, console, interrupted, path, progress, say, warn
 from vsf_drake.errors import FitError, InputError
 
-SINGLE = ("joint_load", "metabolic", "push_off", "tracking")
-WEIGHTED = "weighted"
-DESIGN = ("heel_stiffness", "alignment", "keel_thickness")
-METHODS = ("hermite_simpson", "trapezoidal")
+if TYPE_CHECKING:
+    from vsf_drake.analysis.tuning import level1, level2
+    from vsf_drake.analysis.tuning.inputs import TuningTrials
+    from vsf_drake.analysis.tuning.schedule import Task
 
-Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(SINGLE)}|{WEIGHTED}", help="What is to be least.")]
-Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
+Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="What is to be least.")]
 Weights = Annotated[str | None, typer.Option(
     metavar="COST=NUMBER,...", help="Of the costs in --cost weighted, each over its size at the recorded setting.")]
 Level = Annotated[int, typer.Option(
@@ -34,6 +34,21 @@ Joints = Annotated[str | None, typer.Option(
     "knee_angle, knee_adduction, knee_rotation.")]
 Workers = Annotated[int | None, typer.Option(help="Threads for the walks; default one a core.", min=1)]
 Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start, no solver asked for confirmation.")]
+
+Asked = dict[str, Any]
+"""Options as they were given, for the results; those left out are not in it."""
+Show = Callable[[str, float], None]
+Tuned = tuple[dict[str, Any], dict[str, Any]]
+"""Table and arrays, of a tuning that ended well or not."""
+_ONLY = {"intervals": 2, "method": 2, "joints": 1, "pareto": 1}
+"""The level that has an option, where the other has not."""
+_OPTION_OF = {"cost": "--cost", "weights": "--weights", "design": "--design", "bounds_mm": "--fulcrum-range",
+              "pareto": "--pareto", "intervals": "--intervals", "method": "--method", "joints": "--joints",
+              "warm_start": "--warm-start", "seed": "--seed", "trials": "TRIAL.yaml",
+              "resolution_mm": "--resolution-mm"}
+"""By what the analysis calls it."""
+_READ = 0.1
+"""Share of the bar at which a schedule's trials are read."""
 
 
 @app.command()
@@ -69,74 +84,32 @@ def tune(
     did not end at an optimum ends with exit code 4: its results are written, and marked as not optimal. So are those of
     a tuning that Ctrl-C ended.
     """
-    two = _names(pareto, "--pareto", SINGLE)
-    if two is not None and len(two) != 2:
-        raise InputError(f"names {len(two)} cost{'s' * (len(two) != 1)}", where="--pareto",
-                         right="Give two, separated by a comma")
-    options = TuneOptions(
-        cost=cost, weights=_weights(weights), level=level, design=_names(design, "--design", DESIGN) or (),
-        fulcrum_range_mm=fulcrum_range, intervals=intervals, method=method, pareto=two,
-        joints=_names(joints, "--joints"), seed=seed, workers=workers, quick=quick)
+    asked = _asked(cost, weights, level, design=_names(design, "--design", DESIGN) or (), pareto=_names(
+        pareto, "--pareto", COSTS), joints=_names(joints, "--joints"), fulcrum_range_mm=fulcrum_range,
+        intervals=intervals, method=method, seed=seed, workers=workers, quick=quick)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
-    from vsf_drake.cli.tune_run import tune_trials, was_interrupted
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import TUNING
 
+    options = _level_options(asked)
     TUNING.check(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
     with progress() as show:
         try:
             given = load_tuning_trials(trials or (), contact=contact, level=level, quick=quick, progress=show)
-            table, arrays = tune_trials(given, options, show=show, warm=warm)
+            table, arrays = _tuned_trials(given, asked, options, show, warm=warm, warm_file=warm_start)
         except KeyboardInterrupt:
             interrupted(" before anything was found; nothing was written")
         show("writing the report", 0.99)
         written = TUNING.write(out, table, arrays)
-    if was_interrupted(written):
+    if _was_interrupted(written):
         interrupted(f"; what was found by then is in {out}, marked as NOT OPTIMAL")
     if not written["optimal"]:
         raise FitError(f"NOT OPTIMAL: {written['status'].removesuffix('.')}. What was found is in {out}, marked so; "
                        f"see {out / PAGE}")
     _print_tuning(written)
     say(f"written to {out}; open {PAGE} first")
-
-
-def read_warm_start(file: Path) -> Any:
-    """An earlier tuning, by its folder or a file in it.
-
-    Raises:
-        InputError: there is none, or it cannot be read.
-    """
-    from vsf_drake.cli.tune_run import WarmStart
-    from vsf_drake.report.tuning.chapters import TUNING
-
-    if not file.is_dir() and file.name not in (TUNING.table, TUNING.arrays):
-        raise InputError("is no tuning" if file.exists() else "there is no such file", file=file, where="--warm-start",
-                         right=f"Name the folder of an earlier tuning, or {TUNING.table} in it")
-    table, arrays = TUNING.read(file if file.is_dir() else file.parent)
-    return WarmStart(file=file, table=table, arrays=arrays)
-
-
-def _print_tuning(table: dict[str, Any]) -> None:
-    """The answer in words, the outcomes, what is not met and what one should know."""
-    from vsf_drake.report.tuning.chapters import answer, first_line
-
-    say(first_line(table))
-    for sentence in answer(table):
-        say(f"- {sentence}")
-    if table["outcomes"]:
-        grid = Table("outcome", "unit", "softest", "optimum", "stiffest", "matters", box=None, pad_edge=False)
-        for row in table["outcomes"]:
-            numbers = ("–" if row[key] is None else f"{row[key]:.4g}" for key in ("softest", "optimum", "stiffest"))
-            grid.add_row(*map(Text, (row["label"], row["unit"], *numbers,
-                                     {True: "yes", False: "NO", None: "–"}[row["matters"]])))
-        console.print(grid)
-    for check in table["checks"]:
-        if check["met"] is False:
-            warn(f"not met: {check['label']}. {check['sentence']}")
-    for note in table["notes"]:
-        say(f"  {note}")
 
 
 @app.command()
@@ -162,21 +135,21 @@ def schedule(
     A task whose tuning did not end at an optimum makes the whole table one that may not be stored: it is written,
     marked so, and the exit code is 4.
     """
-    options = TuneOptions(cost=cost, weights=_weights(weights), level=level, fulcrum_range_mm=fulcrum_range,
-                          joints=_names(joints, "--joints"), seed=seed, workers=workers, quick=quick)
+    asked = _asked(cost, weights, level, design=(), fulcrum_range_mm=fulcrum_range, joints=_names(joints, "--joints"),
+                   seed=seed, workers=workers, quick=quick)
     from vsf_drake.analysis.tuning.schedule import read_tasks
 
     listed = read_tasks(tasks)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.cli.tune_run import check_resolution, tune_tasks
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import SCHEDULE, schedule_words, write_schedule
 
+    options = _level_options(asked)
     SCHEDULE.check(out)
     with progress() as show:
         try:
-            given = check_resolution(listed, contact, options, resolution_mm, show)
-            table, stopped = tune_tasks(listed, given, options, resolution_mm=resolution_mm, show=show)
+            given, reach_mm = _tasks_trials(listed, contact, asked, resolution_mm, show)
+            table, stopped = _tuned_tasks(listed, given, asked, options, reach_mm, resolution_mm, show)
         except KeyboardInterrupt:
             interrupted(" before any task had a result; nothing was written")
         show("writing the report", 0.99)
@@ -193,107 +166,218 @@ def schedule(
     say(f"written to {out}; {SCHEDULE.table} is for the controller, open {PAGE} first")
 
 
-# Options, their words read and checked before anything else is done.
+def read_warm_start(file: Path) -> Tuned:
+    """Table and arrays of an earlier tuning, by its folder or a file in it; InputError if there is none."""
+    from vsf_drake.report.tuning.chapters import TUNING
+
+    if not file.is_dir() and file.name not in (TUNING.table, TUNING.arrays):
+        raise InputError("is no tuning" if file.exists() else "there is no such file", file=file, where="--warm-start",
+                         right=f"Name the folder of an earlier tuning, or {TUNING.table} in it")
+    return TUNING.read(file if file.is_dir() else file.parent)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TuneOptions:
-    """What was asked for; None where the analysis decides."""
+def _print_tuning(table: Mapping[str, Any]) -> None:
+    """The answer in words, the outcomes, what is not met and what one should know."""
+    from vsf_drake.report.tuning.chapters import answer, first_line
 
-    cost: str
-    weights: dict[str, float] | None = None
-    level: int = 1
-    design: tuple[str, ...] = ()
-    fulcrum_range_mm: tuple[float, float] | None = None
-    intervals: int | None = None
-    method: str | None = None
-    pareto: tuple[str, ...] | None = None
-    joints: tuple[str, ...] | None = None
-    seed: int = 0
-    workers: int | None = None
-    quick: bool = False
-
-    def __post_init__(self) -> None:
-        """Raises InputError for what is not there, or cannot go together."""
-        if self.cost not in (*SINGLE, WEIGHTED):
-            raise _unknown("--cost", self.cost, (*SINGLE, WEIGHTED))
-        if self.level not in (1, 2):
-            raise InputError(f"{self.level} is no level", where="--level",
-                             right="1: the motion is given. 2: the motion adapts")
-        if self.weights is not None and self.cost != WEIGHTED:
-            raise InputError(f"cannot go with --cost {self.cost}", where="--weights",
-                             right=f"Give --cost {WEIGHTED}, or leave it out")
-        for option, given in (("--intervals", self.intervals), ("--method", self.method)):
-            if given is not None and self.level == 1:
-                raise InputError("is an option of level 2, where the motion is free", where=option,
-                                 right="Leave it out, or give --level 2")
-        if self.joints is not None and self.level == 2:
-            raise InputError("is an option of level 1; level 2 has all joints of the sagittal plane", where="--joints",
-                             right="Leave it out, or give --level 1")
-        if self.intervals is not None and self.intervals < 1:
-            raise InputError(f"{self.intervals} intervals are none", where="--intervals")
-        if self.method is not None and self.method not in METHODS:
-            raise _unknown("--method", self.method, METHODS)
-        if self.fulcrum_range_mm is not None:
-            low, high = self.fulcrum_range_mm
-            if not (math.isfinite(low) and math.isfinite(high) and low < high):
-                raise InputError(f"{low:g} to {high:g} mm is no range", where="--fulcrum-range",
-                                 right="Give the lower end first: 66 151")
-
-    def told(self) -> dict[str, object]:
-        """For the results."""
-        return {name: value for name, value in vars(self).items() if value is not None}
+    say(first_line(table))
+    for sentence in answer(table):
+        say(f"- {sentence}")
+    if table["outcomes"]:
+        grid = Table("outcome", "unit", "softest", "optimum", "stiffest", "matters", box=None, pad_edge=False)
+        for row in table["outcomes"]:
+            numbers = ("–" if row[key] is None else f"{row[key]:.4g}" for key in ("softest", "optimum", "stiffest"))
+            grid.add_row(*map(Text, (row["label"], row["unit"], *numbers,
+                                     {True: "yes", False: "NO", None: "–"}[row["matters"]])))
+        console.print(grid)
+    for check in table["checks"]:
+        if check["met"] is False:
+            warn(f"not met: {check['label']}. {check['sentence']}")
+    for note in table["notes"]:
+        say(f"  {note}")
 
 
-def _weights(text: str | None) -> dict[str, float] | None:
-    """`joint_load=1,push_off=0.5` as numbers by cost.
+# Options: their words read and what cannot go together refused here, the rest by the options of the level.
 
-    Raises:
-        InputError: a cost is unknown or named twice, a weight is no number from 0 on, or all are zero.
-    """
-    if text is None:
-        return None
+
+def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
+    with _named_as_options():
+        check_cost(cost)
+    if level not in (1, 2):
+        raise InputError(f"{level} is no level", where="--level",
+                         right="1: the motion is given. 2: the motion adapts")
+    if weights is not None and cost != WEIGHTED:
+        raise InputError(f"cannot go with --cost {cost}", where="--weights",
+                         right=f"Give --cost {WEIGHTED}, or leave it out")
+    for name, own in _ONLY.items():
+        if others.get(name) is not None and own != level:
+            raise InputError(f"is an option of level {own}", where=f"--{name}",
+                             right=f"Leave it out, or give --level {own}")
+    asked = {"cost": cost, "weights": None if weights is None else _weights(weights), "level": level} | others
+    return {name: value for name, value in asked.items() if value is not None}
+
+
+def _weights(text: str) -> dict[str, float]:
+    """`joint_load=1,push_off=0.5` as numbers by cost."""
     found: dict[str, float] = {}
     for part in text.split(","):
         name, equals, number = (piece.strip() for piece in part.partition("="))
         if not equals:
             raise InputError(f"{part.strip()!r} is no weight", where="--weights",
                              right="Write COST=NUMBER, separated by commas: joint_load=1,push_off=0.5")
-        if name not in SINGLE:
-            raise _unknown("--weights", name, SINGLE)
         if name in found:
             raise InputError(f"{name} has two weights", where="--weights", right="Give every cost one")
         try:
             found[name] = float(number)
         except ValueError:
             raise InputError(f"{number!r} is no number", where=f"--weights {name}") from None
-        if not math.isfinite(found[name]) or found[name] < 0.0:
-            raise InputError(f"{number} is no weight", where=f"--weights {name}", right="Give a number from 0 on")
-    if not any(found.values()):
-        raise InputError("are all zero", where="--weights", right="Give one above 0")
     return found
 
 
-def _names(text: str | None, option: str, known: Sequence[str] | None = None) -> tuple[str, ...] | None:
-    """Names separated by commas; of `known`, if given.
-
-    Raises:
-        InputError: one is unknown or named twice.
-    """
+def _names(text: str | None, option: str, known: Sequence[str] = ()) -> tuple[str, ...] | None:
+    """Names separated by commas, those known by the command line checked."""
     if text is None:
         return None
     names = tuple(part.strip() for part in text.split(",") if part.strip())
     if not names:
         raise InputError("names nothing", where=option)
-    for name in names:
-        if known is not None and name not in known:
-            raise _unknown(option, name, known)
-        if names.count(name) > 1:
-            raise InputError(f"names {name} twice", where=option)
-    return names
+    return tuple(check_name(name, known, option) for name in names) if known else names
 
 
-def _unknown(option: str, name: str, known: Sequence[str]) -> InputError:
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    right = f"Did you mean {near[0]}?" if near else f"There are: {', '.join(known)}"
-    return InputError(f"there is no {name!r}", where=option, right=right)
+@contextmanager
+def _named_as_options(warm_file: Path | None = None) -> Iterator[None]:
+    """Mistakes that the analysis finds are named as the command line names them."""
+    try:
+        yield
+    except InputError as error:
+        name, _, part = re.sub(r"\[.*", "", str(error.where or "")).partition(".")
+        if error.file is not None or name not in _OPTION_OF:
+            raise
+        raise InputError(error.what, file=warm_file if name == "warm_start" else None,
+                         where=f"{_OPTION_OF[name]} {part}".rstrip(), right=error.right) from None
+
+
+def _level_options(asked: Asked) -> level1.TuningOptions | level2.StrideOptions:
+    """The options of the analysis."""
+    from vsf_drake.analysis.tuning import level1, level2
+
+    names = {"fulcrum_range_mm": "bounds_mm"}
+    given = {names.get(name, name): value for name, value in asked.items() if name not in ("cost", "level", "quick")}
+    with _named_as_options():
+        if asked["level"] == 1:
+            quick: Asked = {"sweep_mm": 5.0, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
+            return level1.TuningOptions(**(quick if asked["quick"] else {}) | given)
+        given["design"] = tuple("alignment_rad" if name == "alignment" else name for name in given["design"])
+        given.pop("workers", None)
+        quick = {"intervals": 20, "positions": 5, "starts": 1, "confirm": (), "draws": 0}
+        return level2.StrideOptions(**(quick if asked["quick"] else {}) | given)
+
+
+# What is tuned: trials together, or task after task.
+
+
+def _tuned_trials(given: TuningTrials, asked: Asked, options: level1.TuningOptions | level2.StrideOptions, show: Show,
+                  *, warm: Tuned | None = None, warm_file: Path | None = None) -> Tuned:
+    """Table and arrays; an interrupt leaves what was found by then, marked as not optimal.
+
+    Raises:
+        InputError: the data do not support the cost; an option cannot be used.
+        SimulationError, FitError: nothing could be walked at all.
+        KeyboardInterrupt: before anything was found.
+    """
+    with _named_as_options(warm_file):
+        table, arrays = (_motion_given if asked["level"] == 1 else _motion_free)(
+            given, asked["cost"], options, show, warm)
+    made = dict(table["provenance"] or {})
+    made["options"] = {**asked, **(made.get("options") or {})}
+    made["inputs_sha256"] = {**given.inputs, **(made.get("inputs_sha256") or {})}
+    return {**table, "recorded_mm": given.recorded_mm, "provenance": made,
+            "notes": [*given.notes, *table["notes"]]}, arrays
+
+
+def _was_interrupted(table: Mapping[str, Any]) -> bool:
+    return not table["optimal"] and "interrupted" in table["status"]
+
+
+def _motion_given(given: TuningTrials, cost: str, options: Any, show: Show, warm: Tuned | None) -> Tuned:
+    from vsf_drake.analysis.tuning import level1
+
+    def told(p: level1.TuningProgress) -> None:
+        best = "" if p.cost is None or p.fulcrum_mm is None else f", {p.fulcrum_mm:.1f} mm, cost {p.cost:.5g}"
+        show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
+
+    tuning = level1.StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
+    solution = level1.solve(tuning, progress=told, warm_start=None if warm is None else warm[0])
+    return level1.tuning_table(solution), level1.tuning_arrays(solution)
+
+
+def _motion_free(given: TuningTrials, cost: str, options: Any, show: Show, warm: Tuned | None) -> Tuned:
+    from vsf_drake.analysis.tuning import level2
+
+    def told(what: str, fraction: float, iteration: Any = None) -> None:
+        best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
+        show(f"{what}{best}", fraction)
+
+    tuning = level2.StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
+    solution = level2.solve(tuning, progress=told, warm_start=None if warm is None else warm[1])
+    return level2.stride_table(solution), level2.stride_arrays(solution)
+
+
+def _tasks_trials(tasks: Sequence[Task], contact: Path | None, asked: Asked, resolution_mm: float | None,
+                  show: Show) -> tuple[list[TuningTrials], tuple[float, float]]:
+    """The trials of every task, and the positions that every trial's carriage can take within the range asked for."""
+    from vsf_drake.analysis.tuning.inputs import check_one_person, load_tuning_trials
+    from vsf_drake.analysis.tuning.schedule import check_steps
+
+    given = [load_tuning_trials(
+        task.manifests, contact=contact, level=asked["level"],
+        progress=lambda what, share, i=i: show(what, _READ * (i + share) / len(tasks)))
+        for i, task in enumerate(tasks)]
+    check_one_person([trial for one in given for trial in one.trials])
+    low, high = max(one.reach_mm[0] for one in given), min(one.reach_mm[1] for one in given)
+    reach = asked.get("fulcrum_range_mm", (low, high))
+    if reach[0] < low - 1e-6 or reach[1] > high + 1e-6:
+        raise InputError(f"{reach[0]:g} to {reach[1]:g} mm is out of the carriage's reach", where="--fulcrum-range",
+                         right=f"It must lie within {low:g} to {high:g} mm")
+    with _named_as_options():
+        check_steps(reach, resolution_mm)
+    return given, reach
+
+
+def _tuned_tasks(tasks: Sequence[Task], given: Sequence[TuningTrials], asked: Asked, options: Any,
+                 reach_mm: tuple[float, float], resolution_mm: float | None, show: Show) -> tuple[dict[str, Any], bool]:
+    """The content of policy.json, and whether Ctrl-C ended it early; before any result KeyboardInterrupt passes."""
+    from vsf_drake.analysis.tuning.schedule import make_schedule, policy_table
+    from vsf_drake.report.tuning.reading import rest_at, swept
+    from vsf_drake.simulation.archive import provenance
+
+    began, stopped = time.perf_counter(), False
+    found: list[dict[str, Any]] = []
+    for i, (task, trials) in enumerate(zip(tasks, given, strict=True)):
+        def told(what: str, share: float, label: str = task.label, i: int = i) -> None:
+            show(f"{label}: {what}", _READ + (1.0 - _READ) * (i + share) / len(tasks))
+
+        try:
+            found.append(_tuned_trials(trials, asked, options, told)[0])
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            stopped = True
+        if stopped := stopped or _was_interrupted(found[-1]):
+            break
+    first = found[0]
+    found += [{**first, "optimal": False, "status": "it was not reached: interrupted", "fulcrum_mm": None,
+               "cost": None, "sweep": [], "outcomes": [], "fulcrum_interval_mm": None}] * (len(tasks) - len(found))
+    policy = policy_table(make_schedule(
+        [(task.label, task.descriptors, table) for task, table in zip(tasks, found, strict=True)],
+        reach_mm=reach_mm, resolution_mm=resolution_mm))
+    for row, table, trials in zip(policy["tasks"], found, given, strict=True):
+        x, y = swept(table)
+        row |= {"trials": list(trials.labels), "recorded_mm": trials.recorded_mm,
+                "sweep": {"fulcrum_mm": x.tolist(), "cost": y.tolist()},
+                "rest": rest_at(table, row["fulcrum_mm"]), "rest_common": rest_at(table, policy["common_fulcrum_mm"])}
+    made = provenance({name: digest for trials in given for name, digest in trials.inputs.items()}, asked["seed"])
+    return policy | {name: first[name] for name in ("cost_name", "cost_label", "cost_unit")} | {
+        "level": asked["level"], "notes": list(dict.fromkeys(note for trials in given for note in trials.notes)),
+        "synthetic": any(trials.synthetic for trials in given), "wall_s": time.perf_counter() - began,
+        "provenance": {**made, "options": {**asked, "resolution_mm": resolution_mm}}}, stopped

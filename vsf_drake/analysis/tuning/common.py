@@ -1,10 +1,11 @@
-"""What the tunings of both levels share: costs by name, options, checks, the table's keys, and its sentences."""
+"""What the tunings of both levels share: costs by name, options, checks, and the table's keys."""
 
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,8 @@ from vsf_drake.schema import check, choice, quantity
 COSTS = ("joint_load", "metabolic", "push_off", "tracking")
 """Costs that stand for themselves; "weighted" adds them up."""
 WEIGHTED = "weighted"
+DESIGN = ("heel_stiffness", "alignment", "keel_thickness")
+"""What may be tuned beside the fulcrum."""
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
 """Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device as it is."""
 FORMAT = "vsf_drake tuning 1"
@@ -39,12 +42,18 @@ def check_tuning_table(table: Mapping[str, Any]) -> None:
         raise ValueError("an optimum has a position and a cost")
 
 
+def check_name(name: str, known: Sequence[str], where: str) -> str:
+    """Returns a name that is one of those known, or raises InputError with the one that is meant."""
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        raise InputError(f"there is no {name!r}", where=where,
+                         right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(known)}")
+    return name
+
+
 def check_cost(cost: str) -> str:
-    """Returns the name of a cost. Raises InputError if there is none of that name."""
-    if cost not in (*COSTS, WEIGHTED):
-        raise InputError(f"there is no cost {cost!r}", where="cost",
-                         right=f"There are: {', '.join((*COSTS, WEIGHTED))}")
-    return cost
+    """Returns the name of a cost, or raises InputError."""
+    return check_name(cost, (*COSTS, WEIGHTED), "cost")
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,8 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions:
-    """Options that tunings of both levels have. All numbers without a source are choices.
+    """Options that tunings of both levels have; InputError where one is none of what it may be. All numbers without a
+    source are choices.
 
     Attributes:
         bounds_mm: least and largest fulcrum position from A; None for the carriage's reach.
@@ -76,16 +86,14 @@ class CommonOptions:
         starts: most searches. iterations: of one. confirm: solvers that search again.
         draws: of the contact's parameters, by which the optimum's uncertainty is judged; 0 for none.
         seed: of all that is random.
-
-    Raises:
-        InputError: an option is none of what it may be.
     """
 
     bounds_mm: tuple[float, float] | None = None
     design: tuple[str, ...] = choice((), options=(), source="choice")
     design_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     weights: Mapping[str, float] = field(
-        default_factory=lambda: {"joint_load": 1.0, "metabolic": 1.0, "push_off": 1.0})
+        default_factory=lambda: {"joint_load": 1.0, "metabolic": 1.0, "push_off": 1.0},
+        metadata={"unit": "1", "low": 0.0, "high": math.inf, "source": "choice"})
     socket_weight: float = quantity(0.01, unit="1", low=0.0, high=100.0, source="choice")
     late_share: float = quantity(0.5, unit="1", low=0.0, high=0.95, source="choice")
     starts: int = quantity(3, unit="1", low=1, source="choice")
@@ -95,27 +103,22 @@ class CommonOptions:
     seed: int = quantity(0, unit="1", low=0, source="choice")
 
     def __post_init__(self) -> None:
-        check(self)
         for item in dataclasses.fields(self):
             names = getattr(self, item.name)
             if str(item.type) == "tuple[str, ...]":
                 if not isinstance(names, tuple):
                     raise InputError(f"is a {type(names).__name__}, no tuple of names", where=item.name)
-                if len(set(names)) != len(names):
-                    raise InputError("names one twice", where=item.name)
+                for name in names:
+                    if names.count(name) > 1:
+                        raise InputError(f"names {name} twice", where=item.name)
+        check(self)
         known = next(item.metadata["options"] for item in dataclasses.fields(self) if item.name == "design")
         for name, pair in self.design_bounds.items():
-            if name not in known:
-                raise InputError(f"{name!r} is none", where="design_bounds", right=f"There are: {', '.join(known)}")
-            _check_pair(f"design_bounds[{name!r}]", pair)
+            _check_pair(f"design_bounds[{check_name(name, known, 'design_bounds')!r}]", pair)
         if self.bounds_mm is not None:
             _check_pair("bounds_mm", self.bounds_mm)
-        for name, value in self.weights.items():
-            if name not in COSTS:
-                raise InputError(f"{name!r} is none", where="weights", right=f"There are: {', '.join(COSTS)}")
-            if not _is_number(value) or value < 0.0:
-                raise InputError(f"{value!r} is no weight", where=f"weights[{name!r}]",
-                                 right="It must be a number from 0 on")
+        for name in self.weights:
+            check_name(name, COSTS, "weights")
         if not sum(self.weights.values()) > 0.0:
             raise InputError("are all zero", where="weights", right="One of them must be above 0")
 
@@ -125,12 +128,9 @@ class CommonOptions:
         return tuple(name for name, weight in self.weights.items() if weight > 0.0)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _check_pair(where: str, pair: Any) -> None:
-    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(map(_is_number, pair)):
+    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(
+            isinstance(value, (int, float)) and math.isfinite(value) for value in pair):
         raise InputError(f"{pair!r} is no pair of numbers", where=where, right="Give (low, high)")
     if not pair[0] < pair[1]:
         raise InputError(f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}", where=where,

@@ -26,12 +26,8 @@ _TYPICAL_EVALUATIONS = 25.0
 
 @dataclass(frozen=True, eq=False)
 class TuningTrials:
-    """Trials as they are to be walked.
-
-    Attributes:
-        trials: in the order in which they were named. labels: a short name for each.
-        notes: what a user should know of them.
-    """
+    """Trials as they are to be walked, in the order in which they were named, a short name for each, and what a user
+    should know of them."""
 
     trials: tuple[Trial, ...]
     labels: tuple[str, ...]
@@ -66,8 +62,8 @@ def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ..
     Three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2. Motions that
     were walked at several settings make no good person to begin with: each belongs to its own setting.
     """
-    middle = [path for path in embedded_trials(quick=quick or level > 1) if path.stem.startswith(f"{SETTINGS[1]}_")]
-    return tuple(middle)
+    every = embedded_trials(quick=quick or level > 1)
+    return tuple(path for path in every if path.stem.startswith(f"{SETTINGS[1]}_"))
 
 
 def load_tuning_trials(
@@ -91,7 +87,7 @@ def load_tuning_trials(
     for i, file in enumerate(files):
         if file in files[:i]:
             raise InputError("is named twice", file=manifests[i], right="Name every trial once")
-    trials = [load_trial(manifest) for manifest in manifests]
+    trials = tuple(load_trial(manifest) for manifest in manifests)
     check_one_person(trials)
     labels = labels_of(trials)
     if contact is not None:
@@ -114,8 +110,7 @@ def load_tuning_trials(
 
 def check_one_person(trials: Sequence[Trial]) -> None:
     """Raises InputError unless all trials are of one subject, with the prosthesis on one side."""
-    first = trials[0]
     for trial in trials[1:]:
-        if trial.subject != first.subject:
-            raise InputError(f"is of another subject than {first.path}", file=trial.path, where="subject",
+        if trial.subject != trials[0].subject:
+            raise InputError(f"is of another subject than {trials[0].path}", file=trial.path, where="subject",
                              right="A setting is one person's: tune one subject at a time")

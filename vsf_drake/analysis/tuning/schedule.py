@@ -14,6 +14,7 @@ Paths are relative to the file. A descriptor is what the device can sense; those
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,8 +33,8 @@ DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ListedTask:
-    """One task of a task file."""
+class Task:
+    """What one setting is for: its trials' manifests, and what tells it apart, None where that is not known."""
 
     label: str
     trials: tuple[str, ...]
@@ -41,73 +42,65 @@ class _ListedTask:
     slope_deg: float | None = quantity(None, unit="deg", low=-45.0, high=45.0, source="measured, uphill +")
     carried_kg: float | None = quantity(None, unit="kg", low=0.0, high=200.0, source="measured")
 
+    @property
+    def manifests(self) -> tuple[Path, ...]:
+        """Of its trials."""
+        return tuple(map(Path, self.trials))
+
+    @property
+    def descriptors(self) -> dict[str, float | None]:
+        """By name of DESCRIPTORS."""
+        return {name: getattr(self, name) for name in DESCRIPTORS}
+
 
 @dataclass(frozen=True, kw_only=True)
 class _TaskFile:
-    """A task file."""
-
-    tasks: tuple[_ListedTask, ...]
-
-
-@dataclass(frozen=True)
-class Task:
-    """What one setting is for.
-
-    Attributes:
-        label: its name. manifests: of its trials. descriptors: by name of DESCRIPTORS, None where not known.
-    """
-
-    label: str
-    manifests: tuple[Path, ...]
-    descriptors: Mapping[str, float | None]
+    tasks: tuple[Task, ...]
 
 
 def read_tasks(words: Sequence[str]) -> tuple[Task, ...]:
     """Tasks as they are named on the command line: LABEL=TRIAL.yaml, or task files; see the module's text."""
     found: dict[str, Task] = {}
     for word in words:
-        for task in _named(word) if "=" in word else _listed(user_path(word)):
+        for task in [_named(word)] if "=" in word else _listed(user_path(word)):
             known = found.get(task.label)
-            if known is not None and (dict(known.descriptors) != dict(task.descriptors)):
+            if known is not None and known.descriptors != task.descriptors:
                 raise InputError(f"{task.label!r} is described in two ways", where="TASKS",
                                  right="Give every task a label of its own")
-            before = () if known is None else known.manifests
-            found[task.label] = Task(task.label, (*before, *task.manifests), task.descriptors)
-    tasks = tuple(found.values())
-    if len(tasks) < 2:
-        raise InputError(f"{len(tasks)} task{'s' * (len(tasks) != 1)} make no schedule", where="TASKS",
+            before = () if known is None else known.trials
+            found[task.label] = dataclasses.replace(task, trials=(*before, *task.trials))
+    if len(found) < 2:
+        raise InputError(f"{len(found)} task{'s' * (len(found) != 1)} make no schedule", where="TASKS",
                          right="Name two or more: LABEL=TRIAL.yaml, or a task file; `vsf-drake tune` finds one setting")
     owner: dict[Path, str] = {}
-    for task in tasks:
+    for task in found.values():
         for manifest in task.manifests:
-            other = owner.setdefault(manifest.resolve(), task.label)
-            if other != task.label or [m.resolve() for m in task.manifests].count(manifest.resolve()) > 1:
-                raise InputError("is named twice", file=manifest, where=f"{other} and {task.label}",
+            if manifest.resolve() in owner:
+                raise InputError("is named twice", file=manifest, where=f"{owner[manifest.resolve()]} and {task.label}",
                                  right="Every trial belongs to one task, once")
-    return tasks
+            owner[manifest.resolve()] = task.label
+    return tuple(found.values())
 
 
-def _named(word: str) -> list[Task]:
+def _named(word: str) -> Task:
     label, _, manifest = word.partition("=")
     if not label.strip() or not manifest.strip():
         raise InputError(f"{word!r} is no task", where="TASKS", right="Write LABEL=TRIAL.yaml")
-    return [Task(label.strip(), (user_path(manifest),), dict.fromkeys(DESCRIPTORS))]
+    return Task(label=label.strip(), trials=(str(user_path(manifest)),))
 
 
 def _listed(path: Path) -> list[Task]:
     tasks = []
     for i, task in enumerate(load_yaml(path, _TaskFile).tasks):
-        where = f"tasks[{i}]"
         if not task.label.strip():
-            raise InputError("is empty", file=path, where=f"{where}.label", right="Give the task a name")
+            raise InputError("is empty", file=path, where=f"tasks[{i}].label", right="Give the task a name")
         if not task.trials:
-            raise InputError("names no trial", file=path, where=f"{where}.trials")
-        tasks.append(Task(task.label.strip(), tuple(path.parent / name for name in task.trials),
-                          {name: getattr(task, name) for name in DESCRIPTORS}))
-    labels = [task.label for task in tasks]
-    for label in labels:
-        if labels.count(label) > 1:
-            raise InputError(f"has two tasks {label!r}", file=path, where="tasks", right="Give each a label of its own")
+            raise InputError("names no trial", file=path, where=f"tasks[{i}].trials")
+        if task.label.strip() in [other.label for other in tasks]:
+            raise InputError(f"has two tasks {task.label.strip()!r}", file=path, where="tasks",
+                             right="Give each a label of its own")
+        tasks.append(dataclasses.replace(task, label=task.label.strip(),
+                                         trials=tuple(str(path.parent / name) for name in task.trials)))
     return tasks
 
 
@@ -117,34 +110,27 @@ def _listed(path: Path) -> list[Task]:
 GRID_MM = 0.01
 """Of the search for the setting that is best for all."""
 SAME = 1e-9
+Curve = Callable[[Any], np.ndarray]
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskSetting:
-    """A row of the policy.
-
-    Attributes:
-        label: of the task. descriptors: by name of DESCRIPTORS, None where not known.
-        fulcrum_mm: what is stored, within the reach and rounded to the carriage's resolution. exact_mm: before that;
-            both None for a task without any result.
-        cost: at what is stored. cost_exact: at `exact_mm`. cost_common: at the one setting for all.
-        interval_mm: of the optimum; None if unknown.
-        matters: whether the task's own setting is known to differ from the one for all: the task's cost is known to
-            depend on the setting, and the one for all lies outside of the interval. None if that is not known.
-        optimal, status: whether the tuning of the task ended at an optimum, and how.
-    """
+    """A row of the policy; None where a task has no result."""
 
     label: str
-    descriptors: Mapping[str, float | None]
-    fulcrum_mm: float | None
-    exact_mm: float | None
-    cost: float | None
-    cost_exact: float | None
-    cost_common: float | None
-    interval_mm: tuple[float, float] | None
+    descriptors: Mapping[str, float | None]  # by name of DESCRIPTORS, None where not known
+    fulcrum_mm: float | None  # what is stored: within the reach, rounded to the carriage's resolution
+    exact_mm: float | None  # before that
+    cost: float | None  # at what is stored
+    cost_exact: float | None  # at `exact_mm`
+    cost_common: float | None  # at the one setting for all
+    interval_mm: Span | None  # of the optimum
     matters: bool | None
-    optimal: bool
-    status: str
+    """Whether the task's own setting is known to differ from the one for all: the task's cost is known to depend on the
+    setting, and the one for all lies outside of the interval. None if that is not known."""
+    optimal: bool  # whether the tuning of the task ended at an optimum
+    status: str  # how it ended
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +144,7 @@ class Schedule:
 
     tasks: tuple[TaskSetting, ...]
     common_fulcrum_mm: float | None
-    reach_mm: tuple[float, float]
+    reach_mm: Span
     resolution_mm: float | None
 
     @property
@@ -190,36 +176,30 @@ class Schedule:
             FitError: a task's tuning did not end at an optimum.
         """
         self.check()
-        given, at = dict(zip(DESCRIPTORS, (speed, slope, carried), strict=True)), []
-        for name, value in given.items():
+        axes: dict[str, np.ndarray] = {}
+        at = []
+        for name, value in zip(DESCRIPTORS, (speed, slope, carried), strict=True):
+            known = {task.descriptors.get(name) for task in self.tasks}
             if value is not None and not math.isfinite(value):
                 raise InputError(f"{value} is no value", where=name)
-            if value is not None and all(task.descriptors.get(name) is None for task in self.tasks):
+            if value is not None and known == {None}:
                 raise InputError("no task of this schedule says its own", where=name,
                                  right="Describe the tasks in the task file")
-        axes = self._axes()
-        for name, values in axes.items():
-            if given[name] is None:
+            if len(known) < 2:
+                continue
+            if None in known:
+                raise InputError("some tasks say it and others do not", where=name,
+                                 right="Describe all tasks in the task file, or none")
+            if value is None:
                 raise InputError("is missing: the tasks differ in it", where=name,
                                  right=f"Give it in {DESCRIPTORS[name]}")
-            at.append(float(np.clip(given[name], values[0], values[-1])))
+            axes[name] = np.array(sorted(known), dtype=float)
+            at.append(float(np.clip(value, axes[name][0], axes[name][-1])))
         if not axes:
             raise InputError("the tasks of this schedule are told apart by nothing", where="lookup",
                              right="Give their speeds, slopes or loads in a task file")
         found = RegularGridInterpolator(tuple(axes.values()), self._grid(axes), method="linear")(at)
         return on_carriage(float(found[0]), self.reach_mm, self.resolution_mm)
-
-    def _axes(self) -> dict[str, np.ndarray]:
-        """Rising values of each descriptor in which the tasks differ."""
-        found = {}
-        for name in DESCRIPTORS:
-            values = {task.descriptors.get(name) for task in self.tasks}
-            if len(values) > 1:
-                if None in values:
-                    raise InputError("some tasks say it and others do not", where=name,
-                                     right="Describe all tasks in the task file, or none")
-                found[name] = np.array(sorted(values), dtype=float)
-        return found
 
     def _grid(self, axes: Mapping[str, np.ndarray]) -> np.ndarray:
         grid = np.full([len(values) for values in axes.values()], np.nan)
@@ -237,7 +217,7 @@ class Schedule:
 
 
 def make_schedule(
-    tuned: Sequence[tuple[str, Mapping[str, float | None], Mapping[str, Any]]], *, reach_mm: tuple[float, float],
+    tuned: Sequence[tuple[str, Mapping[str, float | None], Mapping[str, Any]]], *, reach_mm: Span,
     resolution_mm: float | None = None
 ) -> Schedule:
     """The schedule of tasks that were tuned by themselves.
@@ -250,13 +230,32 @@ def make_schedule(
     curves = [_cost_curve(table) for _, _, table in tuned]
     known = [curve for curve in curves if curve is not None]
     common = _best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
-    stored = [None if table["fulcrum_mm"] is None else on_carriage(table["fulcrum_mm"], reach_mm, resolution_mm)
-              for _, _, table in tuned]
-    rows = tuple(_row(*task, curve, common, at) for task, curve, at in zip(tuned, curves, stored, strict=True))
-    return Schedule(tasks=rows, common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
+    rows = []
+    for (label, descriptors, table), curve in zip(tuned, curves, strict=True):
+        exact, interval = table["fulcrum_mm"], table["fulcrum_interval_mm"]
+        stored = None if exact is None else on_carriage(exact, reach_mm, resolution_mm)
+        interval = None if interval is None else (float(interval[0]), float(interval[1]))
+        rows.append(TaskSetting(
+            label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=_at(curve, stored),
+            cost_exact=table["cost"], cost_common=_at(curve, common), interval_mm=interval,
+            matters=_matters(table, interval, common), optimal=bool(table["optimal"]), status=str(table["status"])))
+    return Schedule(tasks=tuple(rows), common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
 
 
-def check_steps(reach_mm: tuple[float, float], resolution_mm: float | None) -> None:
+def _at(curve: Curve | None, fulcrum_mm: float | None) -> float | None:
+    return None if curve is None or fulcrum_mm is None else float(curve(fulcrum_mm))
+
+
+def _matters(table: Mapping[str, Any], interval: Span | None, common: float | None) -> bool | None:
+    depends = next((row["matters"] for row in table["outcomes"] if row["name"] in ("cost", table["cost_name"])), None)
+    if not table["optimal"] or common is None:
+        return None
+    if depends is False or (interval is not None and interval[0] <= common <= interval[1]):
+        return False
+    return True if depends and interval is not None else None
+
+
+def check_steps(reach_mm: Span, resolution_mm: float | None) -> None:
     """Raises InputError for a resolution in which the carriage could not move."""
     low, high = reach_mm
     if resolution_mm is not None and not 0.0 < resolution_mm <= high - low:
@@ -264,7 +263,7 @@ def check_steps(reach_mm: tuple[float, float], resolution_mm: float | None) -> N
                          right=f"It must be above 0 and at most the reach, {high - low:g} mm")
 
 
-def _cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
+def _cost_curve(table: Mapping[str, Any]) -> Curve | None:
     """The cost over the fulcrum (mm) through the sweep's points and the optimum; None with fewer than two points."""
     points = {float(row["fulcrum_mm"]): float(row["cost"]) for row in table["sweep"] if row["cost"] is not None}
     if table["optimal"] and table["fulcrum_mm"] is not None and table["cost"] is not None:
@@ -277,9 +276,7 @@ def _cost_curve(table: Mapping[str, Any]) -> Callable[[Any], np.ndarray] | None:
     return lambda at: np.asarray(curve(np.clip(at, x[0], x[-1])))
 
 
-def _best_common(
-    curves: Sequence[Callable[[Any], np.ndarray]], reach_mm: tuple[float, float], resolution_mm: float | None
-) -> float:
+def _best_common(curves: Sequence[Curve], reach_mm: Span, resolution_mm: float | None) -> float:
     """The position (mm) that the carriage can take at which the mean of the costs is least."""
     spacing = resolution_mm or GRID_MM
     count = math.floor((reach_mm[1] - reach_mm[0]) / spacing + SAME) + 1
@@ -289,7 +286,7 @@ def _best_common(
     return float(at[int(np.argmin(np.mean([curve(at) for curve in curves], axis=0)))])
 
 
-def on_carriage(fulcrum_mm: float, reach_mm: tuple[float, float], resolution_mm: float | None) -> float:
+def on_carriage(fulcrum_mm: float, reach_mm: Span, resolution_mm: float | None) -> float:
     """The nearest position that the carriage can take: within its reach, on a whole step from its lower end."""
     low, high = reach_mm
     inside = min(max(fulcrum_mm, low), high)
@@ -299,26 +296,6 @@ def on_carriage(fulcrum_mm: float, reach_mm: tuple[float, float], resolution_mm:
     return low + steps * resolution_mm
 
 
-def _row(
-    label: str, descriptors: Mapping[str, float | None], table: Mapping[str, Any],
-    curve: Callable[[Any], np.ndarray] | None, common: float | None, stored: float | None
-) -> TaskSetting:
-    interval = None if table["fulcrum_interval_mm"] is None else tuple(map(float, table["fulcrum_interval_mm"]))
-
-    def cost(at: float | None) -> float | None:
-        return None if curve is None or at is None else float(curve(at))
-
-    depends = next((row["matters"] for row in table["outcomes"] if row["name"] in ("cost", table["cost_name"])), None)
-    matters: bool | None = None
-    if table["optimal"] and common is not None:
-        inside = interval is not None and interval[0] <= common <= interval[1]
-        matters = False if inside or depends is False else True if depends and interval is not None else None
-    return TaskSetting(
-        label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=table["fulcrum_mm"], cost=cost(stored),
-        cost_exact=table["cost"], cost_common=cost(common), interval_mm=interval, matters=matters,
-        optimal=bool(table["optimal"]), status=str(table["status"]))
-
-
 # A schedule as plain numbers, and back: what `policy.json` holds and a controller reads.
 
 
@@ -326,33 +303,27 @@ POLICY_FORMAT = "vsf_drake schedule 1"
 LOOKUP = (
     "Between tasks the setting is linear in what tells them apart; outside of the table it is that of the nearest "
     "edge; then it is put within the carriage's reach and on its resolution.")
-_SCALARS = ("fulcrum_mm", "exact_mm", "cost", "cost_exact", "cost_common", "matters", "optimal", "status")
 
 
 def policy_table(schedule: Schedule) -> dict[str, Any]:
     """Tasks, the one setting for all, reach and resolution."""
+    rows = [vars(task) | dict.fromkeys(DESCRIPTORS) | task.descriptors for task in schedule.tasks]
     return {
         "format": POLICY_FORMAT, "optimal": schedule.optimal, "common_fulcrum_mm": schedule.common_fulcrum_mm,
         "reach_mm": list(schedule.reach_mm), "resolution_mm": schedule.resolution_mm, "lookup": LOOKUP,
-        "tasks": [{"label": task.label, **{name: task.descriptors.get(name) for name in DESCRIPTORS},
-                   **{name: getattr(task, name) for name in _SCALARS},
-                   "interval_mm": None if task.interval_mm is None else list(task.interval_mm)}
-                  for task in schedule.tasks]}
+        "tasks": [{name: value for name, value in row.items() if name != "descriptors"} for row in rows]}
 
 
 def schedule_of(table: Mapping[str, Any], *, file: str | Path | None = None) -> Schedule:
-    """The schedule that `policy_table` wrote.
-
-    Raises:
-        InputError: it is of another format, or something is missing in it.
-    """
+    """The schedule that `policy_table` wrote; InputError if it is of another format or something is missing in it."""
     if table.get("format") != POLICY_FORMAT:
         raise InputError("is no policy table", file=file, right="Name the policy.json that `vsf-drake schedule` wrote")
+    own = [item.name for item in dataclasses.fields(TaskSetting) if item.name not in ("descriptors", "interval_mm")]
     try:
         tasks = tuple(TaskSetting(
-            label=str(row["label"]), descriptors={name: row[name] for name in DESCRIPTORS},
-            interval_mm=None if row["interval_mm"] is None else (row["interval_mm"][0], row["interval_mm"][1]),
-            **{name: row[name] for name in _SCALARS}) for row in table["tasks"])
+            descriptors={name: row[name] for name in DESCRIPTORS}, **{name: row[name] for name in own},
+            interval_mm=None if row["interval_mm"] is None else (row["interval_mm"][0], row["interval_mm"][1]))
+            for row in table["tasks"])
         low, high = table["reach_mm"]
         return Schedule(tasks=tasks, common_fulcrum_mm=table["common_fulcrum_mm"], reach_mm=(float(low), float(high)),
                         resolution_mm=table["resolution_mm"])
@@ -362,9 +333,5 @@ def schedule_of(table: Mapping[str, Any], *, file: str | Path | None = None) -> 
 
 
 def load_schedule(path: str | Path) -> Schedule:
-    """The schedule of a `policy.json`, ready for `Schedule.lookup`.
-
-    Raises:
-        InputError: the file is missing, damaged or of another kind.
-    """
+    """The schedule of a `policy.json`, ready for `Schedule.lookup`; InputError if it is no such file."""
     return schedule_of(read_json(path), file=path)

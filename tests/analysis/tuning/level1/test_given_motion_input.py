@@ -29,7 +29,7 @@ def trial(tuned_trials):
 
 
 def test_an_unknown_cost_names_those_that_exist(trial):
-    with pytest.raises(InputError, match=r"no cost 'comfort'.*joint_load, metabolic, push_off, tracking, weighted"):
+    with pytest.raises(InputError, match=r"no 'comfort'.*joint_load, metabolic, push_off, tracking, weighted"):
         StiffnessTuning([trial], cost="comfort")
 
 
@@ -94,12 +94,12 @@ def test_bounds_of_the_design_out_of_range_are_refused(trial):
     ({"bounds_mm": (120.0, 90.0)}, "lower bound 120 is not below its upper one 90"),
     ({"bounds_mm": (90.0,)}, "no pair of numbers"),
     ({"design": ("toe_shape",)}, "heel_stiffness, alignment, keel_thickness"),
-    ({"design": ("alignment", "alignment")}, "names one twice"),
+    ({"design": ("alignment", "alignment")}, "names alignment twice"),
     ({"design": "alignment"}, "no tuple"),
     ({"joints": ()}, "is empty"),
-    ({"weights": {"joint_load": -1.0}}, "no weight"),
+    ({"weights": {"joint_load": -1.0}}, "weights.joint_load: -1 is outside"),
     ({"weights": {"joint_load": 0.0}}, "all zero"),
-    ({"weights": {"comfort": 1.0}}, "'comfort' is none"),
+    ({"weights": {"comfort": 1.0}}, "there is no 'comfort'"),
     ({"consistency_weight": -0.1}, "between 0 and 100"),
     ({"step_s": 0.0}, "step_s"), ({"step_s": float("nan")}, "step_s"), ({"draws": 1.5}, "whole number"),
     ({"cutoff_hz": 150.0, "search_step_s": 4e-3}, "below 125 Hz"),

@@ -125,7 +125,7 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
 def test_two_trials_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
     with pytest.raises(InputError, match="2 trials"):
         StrideTuning([trial, trial], cost="metabolic")
-    with pytest.raises(InputError, match="no cost"):
+    with pytest.raises(InputError, match="no 'comfort'"):
         StrideTuning([trial], cost="comfort")
     with pytest.raises(InputError, match="reach"):
         StrideTuning([trial], cost="metabolic", options=StrideOptions(bounds_mm=(10.0, 300.0)))

@@ -5,8 +5,8 @@
     solution.fulcrum_mm, tuning_table(solution)
 """
 
-from vsf_drake.analysis.tuning.common import COSTS, WEIGHTED
-from vsf_drake.analysis.tuning.level1.options import DESIGN, TuningOptions
+from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED
+from vsf_drake.analysis.tuning.level1.options import TuningOptions
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution, tuning_arrays, tuning_table
 from vsf_drake.analysis.tuning.level1.solve import TuningProgress, solve

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import COSTS, CommonOptions
+from vsf_drake.analysis.tuning.common import COSTS, DESIGN, CommonOptions
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.variables import Variable
 
-DESIGN = ("heel_stiffness", "alignment", "keel_thickness")
-"""What may be tuned beside the fulcrum: see `walk_setting`."""
 JOINTS = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")
 
 
@@ -64,7 +62,8 @@ class TuningOptions(CommonOptions):
         if not self.joints:
             raise InputError("is empty", where="joints", right=f"Give some of {', '.join(JOINTS)}")
         if len(self.pareto) not in (0, 2):
-            raise InputError(f"names {len(self.pareto)} costs", where="pareto", right="Give two costs, or none")
+            raise InputError(f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}", where="pareto",
+                             right="Give two costs, or none")
         for step in (self.step_s, self.search_step_s):
             if self.cutoff_hz >= 0.5 / step:
                 raise InputError(f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
