@@ -27,7 +27,7 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 from vsf_drake.analysis.bench_metrics import PUBLISHED_STIFFNESS_N_PER_M, bench_table, displacement, stiffness
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
-from vsf_drake.model_file import zones_under_load
+from vsf_drake.model_file import spheres_under_load
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.schema import dump_yaml
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
@@ -82,7 +82,7 @@ def with_compliances(foot: FootParameters, *, fulcrum_stiffness: float, series_s
     Raises:
         InputError: no sphere lies in the patch, or one there has an exponent other than 1.
     """
-    loaded = zones_under_load(foot)
+    loaded = [zone for zone, _ in spheres_under_load(foot)]
     if not loaded or any(zone.exponent != 1.0 for zone in loaded):
         raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
                          where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")

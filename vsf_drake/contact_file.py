@@ -17,11 +17,10 @@ socket replace the model's, offsets and coordinates are added to the trial's. `c
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -29,7 +28,7 @@ from typing import Any, TypeVar
 import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model, foam_under_load
 from vsf_drake.parameters import SIDES, ModelParameters, person_coordinates
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
@@ -67,15 +66,13 @@ class FittedSubject:
 class FittedTrial:
     """What was fitted to one recording alone.
 
-    Attributes:
-        fingerprint: of the recording, see `motion.fitted_trial.fingerprint`.
-        height_m: added to the height offset: + moves the foot up against the limb, as `offset.height`.
-        path: coefficients (m) by translation of the pelvis (OpenSim's axes), of `motion.trajectory.window_bsplines`
-            over the recording's window; added to the recorded coordinate.
+    `height_m` is added to the height offset: + moves the foot up against the limb, as `offset.height`. `path` has, by
+    translation of the pelvis (OpenSim's axes), the coefficients (m) of `motion.trajectory.window_bsplines` over the
+    recording's window that are added to the recorded coordinate.
     """
 
     name: str
-    fingerprint: str
+    fingerprint: str  # of the recording, see `motion.fitted_trial.fingerprint`
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted")
     path: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
@@ -105,14 +102,7 @@ class FittedContact:
 
 
 def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedContact:
-    """Reads a contact file.
-
-    Args:
-        even_if_failed: read also what a fit left that did not converge.
-
-    Raises:
-        InputError: see `vsf_drake.schema.load_yaml` and `check_contact`; or the fit did not converge.
-    """
+    """Reads and checks a contact file; also one that a fit left that did not converge, if `even_if_failed`."""
     contact = check_contact(load_yaml(path, FittedContact), file=path)
     if not contact.converged and not even_if_failed:
         raise InputError("this fit did not converge", file=path, where="converged",
@@ -121,18 +111,14 @@ def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedCon
 
 
 def save_contact(contact: FittedContact, path: str | Path) -> None:
-    """Writes `contact` so that `load_contact` reads an equal one: every digit, with the units as comments.
-
-    Raises:
-        InputError: see `check_contact`; or the file cannot be written.
-    """
+    """Checks `contact` and writes it so that `load_contact` reads an equal one: every digit, units as comments."""
     check_contact(contact, file=path)
     title = "Contact fitted" if contact.converged else "NOT TO BE USED: the search ended before its end. Contact fitted"
     lines = [f"# {title} by vsf_drake; see vsf_drake/contact_file.py for what the keys mean. SI units, radians.\n"]
     for key, value in to_plain(contact).items():
-        lines += [_commented(key, line) for line in _dumped({key: value}).splitlines(keepends=True)]
-    with replaced(path) as stream:
-        stream.writelines(lines)
+        text = yaml.dump({key: value}, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=math.inf)
+        lines += [_commented(key, line) for line in text.splitlines(keepends=True)]
+    write_text(path, "".join(lines))
 
 
 def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> FittedContact:
@@ -146,58 +132,47 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     def refuse(what: str, where: str, right: str | None = None) -> InputError:
         return InputError(what, file=file, where=where, right=right)
 
-    def check_coordinate(name: str, known: tuple[str, ...], where: str) -> None:
-        if name not in known:
-            raise refuse(f"{name!r} is no coordinate that can be corrected", where, f"There are: {', '.join(known)}")
-
-    def check_number(value: Any, where: str, *, corrects: bool) -> None:
-        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-            raise refuse(f"{value!r} is not a finite number", where)
-        if corrects and abs(value) > LARGEST_CORRECTION:
-            raise refuse(f"{value:g} corrects no recording", where,
-                         f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
-
-    def check_coefficients(values: tuple[float, ...], where: str) -> None:
-        if len(values) < FEWEST_COEFFICIENTS:
-            raise refuse(f"{len(values)} coefficients make no cubic spline", where,
-                         f"At least {FEWEST_COEFFICIENTS} are needed")
-        for i, value in enumerate(values):
-            check_number(value, f"{where}[{i}]", corrects=True)
-
     check(contact, file=file)
     if not contact.provenance:
         raise refuse("is missing", "provenance",
                      "It stands last: without it the file may have been cut short, with values missing too")
-    coordinates = person_coordinates(contact.subject.prosthetic_side)
-    for name, value in contact.values.items():
-        where, corrects = f"values.{name}", name.startswith("coordinate.")
-        variable_unit(name, file=file, where=where)
-        if corrects:
-            check_coordinate(name.removeprefix("coordinate."), coordinates, where)
-        check_number(value, where, corrects=corrects)
-    for i, curve in enumerate(contact.curves):
-        check_coordinate(curve.coordinate, coordinates, f"curves[{i}].coordinate")
-        if curve.coordinate in [other.coordinate for other in contact.curves[:i]]:
-            raise refuse(f"{curve.coordinate} has two curves", f"curves[{i}].coordinate")
-        check_coefficients(curve.coefficients, f"curves[{i}].coefficients")
-    for i, trial in enumerate(contact.trials):
-        where = f"trials[{i}].fingerprint"
-        if not re.fullmatch(r"[0-9a-f]{64}", trial.fingerprint):
-            raise refuse("is no fingerprint of a recording: 64 hexadecimal digits", where)
-        if trial.fingerprint in [other.fingerprint for other in contact.trials[:i]]:
-            raise refuse("the same recording stands twice", where)
-        for name, coefficients in trial.path.items():
-            check_coordinate(name, PATHS, f"trials[{i}].path")
-            check_coefficients(coefficients, f"trials[{i}].path.{name}")
+    values = {f"values.{name}": value for name, value in contact.values.items()}
+    for where in values:
+        variable_unit(where.removeprefix("values."), file=file, where=where)
+    known = person_coordinates(contact.subject.prosthetic_side)
+    prefix = "values.coordinate."
+    for where, name, those in (
+            *((where, where.removeprefix(prefix), known) for where in values if where.startswith(prefix)),
+            *((f"curves[{i}].coordinate", curve.coordinate, known) for i, curve in enumerate(contact.curves)),
+            *((f"trials[{i}].path", name, PATHS) for i, trial in enumerate(contact.trials) for name in trial.path)):
+        if name not in those:
+            raise refuse(f"{name!r} is no coordinate that can be corrected", where, f"There are: {', '.join(those)}")
+    splines = {f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)} | {
+        f"trials[{i}].path.{name}": path for i, trial in enumerate(contact.trials) for name, path in trial.path.items()}
+    for where, spline in splines.items():
+        if len(spline) < FEWEST_COEFFICIENTS:
+            raise refuse(f"{len(spline)} coefficients make no cubic spline", where,
+                         f"At least {FEWEST_COEFFICIENTS} are needed")
+        values |= {f"{where}[{i}]": value for i, value in enumerate(spline)}
+    for where, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+            raise refuse(f"{value!r} is not a finite number", where)
+        if abs(value) > LARGEST_CORRECTION and (where.startswith(prefix) or not where.startswith("values.")):
+            raise refuse(f"{value:g} corrects no recording", where,
+                         f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
+    prints = [trial.fingerprint for trial in contact.trials]
+    for i in (i for i, text in enumerate(prints) if not re.fullmatch(r"[0-9a-f]{64}", text)):
+        raise refuse("is no fingerprint of a recording: 64 hexadecimal digits", f"trials[{i}].fingerprint")
+    for where, names, what in (
+            ("curves[{}].coordinate", [curve.coordinate for curve in contact.curves], "{} has two curves"),
+            ("trials[{}].fingerprint", prints, "the same recording stands twice")):
+        for i in (i for i, name in enumerate(names) if name in names[:i]):
+            raise refuse(what.format(names[i]), where.format(i))
     return contact
 
 
 def variable_unit(name: str, *, file: str | Path | None = None, where: str | None = None) -> str:
-    """The unit of a walk's variable that a contact may hold.
-
-    Raises:
-        InputError: it may not hold one of that name.
-    """
+    """The unit of a walk's variable; InputError for one that a contact may not hold."""
     for pattern, unit in _UNITS.items():
         if re.fullmatch(pattern, name):
             return unit
@@ -223,10 +198,6 @@ def _text(dumper: _Dumper, value: str) -> yaml.Node:
 
 _Dumper.add_representer(list, _list)
 _Dumper.add_representer(str, _text)
-
-
-def _dumped(plain: dict[str, Any]) -> str:
-    return yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=math.inf)
 
 
 def _commented(section: str, line: str) -> str:
@@ -260,9 +231,8 @@ _DEVICE = {"keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
            "fulcrum.stiffness": ("fulcrum", "stiffness_n_per_m")}
 
 
-def model_with(
-    model: ModelParameters, values: Mapping[str, float], *, file: str | Path | None = None
-) -> ModelParameters:
+def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str | Path | None = None
+               ) -> ModelParameters:
     """`model` with those of `values` (SI, by name) that are its own; `file` is where they come from.
 
     Raises:
@@ -281,26 +251,26 @@ def model_with(
                 raise InputError(f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
                                  file=file, where=where, right=f"It has: {', '.join(names)}")
             i = names.index(zone_name)
-            rise = tuple(r + 1e3 * float(value) for r in foot.zones[i].rise_mm)
-            changed = _with(foot.zones[i], "rise_mm" if law == "rise" else _FIELDS[law],
-                            rise if law == "rise" else float(value))
-            foot = dataclasses.replace(foot, zones=(*foot.zones[:i], changed, *foot.zones[i + 1 :]))
+            if law == "rise":
+                zone = replace(foot.zones[i], rise_mm=tuple(r + 1e3 * float(value) for r in foot.zones[i].rise_mm))
+            else:
+                zone = _with(foot.zones[i], _FIELDS[law], float(value))
+            foot = replace(foot, zones=(*foot.zones[:i], zone, *foot.zones[i + 1 :]))
         elif group == "socket":
-            axis = getattr(socket, rest.split(".")[0])
+            axis_name = rest.split(".")[0]
+            axis = getattr(socket, axis_name)
             if not axis.stiffness > 0.0:
-                raise InputError(f"the model's {rest.split('.')[0]} axis has no stiffness to go with", file=file,
-                                 where=where)
-            stiffer = dataclasses.replace(axis, stiffness=float(value),
-                                          stiffness_negative=float(value) * (axis.stiffness_negative / axis.stiffness))
-            socket = _with(socket, rest.split(".")[0], stiffer)
+                raise InputError(f"the model's {axis_name} axis has no stiffness to go with", file=file, where=where)
+            socket = _with(socket, axis_name, replace(axis, stiffness=float(value), stiffness_negative=float(value) * (
+                axis.stiffness_negative / axis.stiffness)))
         elif group not in ("offset", "coordinate"):  # those are no part of a model
             part, field = _DEVICE.get(name) or ("friction", _FIELDS[rest])
             foot = _with(foot, part, _with(getattr(foot, part), field, float(value)))
     foam = foam_under_load(foot)
     if foam is not None and foam != foam_under_load(model.foot):
-        foot = dataclasses.replace(foot, series_stiffness_n_per_m=foam[0], series_exponent=foam[1])
-    return check_model(dataclasses.replace(model, foot=foot, socket=socket), file=file)
+        foot = replace(foot, series_stiffness_n_per_m=foam[0], series_exponent=foam[1])
+    return check_model(replace(model, foot=foot, socket=socket), file=file)
 
 
 def _with(part: T, field: str, value: Any) -> T:
-    return dataclasses.replace(part, **{field: value})  # type: ignore[type-var]
+    return replace(part, **{field: value})  # type: ignore[type-var]

@@ -56,20 +56,12 @@ class Ground:
 
 
 def load_ground(path: str | Path) -> Ground:
-    """Reads a ground from YAML.
-
-    Raises:
-        InputError: see `schema.load_yaml` and `check_ground`.
-    """
+    """Reads a ground from YAML, and checks it."""
     return check_ground(load_yaml(path, Ground), file=path)
 
 
 def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
-    """Returns `ground` after checking its numbers.
-
-    Raises:
-        InputError: it is no `Ground`, there is no patch, a number is out of range, or bounds are in the wrong order.
-    """
+    """Returns `ground` if it is one: patches, one at least, with numbers in range and bounds in the right order."""
     if not isinstance(ground, Ground):
         raise InputError(f"{ground!r} is no Ground", file=file, where="ground",
                          right="Give Ground(patches=(GroundPatch(...),)), or load_ground(path)")
@@ -90,15 +82,13 @@ def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
 def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dict[str, np.ndarray]:
     """The M patches as arrays (M,), bounds (M, 4): what `laws.ground` and `systems.FootForces` take.
 
-    Args:
-        mu_static, mu_kinetic: the foot's, for patches that name none.
+    `mu_static` and `mu_kinetic` are the foot's, for patches that name none.
     """
-    patches = ground.patches
-
     def column(field: str, missing: float = math.nan) -> np.ndarray:
-        values = [getattr(patch, field) for patch in patches]
+        values = [getattr(patch, field) for patch in ground.patches]
         return np.array([missing if value is None else value for value in values], dtype=float)
 
+    kinetic = column("mu_kinetic")  # a place that is only said to be slippery is so for a foot that slides, too
     return {
         "ground_bounds": np.column_stack([column(f) for f in ("from_x_m", "to_x_m", "from_y_m", "to_y_m")]),
         "ground_reference_x": column("reference_x_m"),
@@ -107,12 +97,5 @@ def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dic
         "ground_bank": np.tan(np.radians(column("bank_deg"))),
         "ground_compliance": 1.0 / column("stiffness_n_per_m", math.inf),
         "mu_static": column("mu_static", mu_static),
-        "mu_kinetic": np.array([_kinetic(patch, mu_kinetic) for patch in patches]),
+        "mu_kinetic": np.where(np.isnan(kinetic), np.minimum(mu_kinetic, column("mu_static", math.inf)), kinetic),
     }
-
-
-def _kinetic(patch: GroundPatch, own: float) -> float:
-    """A place that is only said to be slippery is so for a foot that slides, too."""
-    if patch.mu_kinetic is not None:
-        return patch.mu_kinetic
-    return own if patch.mu_static is None else min(own, patch.mu_static)

@@ -19,42 +19,61 @@ DEEPEST_M = 1.0
 
 
 def load_model(path: str | Path) -> ModelParameters:
-    """Reads and checks a model file.
-
-    Raises:
-        InputError: see `vsf_drake.schema.load_yaml` and `check_model`.
-    """
+    """Reads and checks a model file."""
     return check_model(load_yaml(path, ModelParameters), file=path)
 
 
 def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
-    """Returns `model` after checking ranges and whether its parts make a foot.
-
-    Raises:
-        InputError: a value is out of range; lists of one zone differ in length; a foot has no zones, no sphere on
-            its heel block or one ahead of its keel; fulcrum or load point lie outside the keel; the parts
-            weigh more than the foot, or are higher than it.
-    """
+    """Returns `model` after checking ranges and whether its parts make a foot; see `check_foot`."""
     check(model, file=file)
     _check_zones(model.intact_foot.zones, "intact_foot.", file)
-    _check_foot(model.foot, file, "foot.")
+    check_foot(model.foot, file=file, group="foot.")
     return model
 
 
-def check_foot(foot: FootParameters) -> FootParameters:
-    """Returns `foot` after checking its ranges and whether its parts make a foot.
+def check_foot(foot: FootParameters, *, file: str | Path | None = None, group: str = "") -> FootParameters:
+    """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what messages call it.
 
     Raises:
-        InputError: see `check_model`.
+        InputError: a value is out of range; lists of one zone differ in length; there are no zones, no sphere on the
+            heel block or one ahead of the keel; fulcrum or load point lie outside the keel; the parts weigh more than
+            the foot, or are higher than it.
     """
-    check(foot)
-    _check_foot(foot)
+    def refuse(what: str, where: str, right: str | None = None) -> InputError:
+        return InputError(what, file=file, where=f"{group}{where}", right=right)
+
+    check(foot, file=file, where=group)
+    _check_zones(foot.zones, group, file)
+    length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
+    if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12:
+        raise refuse(f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
+                     f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m", "fulcrum")
+    places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
+    if max(places) > length + 1e-9:
+        raise refuse(f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel", "zones",
+                     f"The keel ends at {1e3 * length:g} mm")
+    if min(places) >= fulcrum.rearmost_m:
+        raise refuse("no contact sphere sits on the heel block", "zones",
+                     f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm")
+    parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
+    if parts >= foot.mass_kg:
+        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg",
+                     "Give the mass of the whole foot, or make keel or carriage lighter")
+    below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
+    if foot.build_height_m <= below:
+        raise refuse(f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
+                     f"{below:.4g} m above the sole", "build_height_m")
     return foot
 
 
-def zones_under_load(foot: FootParameters) -> list[ContactZone]:
-    """The zone of each contact sphere in the patch that the bench loads, once a sphere."""
-    return [zone for zone, _ in _spheres_under_load(foot)]
+def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
+    if not zones:
+        raise InputError("there are no contact zones", file=file, where=f"{group}zones",
+                         right="A foot needs at least one")
+    for i, zone in enumerate(zones):
+        if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
+            raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
+                             file=file, where=f"{group}zones[{i}] ({zone.name})")
 
 
 def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
@@ -64,7 +83,7 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
     agree. Exact where the spheres share exponent and height; else the power law of the force that they bear together
     at FOAM_LOADS_N, counted from where the lowest touches.
     """
-    loaded = [(zone.stiffness, zone.exponent, 1e-3 * rise_mm) for zone, rise_mm in _spheres_under_load(foot)]
+    loaded = [(zone.stiffness, zone.exponent, 1e-3 * rise_mm) for zone, rise_mm in spheres_under_load(foot)]
     if not loaded:
         return None
     stiffness, exponent, rise = np.array(loaded).T
@@ -87,55 +106,15 @@ def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
     return stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
 
 
-def _spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
+def spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
     """Zone and rise (mm) of each contact sphere in the patch that the bench loads."""
     return [(zone, rise_mm) for zone in foot.zones for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
             if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
 
 
-def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
-    if not zones:
-        raise InputError("there are no contact zones", file=file, where=f"{group}zones",
-                         right="A foot needs at least one")
-    for i, zone in enumerate(zones):
-        if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
-            raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
-                             file=file, where=f"{group}zones[{i}] ({zone.name})")
-
-
-def _check_foot(foot: FootParameters, file: str | Path | None = None, group: str = "") -> None:
-    def refuse(what: str, where: str, right: str | None = None) -> InputError:
-        return InputError(what, file=file, where=f"{group}{where}", right=right)
-
-    _check_zones(foot.zones, group, file)
-    length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
-    if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12:
-        raise refuse(f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
-                     f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m", "fulcrum")
-    places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
-    if max(places) > length + 1e-9:
-        raise refuse(f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel", "zones",
-                     f"The keel ends at {1e3 * length:g} mm")
-    if min(places) >= fulcrum.rearmost_m:
-        raise refuse("no contact sphere sits on the heel block", "zones",
-                     f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm")
-    parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
-    if parts >= foot.mass_kg:
-        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg",
-                     "Give the mass of the whole foot, or make keel or carriage lighter")
-    below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
-    if foot.build_height_m <= below:
-        raise refuse(f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
-                     f"{below:.4g} m above the sole", "build_height_m")
-
-
 def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | None = None,
                   where: str = "fulcrum") -> float:
-    """Returns `fulcrum_m` (m from A) if the carriage of `foot` can reach it.
-
-    Raises:
-        InputError: it is not a number, or outside the range of the carriage.
-    """
+    """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it."""
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
     if np.ndim(fulcrum_m) or np.asarray(fulcrum_m).dtype.kind not in "iuf":
         raise InputError(f"{fulcrum_m!r} is not a number", file=file, where=where, right="Its unit is m from A")

@@ -15,6 +15,7 @@ A file's own paths are relative to its folder, or `package://vsf_drake/...` for 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -42,10 +43,8 @@ _KINDS_OF = {"heel": ("bench",), "subject": ("person",), "free": ("person",), "r
 class ScenarioFoot:
     """One foot of a leg. What is None is as in the scenario.
 
-    Attributes:
-        parent_frame: frame of the model that the foot's mount is welded to, `instance::frame` or a name that stands
-            once; None: the model has the foot already (package://vsf_drake/vsf_foot.sdf) as the instance `name`.
-        model: parameter file.
+    Its mount is welded to `parent_frame` of the model, `instance::frame` or a name that stands once; None: the model
+    has the foot already (package://vsf_drake/vsf_foot.sdf) as the instance `name`.
     """
 
     name: str = "vsf"
@@ -79,52 +78,32 @@ class ScenarioSimulation:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """Everything that `plants.station.make_station` needs.
-
-    Attributes:
-        kind: one of KINDS.
-        model: parameter file of the devices; None: the nominal ones.
-        contact_file: fitted contact to write into them.
-        fulcrum_mm: from A, where nothing is connected to the input `fulcrum_position`.
-        heel: (bench) press the heel instead of the forefoot.
-        subject: (person) the person, or the file or trial manifest that has them.
-        free: (person) coordinates that are not prescribed.
-        ground: (person, leg) patches, or the file that has them; None: the plane z = 0.
-        contact: (leg) what the feet meet the ground by.
-        robot: (leg) a file for Drake's Parser: URDF, SDF, MJCF, model directives.
-        directives: (leg) Drake's model directives; those of `robot`, if it is a file of such, come before.
-        feet: (leg) at least one.
-        guides: (leg) joints that follow the input `desired_state`, in its order.
-        gravity_m_per_s2: (leg) along -z. A bench is tared and has none, a person has GRAVITY.
-        time_step_s: (leg) of the plant; 0 is a continuous one.
-    """
+    """Everything that `plants.station.make_station` needs; keys of some kinds only are refused by the others."""
 
     kind: str = choice(options=KINDS, source=_CHOICE)
     name: str = "station"
-    model: str | None = None
-    contact_file: str | None = None
-    fulcrum_mm: float = quantity(108.0, unit="mm", low=0.0, high=1000.0,
+    model: str | None = None  # parameter file of the devices; None: the nominal ones
+    contact_file: str | None = None  # fitted contact to write into them
+    fulcrum_mm: float = quantity(108.0, unit="mm", low=0.0, high=1000.0,  # where nothing sets the fulcrum's position
                                  source="McGeehan 2021: the middle of five published positions")
-    heel: bool = False
-    subject: Subject | str | None = None
-    free: tuple[str, ...] = ()
-    ground: Ground | str | None = None
-    contact: str = choice("kelvin_voigt", options=CONTACTS, source=_CHOICE)
-    robot: str | None = None
-    directives: tuple[Any, ...] = ()
-    feet: tuple[ScenarioFoot, ...] = ()
-    guides: tuple[ScenarioGuide, ...] = ()
-    gravity_m_per_s2: float = quantity(GRAVITY, unit="m/s^2", low=0.0, high=100.0, source="as in Drake")
-    time_step_s: float = quantity(0.0, unit="s", low=0.0, high=0.1, source=_CHOICE)
+    heel: bool = False  # (bench) press the heel instead of the forefoot
+    subject: Subject | str | None = None  # (person) or the file or trial manifest that has them
+    free: tuple[str, ...] = ()  # (person) coordinates that are not prescribed
+    ground: Ground | str | None = None  # (person, leg) or the file that has it; None: the plane z = 0
+    contact: str = choice("kelvin_voigt", options=CONTACTS, source=_CHOICE)  # (leg) by which feet meet the ground
+    robot: str | None = None  # (leg) a file for Drake's Parser: URDF, SDF, MJCF, model directives
+    directives: tuple[Any, ...] = ()  # (leg) Drake's; those of `robot`, if it is a file of such, come before
+    feet: tuple[ScenarioFoot, ...] = ()  # (leg) at least one
+    guides: tuple[ScenarioGuide, ...] = ()  # (leg) joints that follow the input `desired_state`, in its order
+    gravity_m_per_s2: float = quantity(  # (leg) along -z; a bench is tared and has none, a person has GRAVITY
+        GRAVITY, unit="m/s^2", low=0.0, high=100.0, source="as in Drake")
+    time_step_s: float = quantity(  # (leg) of the plant; 0 is a continuous one
+        0.0, unit="s", low=0.0, high=0.1, source=_CHOICE)
     simulation: ScenarioSimulation = field(default_factory=ScenarioSimulation)
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Reads a scenario; its paths come back absolute.
-
-    Raises:
-        InputError: see `schema.load_yaml` and `check_scenario`; a file that it names is missing.
-    """
+    """Reads and checks a scenario; its paths come back absolute."""
     path = Path(path)
     scenario = load_yaml(path, Scenario)
     found = {name: _absolute(getattr(scenario, name), path, name) for name in _PATHS}
@@ -139,37 +118,38 @@ def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Sce
         InputError: a number is out of range; a key is not for this kind, or one is missing; a name stands twice; a
             file does not exist.
     """
+    def refuse(what: str, where: str, right: str) -> InputError:
+        return InputError(what, file=file, where=where, right=right)
+
     check(scenario, file=file)
     for item in fields(Scenario):
         given = getattr(scenario, item.name) not in (item.default, ())
         if given and scenario.kind not in _KINDS_OF.get(item.name, KINDS):
-            raise InputError(f"is not for the kind {scenario.kind!r}", file=file, where=item.name,
-                             right=f"It is for {' and '.join(_KINDS_OF[item.name])}")
-    _check_parts(scenario, file)
+            raise refuse(f"is not for the kind {scenario.kind!r}", item.name,
+                         f"It is for {' and '.join(_KINDS_OF[item.name])}")
+    if scenario.kind == "person" and scenario.subject is None:
+        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
+    if scenario.kind == "leg":
+        _check_leg(scenario, refuse)
     for key, names in (("feet", [foot.name for foot in scenario.feet]), ("guides", [g.joint for g in scenario.guides])):
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise InputError(f"{name!r} stands twice", file=file, where=f"{key}[{i}]",
-                                 right="Every one needs a name of its own")
+                raise refuse(f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
     if isinstance(scenario.ground, Ground):
         check_ground(scenario.ground, file=file)
     named = {name: getattr(scenario, name) for name in _PATHS}
     named |= {f"feet[{i}].model": foot.model for i, foot in enumerate(scenario.feet)}
     for key, value in named.items():
-        if isinstance(value, str):
-            _existing(value, key, file)
+        if isinstance(value, str) and "://" in value and not value.startswith(PACKAGE):
+            raise refuse(f"{value!r} is in a package that is not known here", key,
+                         f"Give a path, or one below {PACKAGE}")
+        if isinstance(value, str) and not _exists(value):
+            raise refuse(f"there is no file {value}", key,
+                         f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")
     return scenario
 
 
-def _check_parts(scenario: Scenario, file: str | Path | None) -> None:
-    """Whether a person has a subject, a leg a model and feet."""
-    def refuse(what: str, where: str, right: str) -> InputError:
-        return InputError(what, file=file, where=where, right=right)
-
-    if scenario.kind == "person" and scenario.subject is None:
-        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
-    if scenario.kind != "leg":
-        return
+def _check_leg(scenario: Scenario, refuse: Callable[[str, str, str], InputError]) -> None:
     if not scenario.robot and not scenario.directives:
         raise refuse("there is no model", "robot", "Name a file for Drake's Parser, or give directives")
     if scenario.robot and scenario.directives and not scenario.robot.endswith((".dmd.yaml", ".dmd.yml")):
@@ -179,21 +159,20 @@ def _check_parts(scenario: Scenario, file: str | Path | None) -> None:
         raise refuse("there is no foot", "feet", "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
 
 
-def scenario_ground(scenario: Scenario) -> Ground | None:
-    """The ground, read where it is a file.
+def _exists(value: str) -> bool:
+    try:
+        return file_of(value).is_file()
+    except InputError:
+        return False
 
-    Raises:
-        InputError: see `load_ground`.
-    """
+
+def scenario_ground(scenario: Scenario) -> Ground | None:
+    """The ground, read where it is a file."""
     return load_ground(file_of(scenario.ground)) if isinstance(scenario.ground, str) else scenario.ground
 
 
 def file_of(value: str) -> Path:
-    """The file that a path or `package://vsf_drake/...` names.
-
-    Raises:
-        InputError: the package has no such file.
-    """
+    """The file that a path or `package://vsf_drake/...` names."""
     return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else user_path(value)
 
 
@@ -201,16 +180,3 @@ def _absolute(value: Any, path: Path, key: str) -> Any:
     if not isinstance(value, str) or "://" in value:
         return value
     return str(user_path(path.parent / user_path(value, file=path, where=key), file=path, where=key).resolve())
-
-
-def _existing(value: str, key: str, file: str | Path | None) -> None:
-    if "://" in value and not value.startswith(PACKAGE):
-        raise InputError(f"{value!r} is in a package that is not known here", file=file, where=key,
-                         right=f"Give a path, or one below {PACKAGE}")
-    try:
-        found = file_of(value).is_file()
-    except InputError:
-        found = False
-    if not found:
-        raise InputError(f"there is no file {value}", file=file, where=key,
-                         right=f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 from array import array
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
+from vsf_drake.files import reading
 
 LONGEST_LINE = 4_000_000
 """Characters; a TRC line of 1000 markers has 40 000."""
@@ -24,30 +27,22 @@ _NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(
 def text_lines(path: Path, *, needed: str = "Save it as plain text (UTF-8)") -> Iterator[tuple[int, str]]:
     """The file's lines with their numbers from 1, without line ends, one byte a character.
 
-    Raises:
-        InputError: the file is missing, cannot be read, is no text (then `needed`), or has an endless line.
+    No text (then `needed` says what is) is what has a NUL or an endless line.
     """
-    try:
-        with open(path, encoding="latin-1") as stream:
-            number = 0
-            while line := stream.readline(LONGEST_LINE):
-                number += 1
-                if "\0" in line or len(line) >= LONGEST_LINE:
-                    raise InputError("is not a text file", file=path, where=f"line {number}",
-                                     right=needed)
-                yield number, line.rstrip("\r\n").removeprefix("\xef\xbb\xbf" if number == 1 else "")
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+    with reading(path), open(path, encoding="latin-1") as stream:
+        for number in itertools.count(1):
+            line = stream.readline(LONGEST_LINE)
+            if not line:
+                return
+            if "\0" in line or len(line) >= LONGEST_LINE:
+                raise InputError("is not a text file", file=path, where=f"line {number}", right=needed)
+            yield number, line.rstrip("\r\n").removeprefix("\xef\xbb\xbf" if number == 1 else "")
 
 
 def as_label(text: str) -> str:
     """A label out of `text_lines`: read as UTF-8 where it is, as Latin-1 otherwise, without unprintable characters."""
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         text = text.encode("latin-1").decode("utf-8")
-    except UnicodeDecodeError:
-        pass
     return UNPRINTABLE.sub("", text).strip()
 
 
@@ -64,16 +59,11 @@ def table_rows(lines: Iterator[tuple[int, str]], labels: Sequence[str], path: Pa
     Blank lines and blank cells beyond the labels are passed over.
 
     Args:
-        needs: what the labels ask for, for the message on a row of another length.
-        surplus: what to do about a row that is too long.
+        needs, surplus: for messages: what the labels ask for, and what to do about a row that is too long.
         cut_by: a row that lacks a multiple of so many cells, or ends in a blank, is taken, the rest as blank; 0: none.
         oddities: takes cells without a finite number as they stand, by (row, column); None: refuses what is no number.
-
-    Raises:
-        InputError: a row is too long or too short, far shorter than the labels throughout, or a cell is no number.
     """
-    cells, places, cut, width = array("d"), array("q"), 0, len(labels)
-    most = None
+    cells, places, cut, width, most = array("d"), array("q"), 0, len(labels), 0
     for number, line in lines:
         found = split(line.replace('"', ""))
         while len(found) > width and not found[-1].strip():
@@ -109,11 +99,9 @@ def _number(cell: str, label: str, path: Path, line: int, *, strict: bool) -> fl
     cell = cell.strip()
     if cell.lower().strip("+-()") in _NO_NUMBER:
         return math.nan
-    try:
+    with contextlib.suppress(ValueError):
         if "_" not in cell:
             return float(cell)
-    except ValueError:
-        pass
     if not strict:
         return math.nan
     right = "Numbers need a decimal point, not a comma" if "," in cell else None

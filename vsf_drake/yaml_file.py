@@ -28,25 +28,14 @@ _WORDS = {**dict.fromkeys(("", "~", "null", "Null", "NULL")), **dict.fromkeys(("
 
 
 def read_yaml(path: str | Path, *, right: str | None = None) -> yaml.Node | None:
-    """The one document of a file; None if it is empty.
-
-    Args:
-        right: what to do if there is no such file.
+    """The one document of a file, whose keys are all scalars; None if it is empty.
 
     Raises:
-        InputError: the file is missing, no text or too large; or see `parse_yaml`.
+        InputError: the file is missing (then `right` says what to do), no text, no YAML or too large; has more than
+            MOST_NODES values (aliases counted as what they stand for), is nested more than DEEPEST deep, has aliases of
+            what holds aliases, keys that are no scalars, or unprintable characters. The message names file and line.
     """
-    return parse_yaml(read_text(path, most=MOST_BYTES, right=right), path)
-
-
-def parse_yaml(text: str, file: str | Path) -> yaml.Node | None:
-    """The one document of a YAML `text`; None if there is none. All keys are scalars.
-
-    Raises:
-        InputError: it is not YAML, has more than MOST_NODES values (aliases counted as what they stand for), is nested
-            more than DEEPEST deep, has aliases of what holds aliases, keys that are no scalars, or unprintable
-            characters. The message names `file` and line.
-    """
+    text = read_text(path, most=MOST_BYTES, right=right)
     try:
         loader = _Loader(text)
         try:
@@ -56,7 +45,7 @@ def parse_yaml(text: str, file: str | Path) -> yaml.Node | None:
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # the latter two: of escapes beyond Unicode
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
-        raise InputError(f"is not valid YAML ({problem})", file=file,
+        raise InputError(f"is not valid YAML ({problem})", file=path,
                          where=f"line {mark.line + 1}" if mark else None) from None
 
 
@@ -68,11 +57,7 @@ def number(text: str) -> int | float | None:
 
 
 def scalar(node: yaml.ScalarNode) -> Any:
-    """None, bool, int, float or str.
-
-    Raises:
-        ValueError: the node has another tag, or a text that its tag does not fit.
-    """
+    """None, bool, int, float or str; ValueError for another tag, or a text that its tag does not fit."""
     kind, text = node.tag.removeprefix(_TAG), node.value
     if kind == "str":
         return text

@@ -21,7 +21,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventSta
 from pydrake.systems.primitives import PassThrough
 
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import secant_stiffness, zones_under_load
+from vsf_drake.model_file import secant_stiffness, spheres_under_load
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_ground_geometry
 from vsf_drake.plants.foot import CONTACTS, add_foot
@@ -269,7 +269,8 @@ def foam_stiffness(foot: FootParameters, contact: str) -> float:
     if contact not in DRAKE_CONTACTS:
         depth = (np.array(PRESS_LOADS_N) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
         return float(np.diff(PRESS_LOADS_N)[0] / np.diff(depth)[0])
-    return sum(secant_stiffness(zone.stiffness, zone.exponent, REFERENCE_LOAD_N) for zone in zones_under_load(foot))
+    return sum(secant_stiffness(zone.stiffness, zone.exponent, REFERENCE_LOAD_N)
+               for zone, _ in spheres_under_load(foot))
 
 
 def _row(

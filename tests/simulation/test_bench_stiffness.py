@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from vsf_drake.analysis.bench_metrics import displacement, stiffness
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.model_file import zones_under_load
+from vsf_drake.model_file import spheres_under_load
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -101,7 +101,7 @@ def test_spheres_pressed_are_those_of_the_benchs_patch_and_of_the_heel_block():
     for foot in (FOOT, LAYERED):
         names = [f"contact.{z.name}.stiffness" for z in foot.zones]
         by = machine(foot).evaluate({}, names)[1]
-        patch = {z.name for z in zones_under_load(foot)}
+        patch = {z.name for z, _ in spheres_under_load(foot)}
         for i, z in enumerate(foot.zones):
             assert by[:-1, i].all() == (z.name in patch) == by[:-1, i].any(), z.name
             assert by[-1, i].any() == (z.name in ("heel_posterior", "heel")), z.name
