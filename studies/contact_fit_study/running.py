@@ -20,7 +20,7 @@ from vsf_drake.analysis.contact_fit import (
     solve,
     verdict,
 )
-from vsf_drake.analysis.contact_fit.assessment import SWEEP_STEP_S, BenchScore, TrialScore, bench_score
+from vsf_drake.analysis.contact_fit.assessment import SWEEP_STEP_S, TrialScore, bench_score
 from vsf_drake.analysis.contact_fit.options import RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
 from vsf_drake.analysis.contact_fit.solution import JointEnd
@@ -32,6 +32,8 @@ METRICS = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "med
            "impulse_rmse_bws", "null_model_grf_rmse_bw", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
            "toe_off_error_s", "unconverged_steps")
 """What is kept of `walk_metrics`."""
+BENCH = ("rmse_n_per_mm", "fulcrum_mm", "measured_n_per_mm", "model_n_per_mm", "heel_measured_n_per_mm",
+         "heel_model_n_per_mm", "mid_range")
 
 
 def run(case: Case) -> dict[str, Any]:
@@ -52,7 +54,7 @@ def run(case: Case) -> dict[str, Any]:
              "trials": {score.label: _trial(score) for score in found.scores}, "left_out": _left_out(found)}
     told |= _paper(solution.end, case) if isinstance(solution.end, PaperEnd) else _joint(solution)
     measured = found.bench or _bench_of(solution)
-    return {**told, "bench": {"rmse_n_per_mm": measured.rmse_n_per_mm, **vars(measured)}}
+    return {**told, "bench": {name: measured.get(name) for name in BENCH}}
 
 
 def warm_up(tier: str) -> None:
@@ -85,11 +87,10 @@ def _trial(score: TrialScore) -> dict[str, Any]:
     kept = {name: score.metrics[name] for name in METRICS}
     times = kept["stance_model_s"], kept["stance_measured_s"]
     assert score.sweep is not None
-    return {"role": score.role, "fulcrum_mm": 1e3 * score.fulcrum_m, **kept,
+    return {"role": score.role, "fulcrum_mm": score.sweep.true_mm, **kept,
             "stance_time_error_s": None if None in times else times[0] - times[1],
             "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
-            "sweep": {"fulcrum_mm": [1e3 * x for x in score.sweep.fulcrum_m], "grf_rmse_bw": score.sweep.grf_rmse_bw,
-                      "best_mm": 1e3 * score.sweep.best_m, "right": score.sweep.right}}
+            "sweep": {name: getattr(score.sweep, name) for name in ("fulcrum_mm", "grf_rmse_bw", "best_mm", "right")}}
 
 
 def _left_out(found: Assessment) -> list[dict[str, Any]]:
@@ -114,7 +115,7 @@ def _paper(end: PaperEnd, case: Case) -> dict[str, Any]:
             "settled": case.settled, "history": [list(row) for row in state.history]}
 
 
-def _bench_of(solution: ContactFitSolution) -> BenchScore:
+def _bench_of(solution: ContactFitSolution) -> dict[str, Any]:
     """Of a fit that was not given the bench: it judges it all the same."""
     fit = solution.fit
     found = bench_score(dataclasses.replace(solution, fit=ContactFit(

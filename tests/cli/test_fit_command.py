@@ -19,8 +19,7 @@ from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import resource
 from vsf_drake.report import fit_output
 from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_output import FIT
-from vsf_drake.report.fit_page import fit_page
+from vsf_drake.report.fit_output import FIT, fit_page
 
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"

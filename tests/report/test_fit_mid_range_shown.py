@@ -7,7 +7,7 @@ from made_fit import failed_fit, made_fit
 
 from vsf_drake.cli.fit import print_fit
 from vsf_drake.report.fit_figures import fit_bench_figure
-from vsf_drake.report.fit_page import fit_page
+from vsf_drake.report.fit_output import fit_page
 
 MID_RANGE = {"uncertainty_mm": 0.5, "measured_mm": [31.0, 9.5], "model_mm": [31.25, 9.0], "heel_measured_mm": 5.0,
              "heel_model_mm": 7.0, "rmse_mm": 0.3953, "published_rmse_mm": 0.45}

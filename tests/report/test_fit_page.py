@@ -13,8 +13,15 @@ from page_reader import Balanced
 
 from vsf_drake.errors import InputError
 from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
-from vsf_drake.report.fit_page import fit_page, smooth_errors, trial_cells, trial_headings
+from vsf_drake.report.fit_output import (
+    FIT,
+    clear_fit,
+    fit_page,
+    smooth_errors,
+    trial_cells,
+    trial_headings,
+    write_fit,
+)
 from vsf_drake.report.page import UNKNOWN, number
 from vsf_drake.simulation.archive import RECORD_FILE
 

@@ -73,7 +73,7 @@ def fit(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, FIT
+    from vsf_drake.report.fit_output import CHECKPOINT, FIT, synthetic_of
 
     FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
@@ -81,9 +81,10 @@ def fit(
         [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,
         strategy=strategy, seed=seed, starts=starts, solver=solver, free=free or (), freeze=freeze or (),
         resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
-    if task.synthetic:
-        say(f"SYNTHETIC, not recorded: {', '.join(task.synthetic)}.")
-    if task.bench is None:
+    synthetic = synthetic_of(task.failed(""))
+    if synthetic:
+        say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")
+    if task.problem.bench is None:
         say("No bench was given: the walks alone decide how stiff the foot is.")
     if checkpoint.note:
         warn(checkpoint.note)
@@ -107,21 +108,16 @@ _WORDS = 2
 
 def print_fit(table: Mapping[str, Any]) -> None:
     """The table of a fit that succeeded, in short."""
-    from vsf_drake.report.fit_page import smooth_errors, synthetic_of
+    from vsf_drake.report.fit_output import smooth_errors, synthetic_of
 
     synthetic = " (SYNTHETIC)" if synthetic_of(table) else ""
     say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
     _print_trials(table)
     bench = table["bench"]
     if bench is not None:
-        heel = "" if bench["heel_model_n_per_mm"] is None else (
-            f", heel {bench['heel_model_n_per_mm']:.1f} (measured {bench['heel_measured_n_per_mm']:.1f})")
-        pairs = ", ".join(f"{model:.1f} ({measured:.1f})" for model, measured in
-                          zip(bench["model_n_per_mm"], bench["measured_n_per_mm"], strict=True))
-        kind = " (SYNTHETIC)" if bench["synthetic"] else ""
-        say(f"Bench{kind}, N/mm, fitted (measured): {pairs}{heel}; forefoot {bench['rmse_n_per_mm']:.2f} off")
-        if bench.get("mid_range") is not None:
-            _print_mid_range(bench["mid_range"])
+        _print_bench(f"Bench{' (SYNTHETIC)' if bench['synthetic'] else ''}, N/mm", bench, "n_per_mm", ".1f")
+        if "mid_range" in bench:
+            _print_bench("Mid-range displacement, mm", bench["mid_range"], "mm", ".2f")
     _print_parameters(table)
     if smooth_errors(table):
         say(smooth_errors(table))
@@ -129,17 +125,17 @@ def print_fit(table: Mapping[str, Any]) -> None:
         say(f"- {sentence}")
 
 
-def _print_mid_range(found: Mapping[str, Any]) -> None:
-    pairs = ", ".join(f"{model:.2f} ({measured:.2f})" for model, measured in
-                      zip(found["model_mm"], found["measured_mm"], strict=True))
-    heel = "" if found["heel_model_mm"] is None else (
-        f", heel {found['heel_model_mm']:.2f} (measured {found['heel_measured_mm']:.2f})")
-    say(f"Mid-range displacement, mm, fitted (measured): {pairs}{heel}; forefoot {found['rmse_mm']:.2f} off")
+def _print_bench(title: str, found: Mapping[str, Any], unit: str, form: str) -> None:
+    model, measured = found[f"model_{unit}"], found[f"measured_{unit}"]
+    pairs = ", ".join(f"{x:{form}} ({y:{form}})" for x, y in zip(model, measured, strict=True))
+    x, y = found[f"heel_model_{unit}"], found[f"heel_measured_{unit}"]
+    heel = "" if x is None else f", heel {x:{form}} (measured {y:{form}})"
+    say(f"{title}, fitted (measured): {pairs}{heel}; forefoot {found[f'rmse_{unit}']:.2f} off")
 
 
 def _print_trials(table: Mapping[str, Any]) -> None:
     """One line a trial, in columns that no narrow screen cuts; where the sweep is wrong, its best position says so."""
-    from vsf_drake.report.fit_page import told_columns, trial_cells, trial_headings
+    from vsf_drake.report.fit_output import told_columns, trial_cells, trial_headings
 
     headings = [heading.split("\n") for heading in trial_headings(between="\n")[:-1]]
     kept = [i for i in told_columns(table["trials"]) if i < len(headings)]
@@ -158,22 +154,16 @@ def _print_trials(table: Mapping[str, Any]) -> None:
 
 
 def _print_parameters(table: Mapping[str, Any]) -> None:
-    from vsf_drake.report.fit_page import interval_of, own_parameters, unit_of, value_of
+    from vsf_drake.report.fit_output import interval_of, own_parameters, unit_of, value_of
     from vsf_drake.report.page import number
 
     grid = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    grid.add_column("parameter", overflow="fold")
-    grid.add_column("value", justify="right")
-    joint = table["strategy"] == JOINT  # which alone knows errors
-    if joint:
-        grid.add_column("95 % interval", justify="right")
-    grid.add_column("unit")
-    if joint:
-        grid.add_column("share of prior", justify="right")
+    kept = [0, 1, 2, 3, 4] if table["strategy"] == JOINT else [0, 1, 3]  # the paper's fit knows no errors
+    headings = ("parameter", "value", "95 % interval", "unit", "share of prior")
+    for i in kept:
+        grid.add_column(headings[i], justify="left" if i in (0, 3) else "right", overflow="ellipsis" if i else "fold")
     for row in own_parameters(table):
-        cells = [row["name"], value_of(row, "value"), unit_of(row)]
-        if joint:
-            cells.insert(2, interval_of(row))
-            cells.append(number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""))
-        grid.add_row(*map(Text, cells))
+        share = number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else "")
+        cells = (row["name"], value_of(row, "value"), interval_of(row), unit_of(row), share)
+        grid.add_row(*(Text(cells[i]) for i in kept))
     console.print(grid)

@@ -20,11 +20,9 @@ from vsf_drake.analysis.contact_fit import (
     standard_parameters,
 )
 from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
-from vsf_drake.analysis.contact_fit.problem import bench_of
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
-from vsf_drake.analysis.contact_fit.table import failed_table, fit_curves, fit_table
+from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.table import fit_curves, fit_table
 from vsf_drake.analysis.measured_bench import CURVES, load_measured_bench
-from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import read_json, sha256, write_json
@@ -39,26 +37,15 @@ _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A fit that can be done.
+    """A fit that can be done."""
 
-    Attributes:
-        asked: for the table: who and what was asked for.
-    """
-
-    trials: list[Trial]
-    held_out: list[Trial]
-    bench: BenchMeasurement | None
-    strategy: str
     problem: ContactFit
     quick: bool
-    asked: dict[str, Any]
+    asked: dict[str, Any]  # who judges the fit and what was asked for, for `fit_table`
 
-    @property
-    def synthetic(self) -> list[str]:
-        """Labels of what nobody measured."""
-        every = [*self.trials, *self.held_out]
-        names = [label for trial, label in zip(every, labels_of(every), strict=True) if trial.synthetic]
-        return [*names, *(["the bench"] if self.bench is not None and self.bench.synthetic else [])]
+    def failed(self, message: str, solution: ContactFitSolution | None = None) -> dict[str, Any]:
+        """The table of this fit if it failed so."""
+        return fit_table(self.problem, solution, failed=message, **self.asked)
 
 
 def make_task(
@@ -66,11 +53,7 @@ def make_task(
     starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
     paths: bool, damping_by_zone: bool, quick: bool
 ) -> Task:
-    """What the command's options ask for, after making sure, before the long part, that all of it can be fitted.
-
-    Raises:
-        InputError: see `load_measured_bench`, `check_recordings`, `ContactFit`, `with_frozen`.
-    """
+    """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     bench = None if bench_file is None else load_measured_bench(bench_file)
     told: dict[str, Any] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
                             "damping_by_zone": damping_by_zone}
@@ -97,16 +80,13 @@ def make_task(
                                      damping_by_zone=damping_by_zone, paths=paths)
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
                          parameters=with_frozen(parameters, free, freeze))
-    return Task(trials=trials, held_out=held_out, bench=bench, strategy=strategy, problem=problem, quick=quick, asked={
+    return Task(problem=problem, quick=quick, asked={
         "held_out": held_out, "inputs": {} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
         "options": {**told, "quick": quick, "bench": None if bench_file is None else bench_file.name}})
 
 
 class Checkpoint:
     """The state of a fit on disk, and the moment from which on the folder is that fit's.
-
-    Args:
-        path: of the checkpoint file. resume: whether to go on from it.
 
     Attributes:
         state: to go on from, or None. note: what a user should know before the fit begins, or "".
@@ -128,14 +108,15 @@ class Checkpoint:
             self.note = (f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
                          "from it")
 
-    def begin(self, table: Callable[[], Mapping[str, Any]]) -> None:
+    def begin(self, task: Task) -> None:
         """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one has not ended."""
         if self.began:
             return
         self.began = True
         self.path.parent.mkdir(parents=True, exist_ok=True)
         clear_fit(self.path.parent, checkpoint=not self.resumed)
-        write_json(self.path.parent / FIT.table, {**table(), "files": [FIT.table], "arrays_sha256": None})
+        write_json(self.path.parent / FIT.table, {**task.failed("the fit has not ended"), "files": [FIT.table],
+                                                  "arrays_sha256": None})
 
     def save(self, state: Mapping[str, Any]) -> None:
         """Replaces the state on disk."""
@@ -157,10 +138,6 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
     Raises:
         InputError: the checkpoint is of another fit, or `out` cannot be written.
     """
-    def failed(message: str, solution: ContactFitSolution | None = None) -> dict[str, Any]:
-        return failed_table(task.trials, message, strategy=task.strategy, bench=task.bench, solution=solution,
-                            **task.asked)
-
     with progress() as show:
         def judging(what: str, share: float) -> None:
             low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
@@ -168,34 +145,31 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
 
         solution = None
         try:
-            solution = _solved(task, checkpoint, show, lambda: failed("the fit has not ended"))
+            solution = _solved(task, checkpoint, show)
             solution.check()
-            judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
+            judged = assess(solution, task.asked["held_out"], sweep=not task.quick, leave_out=not task.quick,
                             progress=judging)
         except (FitError, SimulationError) as error:
             # not of the fit itself: its walks or its foot fail where it is judged
             good = solution is not None and solution.success
             message = solution.message if solution is not None and not good else str(error)
-            return write_fit(failed(f"it cannot be judged: {message}" if good else message, solution), {}, out)
+            return write_fit(task.failed(f"it cannot be judged: {message}" if good else message, solution), {}, out)
         show("writing figures and page", _REFITTED)
-        table = fit_table(solution, judged, **task.asked)
+        table = fit_table(task.problem, solution, judged, **task.asked)
         return write_fit(table, fit_curves(judged), out, contact=solution.contact(tuple(table["verdict"])))
 
 
-def _solved(
-    task: Task, checkpoint: Checkpoint, show: Callable[[str, float], None],
-    unfinished: Callable[[], Mapping[str, Any]]
-) -> ContactFitSolution:
+def _solved(task: Task, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:
     highest = 0.0
 
     def tell(what: str, share: float) -> None:
         nonlocal highest
-        checkpoint.begin(unfinished)
+        checkpoint.begin(task)
         highest = max(highest, share)
         show(what, _SEARCHED * highest)
 
     def save(state: Mapping[str, Any]) -> None:
-        checkpoint.begin(unfinished)  # where a search's first walk fails, nothing was told yet
+        checkpoint.begin(task)  # where a search's first walk fails, nothing was told yet
         checkpoint.save(state)
 
     show("preparing", 0.0)
@@ -211,23 +185,18 @@ def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence
     """The parameters with those frozen and free that the patterns name: a name, or a prefix that ends in "*".
 
     Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
-
-    Raises:
-        InputError: a pattern fits no parameter, or all are frozen.
     """
-    names = list(parameters.by_name)
-    for option, patterns in (("--free", free), ("--freeze", freeze)):
-        for pattern in patterns:
-            if not any(_fits(pattern, name) for name in names):
-                raise InputError(f"there is no parameter {pattern!r}", where=option, right=_near(pattern, names))
-    items = []
+    names, items = list(parameters.by_name), []
+    given = [("--free", pattern, False) for pattern in free] + [("--freeze", pattern, True) for pattern in freeze]
+    for option, pattern, _ in given:
+        if not any(_fits(pattern, name) for name in names):
+            raise InputError(f"there is no parameter {pattern!r}", where=option, right=_near(pattern, names))
     for item in parameters.items:
-        fitting = [(len(pattern), frozen) for patterns, frozen in ((free, False), (freeze, True))
-                   for pattern in patterns if _fits(pattern, item.name)]
+        fitting = [(len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)]
         items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
     if all(item.frozen for item in items):
         raise InputError("all parameters are frozen", where="--freeze", right="Leave at least one free")
-    return type(parameters)(items)
+    return FitParameters(items)
 
 
 def _fits(pattern: str, name: str) -> bool:

@@ -139,11 +139,11 @@ def test_a_single_fitted_trial_is_its_own_null_models_only_source(fit_walker, tr
 def test_sweep_finds_the_vertex_of_an_exact_parabola_between_its_positions(errors_alone, trials, best):
     trial = replace(trials["low_1"], fulcrum_m=best + 0.9 * RIGHT_WITHIN_M)
     found = sweep_fulcrum(Curve([trial], parabola(best)), trial, None)
-    assert found.best_m == pytest.approx(best, abs=1e-9)
-    assert found.right and found.true_m == trial.fulcrum_m
+    assert found.best_mm == pytest.approx(1e3 * best, abs=1e-6)
+    assert found.right and found.true_mm == 1e3 * trial.fulcrum_m
     fulcrum = trial.model.foot.fulcrum
-    assert (found.fulcrum_m[0], found.fulcrum_m[-1]) == (fulcrum.rearmost_m, fulcrum.foremost_m)
-    assert found.grf_rmse_bw == pytest.approx([parabola(best)(x) for x in found.fulcrum_m])
+    assert (found.fulcrum_mm[0], found.fulcrum_mm[-1]) == (1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m)
+    assert found.grf_rmse_bw == pytest.approx([parabola(best)(1e-3 * x) for x in found.fulcrum_mm])
     wrong = replace(trial, fulcrum_m=best - 1.1 * RIGHT_WITHIN_M)
     assert not sweep_fulcrum(Curve([wrong], parabola(best)), wrong, None).right
 
@@ -153,7 +153,7 @@ def test_sweep_whose_errors_fall_to_an_end_has_its_best_there(errors_alone, tria
     trial = trials["low_1"]
     fulcrum = trial.model.foot.fulcrum
     found = sweep_fulcrum(Curve([trial], parabola(beyond)), trial, None)
-    assert found.best_m == (fulcrum.rearmost_m if beyond < 0.1 else fulcrum.foremost_m)
+    assert found.best_mm == 1e3 * (fulcrum.rearmost_m if beyond < 0.1 else fulcrum.foremost_m)
 
 
 def test_sweep_survives_walks_that_fail_and_says_where(errors_alone, trials):
@@ -164,8 +164,8 @@ def test_sweep_survives_walks_that_fail_and_says_where(errors_alone, trials):
 
     trial = replace(trials["low_1"], fulcrum_m=0.1)
     found = sweep_fulcrum(Curve([trial], error), trial, None)
-    assert found.best_m == pytest.approx(0.1) and found.right
-    assert [np.isnan(e) for e in found.grf_rmse_bw] == [x > 0.12 for x in found.fulcrum_m]
+    assert found.best_mm == pytest.approx(100.0) and found.right
+    assert [np.isnan(e) for e in found.grf_rmse_bw] == [x > 120.0 for x in found.fulcrum_mm]
 
 
 def test_sweep_beside_a_failed_walk_has_no_vertex_and_takes_the_lowest_position(errors_alone, trials):
@@ -177,7 +177,7 @@ def test_sweep_beside_a_failed_walk_has_no_vertex_and_takes_the_lowest_position(
             raise SimulationError("broke", time_s=0.1)
         return parabola(positions[7] + 1e-3)(position)
 
-    assert sweep_fulcrum(Curve([trial], error), trial, None).best_m == positions[7]
+    assert sweep_fulcrum(Curve([trial], error), trial, None).best_mm == 1e3 * positions[7]
 
 
 def test_sweep_all_of_whose_walks_fail_is_not_right(errors_alone, trials):
@@ -185,12 +185,12 @@ def test_sweep_all_of_whose_walks_fail_is_not_right(errors_alone, trials):
         raise SimulationError("broke", time_s=0.1)
 
     found = sweep_fulcrum(Curve([trials["low_1"]], error), trials["low_1"], None)
-    assert np.isnan(found.best_m) and not found.right
+    assert np.isnan(found.best_mm) and not found.right
 
 
 def test_flat_errors_have_a_best_position_that_is_a_number(errors_alone, trials):
     found = sweep_fulcrum(Curve([trials["low_1"]], lambda position: 0.03), trials["low_1"], None)
-    assert np.isfinite(found.best_m)
+    assert np.isfinite(found.best_mm)
 
 
 class Refitting(Model):
@@ -257,15 +257,15 @@ def test_the_bench_is_scored_in_newtons_per_millimetre(measured_bench):
     off = 1e3 * np.array([1.0, -1.0, 0.0, 2.0, 0.0, 5.0])
     model = SimpleNamespace(fit=SimpleNamespace(bench=measured_bench), bench_stiffness=lambda: measured + off)
     found = bench_score(model)
-    assert found.fulcrum_mm == pytest.approx((66, 87, 108, 129, 151))
-    assert found.measured_n_per_mm == pytest.approx((10.0, 13.739, 18.440, 24.316, 32.0))
-    assert np.subtract(found.model_n_per_mm, found.measured_n_per_mm) == pytest.approx([1, -1, 0, 2, 0], abs=1e-9)
-    assert found.rmse_n_per_mm == pytest.approx(np.sqrt(6 / 5)), "without the heel"
-    assert (found.heel_measured_n_per_mm, found.heel_model_n_per_mm) == pytest.approx((65.0, 70.0))
+    assert found["fulcrum_mm"] == pytest.approx([66, 87, 108, 129, 151])
+    assert found["measured_n_per_mm"] == pytest.approx([10.0, 13.739, 18.440, 24.316, 32.0])
+    assert np.subtract(found["model_n_per_mm"], found["measured_n_per_mm"]) == pytest.approx([1, -1, 0, 2, 0], abs=1e-9)
+    assert found["rmse_n_per_mm"] == pytest.approx(np.sqrt(6 / 5)), "without the heel"
+    assert (found["heel_measured_n_per_mm"], found["heel_model_n_per_mm"]) == pytest.approx((65.0, 70.0))
     without = replace(measured_bench, heel_stiffness_n_per_m=None)
     model = SimpleNamespace(fit=SimpleNamespace(bench=without),
                             bench_stiffness=lambda: np.array(without.stiffness_n_per_m))
-    assert bench_score(model).heel_model_n_per_mm is None and bench_score(model).rmse_n_per_mm == 0.0
+    assert bench_score(model)["heel_model_n_per_mm"] is None and bench_score(model)["rmse_n_per_mm"] == 0.0
     assert bench_score(SimpleNamespace(fit=SimpleNamespace(bench=None))) is None
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit import ContactFit, assess
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_of
 from vsf_drake.errors import InputError
 from vsf_drake.motion.plates import PlateRecording
 

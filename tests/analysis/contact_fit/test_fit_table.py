@@ -11,7 +11,7 @@ import pytest
 from made_fit import failed_fit, made_fit
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
-from vsf_drake.analysis.contact_fit.table import curve_rows, failed_table, fit_curves, fit_table
+from vsf_drake.analysis.contact_fit.table import curve_rows, fit_curves, fit_table
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import FitError
 from vsf_drake.files import resource
@@ -50,7 +50,8 @@ def judged(solution, held):
 
 @pytest.fixture(scope="module")
 def table(solution, judged, held):
-    return fit_table(solution, judged, held_out=[held], options={"quick": True}, inputs={"bench: b.yaml": "0" * 64})
+    return fit_table(solution.fit, solution, judged, held_out=[held], options={"quick": True},
+                     inputs={"bench: b.yaml": "0" * 64})
 
 
 def test_a_table_is_json_without_nan(table):
@@ -111,7 +112,7 @@ def test_bench_and_searches_are_those_of_the_solution(solution, table):
 
 def test_tables_that_are_made_up_for_tests_of_the_report_have_the_keys_of_real_ones(table, solution, held):
     made = made_fit()
-    failed = fit_table(dataclasses.replace(solution, success=False), held_out=[held])
+    failed = fit_table(solution.fit, dataclasses.replace(solution, success=False), held_out=[held])
     rows = [(table[key][0], made[key][0]) for key in ("trials", "parameters", "searches", "curves")]
     for real, other in ((table, made), (failed, failed_fit()), (table["bench"], made["bench"]), *rows):
         assert set(real) == set(other)
@@ -134,7 +135,7 @@ def test_a_curve_of_equal_coefficients_is_that_constant_and_no_curve_exceeds_its
 
 
 def test_a_fit_that_was_not_judged_has_parameters_and_no_verdict(solution):
-    table = fit_table(solution)
+    table = fit_table(solution.fit, solution)
     assert table["success"] and table["parameters"] and table["verdict"] == []
     assert all(trial["metrics"] is None for trial in table["trials"])
     assert table["bench"]["model_n_per_mm"] is None
@@ -144,10 +145,10 @@ def test_a_failed_fit_tells_how_it_went_and_no_parameter(solution, held):
     broken = dataclasses.replace(solution, success=False, message="no search converged")
     with pytest.raises(FitError):
         _ = broken.values
-    table = fit_table(broken, held_out=[held])
+    table = fit_table(broken.fit, broken, held_out=[held])
     assert not table["success"] and table["message"] == "no search converged"
     assert table["parameters"] == [] and "correlations" not in table and len(table["searches"]) == 2
     assert [trial["role"] for trial in table["trials"]] == ["fitted", "fitted", "held out"]
     assert json.loads(json.dumps(table, allow_nan=False)) == table
-    bare = failed_table(solution.fit.trials, "the walk fails", strategy="joint", options={"seed": 3})
+    bare = fit_table(solution.fit, failed="the walk fails", options={"seed": 3})
     assert bare["searches"] == [] and bare["seed"] == 3 and bare["options"] == {"seed": 3}

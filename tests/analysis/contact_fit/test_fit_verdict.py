@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.assessment import Assessment, BenchScore, FulcrumSweep, LeftOut, verdict
+from vsf_drake.analysis.contact_fit.assessment import Assessment, FulcrumSweep, LeftOut, verdict
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
 from vsf_drake.analysis.contact_fit.solution import JointEnd
 
@@ -18,9 +18,9 @@ def score(label="soft", role="fitted", error=0.02, null=None, floor=None, sweep=
     return SimpleNamespace(label=label, role=role, metrics=metrics, floor_grf_rmse_bw=floor, sweep=sweep)
 
 
-def swept(right=True, best_m=0.1, true_m=0.1, at_end=False):
-    return FulcrumSweep(fulcrum_m=(0.07, 0.1), grf_rmse_bw=(0.03, 0.02), true_m=true_m, best_m=best_m, right=right,
-                        at_end=at_end)
+def swept(right=True, best_mm=100.0, true_mm=100.0, at_end=False):
+    return FulcrumSweep(fulcrum_mm=(70.0, 100.0), grf_rmse_bw=(0.03, 0.02), true_mm=true_mm, best_mm=best_mm,
+                        right=right, at_end=at_end)
 
 
 def searched(cost=10.0, success=True):
@@ -41,9 +41,7 @@ def solution(*, fulcrums=(0.066, 0.151), ratios=(0.8,), searches=None, best=0, u
 
 
 def bench(off=0.5, heel=(65.0, 67.25)):
-    return BenchScore(fulcrum_mm=(66.0, 151.0), measured_n_per_mm=(10.0, 32.0),
-                      model_n_per_mm=(10.0 + off, 32.0 - off), heel_measured_n_per_mm=heel[0],
-                      heel_model_n_per_mm=heel[1])
+    return {"rmse_n_per_mm": off, "heel_measured_n_per_mm": heel[0], "heel_model_n_per_mm": heel[1]}
 
 
 def words(found=None, *, scores=(), left_out=(), measured=None):
@@ -114,7 +112,7 @@ def test_leaving_out_stiffnesses_that_are_the_trials_is_told_once():
 
 def test_sweeps_are_counted_and_wrong_ones_are_named():
     scores = [score("a", "held out", sweep=swept()), score("b", "held out", sweep=swept(at_end=True)),
-              score("c", "held out", sweep=swept(right=False, best_m=0.1304, true_m=0.1))]
+              score("c", "held out", sweep=swept(right=False, best_mm=130.4, true_mm=100.0))]
     found = words(scores=scores)
     assert says(found, "fits best where it really stood in 2 of 3 trials; 2 of them could have erred to both sides")
     assert says(found, "c: the fulcrum fits best at 130 mm, but stood at 100 mm.")
@@ -123,7 +121,7 @@ def test_sweeps_are_counted_and_wrong_ones_are_named():
 
 
 def test_a_sweep_all_of_whose_walks_failed_has_no_number():
-    found = words(scores=[score("a", "held out", sweep=swept(right=False, best_m=math.nan))])
+    found = words(scores=[score("a", "held out", sweep=swept(right=False, best_mm=math.nan))])
     assert says(found, "every walk failed") and not says(found, "nan")
 
 

@@ -41,7 +41,7 @@ def test_error_of_a_position_is_that_of_a_walk_made_by_hand(sweeps):
     trial, i = walk.trial, 4
     walker = Walker(trial.subject, trial.model)
     made = walker.result(walker.walk(
-        trial.trajectory, fulcrum_m=sweeps[walk.label].fulcrum_m[i], start_s=trial.start_s, end_s=trial.end_s,
+        trial.trajectory, fulcrum_m=1e-3 * sweeps[walk.label].fulcrum_mm[i], start_s=trial.start_s, end_s=trial.end_s,
         step_s=2e-3, offsets=trial.offsets), trial, trial.offsets, energy=False)
     c = compare(made, trial.prosthetic_plate)
     sizes = [np.linalg.norm(force, axis=1)[c.scored] for force in (c.model, c.measured)]
@@ -61,7 +61,7 @@ def test_positions_where_the_walk_fails_are_unknown_and_the_others_stand(monkeyp
     found = sweep_entry(sweep_study(study)["low_2"])
     assert len(found["grf_rmse_bw"]) == QUICK_POSITIONS
     assert [e is None for e in found["grf_rmse_bw"]] == [x > 120.0 for x in found["fulcrum_mm"]]
-    assert found["best_mm"] == pytest.approx(1e3 * sweeps["low_2"].best_m)
+    assert found["best_mm"] == pytest.approx(sweeps["low_2"].best_mm)
 
 
 def test_sweep_of_which_every_walk_fails_has_no_least_error(monkeypatch):

@@ -7,20 +7,21 @@ positions over the whole carriage; a model that stands for the foot errs least w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.analysis.sentences import say
+from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
 
@@ -41,21 +42,14 @@ SWEEP_STEP_S = 2e-3
 
 @dataclass(frozen=True, kw_only=True)
 class FulcrumSweep:
-    """Error over the fulcrum's position.
+    """The error of one trial with the fulcrum at positions over the carriage."""
 
-    Attributes:
-        fulcrum_m: (n,) m. grf_rmse_bw: (n,) resultant, BW; NaN where the walk fails.
-        true_m: where it stood. best_m: where the error is lowest, by the parabola through the three lowest points.
-        at_end: whether it stood at an end of its range, so that an error outwards could not show.
-        right: whether best_m is within `RIGHT_WITHIN_M` of it.
-    """
-
-    fulcrum_m: tuple[float, ...]
-    grf_rmse_bw: tuple[float, ...]
-    true_m: float
-    best_m: float
-    at_end: bool
-    right: bool
+    fulcrum_mm: tuple[float, ...]
+    grf_rmse_bw: tuple[float, ...]  # of the resultant; NaN where the walk fails
+    true_mm: float
+    best_mm: float  # where the error is least, by the parabola through the three lowest points
+    at_end: bool  # it stood at an end of its range, so that an error outwards could not show
+    right: bool  # best_mm is within RIGHT_WITHIN_M of where it stood
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +65,6 @@ class TrialScore:
 
     label: str
     role: str
-    fulcrum_m: float
     metrics: Mapping[str, Any]
     curves: Mapping[str, np.ndarray]
     sweep: FulcrumSweep | None
@@ -80,14 +73,9 @@ class TrialScore:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A fit without some of its trials, judged by them.
+    """A fit without the trials `left_out` (labels), judged by them: mean errors, or why there are none."""
 
-    Attributes:
-        kind: "trial" or "stiffness". left_out: labels. failed: why there is no score, or "".
-        grf_rmse_bw, cop_rmse_fl: means over them; None if the fit failed or nothing is left to fit.
-    """
-
-    kind: str
+    kind: str  # "trial" or "stiffness"
     left_out: tuple[str, ...]
     grf_rmse_bw: float | None
     cop_rmse_fl: float | None
@@ -95,50 +83,16 @@ class LeftOut:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MidRangeScore:
-    """Mid-range displacement of model and measurement on the bench, mm; the heel's apart, None if not measured."""
-
-    measured_mm: tuple[float, ...]
-    model_mm: tuple[float, ...]
-    heel_measured_mm: float | None
-    heel_model_mm: float | None
-
-    @property
-    def rmse_mm(self) -> float:
-        """Of the forefoot."""
-        return rmse(np.array(self.model_mm), np.array(self.measured_mm))
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchScore:
-    """Model and measurement on the bench, N/mm; the heel's apart, None where it was not measured. `mid_range`: None
-    where no displacement was measured."""
-
-    fulcrum_mm: tuple[float, ...]
-    measured_n_per_mm: tuple[float, ...]
-    model_n_per_mm: tuple[float, ...]
-    heel_measured_n_per_mm: float | None
-    heel_model_n_per_mm: float | None
-    mid_range: MidRangeScore | None = None
-
-    @property
-    def rmse_n_per_mm(self) -> float:
-        """Of the forefoot."""
-        return rmse(np.array(self.model_n_per_mm), np.array(self.measured_n_per_mm))
-
-
-@dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """All that speaks for and against a fit."""
+    """All that speaks for and against a fit; `bench` as `bench_row` has it, None without one."""
 
     scores: tuple[TrialScore, ...]
     left_out: tuple[LeftOut, ...]
-    bench: BenchScore | None
+    bench: Mapping[str, Any] | None
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
-        values = [s.metrics[key] for s in self.scores if s.role == role and s.metrics[key] is not None]
-        return float(np.mean(values)) if values else None
+        return _mean(s.metrics[key] for s in self.scores if s.role == role)
 
 
 def assess(
@@ -163,21 +117,20 @@ def assess(
         SimulationError: a walk with the fitted parameters diverges.
     """
     solution.check()
-    fit, floors = solution.fit, floors or {}
+    fit, floors, tell = solution.fit, floors or {}, progress or (lambda what, share: None)
     check_recordings(fit.trials, held_out, series=fit.options.series)
-    names = [*fit.labels, *labels_of([*fit.trials, *held_out])[len(fit.trials):]]
+    names = labels_with(fit, held_out)
     unknown = set(floors) - set(names)
     if unknown:
         raise InputError(f"there is no trial {min(unknown)}", where="floors", right=f"There are: {', '.join(names)}")
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in fit.trials]
     scores = []
     for i, (trial, name) in enumerate(zip([*fit.trials, *held_out], names, strict=True)):
-        if progress:
-            progress(f"scoring {name}", i / len(names))
+        tell(f"scoring {name}", i / len(names))
         others = [c for t, c in zip(fit.trials, curves, strict=True) if c is not None and t is not trial]
         label = name if i < len(fit.trials) else None
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
-    left = _left_out(solution, progress) if leave_out and len(fit.trials) > 1 else ()
+    left = _left_out(solution, tell) if leave_out and len(fit.trials) > 1 else ()
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution))
 
 
@@ -186,70 +139,92 @@ def _trial_score(
     floor: float | None
 ) -> TrialScore:
     comparison, result = solution.predict(trial, label, step_s=solution.fit.options.report_step_s)
-    curves: list[np.ndarray | None] = [*others] or [None]
-    judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=c) for c in curves]
-    metrics = min(judged, key=lambda m: m["null_model_grf_rmse_bw"]) if others else judged[0]
+    judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
+              for curve in others or [None]]
+    metrics = min(judged, key=lambda m: m["null_model_grf_rmse_bw"] or 0.0)
     weight, length, stance = metrics["body_weight_n"], result.foot_length_m, comparison.stances[0]
     return TrialScore(
-        label=name, role=FITTED if label else HELD_OUT, fulcrum_m=trial.fulcrum_m, metrics=metrics,
-        floor_grf_rmse_bw=floor, sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
+        label=name, role=FITTED if label else HELD_OUT, metrics=metrics, floor_grf_rmse_bw=floor,
+        sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
         curves={"time_s": comparison.time_s, "model_bw": comparison.model / weight,
                 "measured_bw": comparison.measured / weight, "cop_measured_fl": stance.measured_cop[:, 0] / length,
                 "cop_model_fl": stance.model_cop[:, 0] / length})
 
 
-def _left_out(
-    solution: ContactFitSolution, progress: Callable[[str, float], None] | None
-) -> tuple[LeftOut, ...]:
+def _left_out(solution: ContactFitSolution, tell: Callable[[str, float], None]) -> tuple[LeftOut, ...]:
     fit = solution.fit
-    settings = sorted({trial.fulcrum_m for trial in fit.trials})
-    groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in fit.labels]
-    if len(settings) > 1:
-        groups += [("stiffness", tuple(label for label, trial in zip(fit.labels, fit.trials, strict=True)
-                                       if trial.fulcrum_m == setting)) for setting in settings]
-    known: dict[tuple[str, ...], LeftOut | None] = {}
+    settings: dict[float, tuple[str, ...]] = {}
+    for trial, label in sorted(zip(fit.trials, fit.labels, strict=True), key=lambda pair: pair[0].fulcrum_m):
+        settings[trial.fulcrum_m] = (*settings.get(trial.fulcrum_m, ()), label)
+    groups = [("trial", (label,)) for label in fit.labels]
+    groups += [("stiffness", labels) for labels in settings.values() if len(settings) > 1]
+    known: dict[tuple[str, ...], dict[str, Any] | None] = {}
     for i, (_, labels) in enumerate(groups):
-        if progress:
-            progress(f"fitting without {', '.join(labels)}", i / len(groups))
+        tell(f"fitting without {', '.join(labels)}", i / len(groups))
         if labels not in known:
             known[labels] = _without(solution, labels)
-    rows = [(kind, known[labels]) for kind, labels in groups]
-    return tuple(replace(row, kind=kind) for kind, row in rows if row is not None)
+    return tuple(LeftOut(kind=kind, left_out=labels, **row) for kind, labels in groups if (row := known[labels]))
 
 
-def _without(solution: ContactFitSolution, labels: tuple[str, ...]) -> LeftOut | None:
-    fit = solution.fit
+def _without(solution: ContactFitSolution, labels: tuple[str, ...]) -> dict[str, Any] | None:
+    """What is known of a fit without these trials; None where a strategy makes none."""
     try:
         fewer = solution.refitted_without(labels)
         if fewer is None:
             return None
         scored = [_trial_score(fewer, trial, None, label, [], False, None).metrics
-                  for trial, label in zip(fit.trials, fit.labels, strict=True) if label in labels]
+                  for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
     except (FitError, SimulationError) as error:
-        return LeftOut(kind="trial", left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None, failed=str(error))
-    errors, shifts = ([m[key] for m in scored if m[key] is not None] for key in ("grf_rmse_bw", "cop_rmse_fl"))
-    return LeftOut(kind="trial", left_out=labels, grf_rmse_bw=float(np.mean(errors)),
-                   cop_rmse_fl=float(np.mean(shifts)) if shifts else None)
+        return {"grf_rmse_bw": None, "cop_rmse_fl": None, "failed": str(error)}
+    return {key: _mean(m[key] for m in scored) for key in ("grf_rmse_bw", "cop_rmse_fl")}
 
 
-def bench_score(solution: ContactFitSolution) -> BenchScore | None:
-    """The fitted foot on the bench; None where the fit has none."""
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def bench_score(solution: ContactFitSolution) -> dict[str, Any] | None:
+    """The fitted foot on the bench, see `bench_row`; None where the fit has none."""
     bench = solution.fit.bench
     if bench is None:
         return None
-    count, heel, heel_x = len(bench.fulcrum_m), bench.heel_stiffness_n_per_m, bench.heel_mid_range_m
-    mid_range, model = None, 1e-3 * solution.bench_stiffness()
-    if bench.mid_range_m is not None:
-        displaced = 1e3 * solution.bench_displacement()
-        mid_range = MidRangeScore(
-            measured_mm=tuple(1e3 * x for x in bench.mid_range_m), model_mm=tuple(map(float, displaced[:count])),
-            heel_measured_mm=None if heel_x is None else 1e3 * heel_x,
-            heel_model_mm=None if heel_x is None else float(displaced[count]))
-    return BenchScore(
-        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
-        measured_n_per_mm=tuple(1e-3 * k for k in bench.stiffness_n_per_m),
-        model_n_per_mm=tuple(map(float, model[:count])), heel_measured_n_per_mm=None if heel is None else 1e-3 * heel,
-        heel_model_n_per_mm=None if heel is None else float(model[count]), mid_range=mid_range)
+    return bench_row(bench, solution.bench_stiffness(),
+                     None if bench.mid_range_m is None else solution.bench_displacement())
+
+
+def bench_row(
+    bench: BenchMeasurement, stiffness_n_per_m: np.ndarray | None = None, displacement_m: np.ndarray | None = None
+) -> dict[str, Any]:
+    """Measurement and, where it is known, model on the bench, in N/mm and mm; `mid_range` only where it was measured.
+
+    The heel stands apart and is not in the root mean square; what is not known is None.
+
+    Args:
+        stiffness_n_per_m, displacement_m: of the model, the heel last if it was measured.
+    """
+    def beside(
+        unit: str, factor: float, measured: Sequence[float], heel: float | None, sd: float, model: np.ndarray | None
+    ) -> dict[str, Any]:
+        forefoot = [factor * x for x in measured]
+        found: dict[str, Any] = {
+            f"uncertainty_{unit}": factor * sd, f"measured_{unit}": forefoot, f"model_{unit}": None,
+            f"heel_measured_{unit}": None if heel is None else factor * heel, f"heel_model_{unit}": None,
+            f"rmse_{unit}": None}
+        if model is not None:
+            of_forefoot, of_heel = np.split(factor * model, [len(measured)])
+            found |= {f"model_{unit}": of_forefoot.tolist(), f"rmse_{unit}": rmse(of_forefoot, np.array(forefoot)),
+                      f"heel_model_{unit}": None if heel is None else float(of_heel[0])}
+        return found
+
+    row = {"name": bench.name, "synthetic": bench.synthetic, "max_load_n": bench.max_load_n,
+           "fulcrum_mm": [1e3 * x for x in bench.fulcrum_m],
+           **beside("n_per_mm", 1e-3, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m, bench.uncertainty_n_per_m,
+                    stiffness_n_per_m)}
+    if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
+        row["mid_range"] = {"published_rmse_mm": PAPER_MID_RANGE_MM, **beside(
+            "mm", 1e3, bench.mid_range_m, bench.heel_mid_range_m, bench.mid_range_uncertainty_m, displacement_m)}
+    return row
 
 
 # A trial's error with the fulcrum moved over its carriage: where it is least, and whether the fulcrum stood there.
@@ -276,26 +251,22 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
         return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
 
 
-def swept(positions: np.ndarray, errors: Sequence[float] | np.ndarray, *, true_m: float) -> FulcrumSweep:
-    """What the errors (BW; NaN where the walk failed) at these positions (m) say of where the fulcrum stood."""
-    errors = np.asarray(errors, dtype=float)
-    best = _lowest(positions, errors)
+def swept(positions: np.ndarray, errors: Sequence[float], *, true_m: float) -> FulcrumSweep:
+    """What the errors (BW; NaN where the walk failed) at these positions (m) say of where the fulcrum stood.
+
+    They are lowest between positions, too: their squares are nearly a parabola there.
+    """
+    best = np.nan
+    if not np.isnan(errors).all():
+        i = int(np.nanargmin(errors))
+        best, beside = positions[i], np.square(errors[max(i - 1, 0) : i + 2])
+        if len(beside) == 3 and not np.isnan(beside).any():
+            a, b, c = beside
+            best += 0.5 * (a - c) / (a - 2.0 * b + c) * (positions[i + 1] - positions[i])
     return FulcrumSweep(
-        fulcrum_m=tuple(map(float, positions)), grf_rmse_bw=tuple(map(float, errors)), true_m=true_m, best_m=best,
-        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3),
-        right=bool(abs(best - true_m) <= RIGHT_WITHIN_M))
-
-
-def _lowest(positions: np.ndarray, errors: np.ndarray) -> float:
-    """Where the errors are lowest, between the positions too; the errors' squares are nearly a parabola there."""
-    if np.isnan(errors).all():
-        return float("nan")
-    i = int(np.nanargmin(errors))
-    if not 0 < i < len(errors) - 1 or np.isnan(errors[i - 1 : i + 2]).any():
-        return float(positions[i])
-    a, b, c = errors[i - 1 : i + 2] ** 2
-    shift = 0.5 * (a - c) / (a - 2.0 * b + c)
-    return float(positions[i] + shift * (positions[i + 1] - positions[i]))
+        fulcrum_mm=tuple((1e3 * positions).tolist()), grf_rmse_bw=tuple(map(float, errors)), true_mm=1e3 * true_m,
+        best_mm=1e3 * float(best), right=bool(abs(best - true_m) <= RIGHT_WITHIN_M),
+        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3))
 
 
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:

@@ -24,19 +24,12 @@ from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivity
 from vsf_drake.analysis.contact_fit.mapping import TrialMap
-from vsf_drake.analysis.contact_fit.options import (
-    COP,
-    FORCES,
-    PAPER,
-    RESULTANT,
-    ContactFitOptions,
-    PaperOptions,
-)
+from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptions, PaperOptions
 from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner, standard_parameters
-from vsf_drake.analysis.contact_fit.recordings import check_recordings, labels_of
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
-from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.fitted_trial import APPLIED, fingerprint
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.schema import to_plain
@@ -55,19 +48,12 @@ _LEAST_RESULTANT_N = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """One series of residuals.
+    """One series of residuals: (n,) model minus measurement in standard deviations, (n, P) by the search coordinates
+    (P = 0 where no derivatives were asked for), and the weight of each in the cost (`FitNoise.weight`)."""
 
-    Attributes:
-        name: of the series, as in `FitNoise`. trial: label of the trial, or "bench" or "prior".
-        times_s: (n,) s, when each was measured; None where errors are independent of each other.
-        residual: (n,) model minus measurement in standard deviations.
-        by: (n, P) by the search coordinates; P = 0 where no derivatives were asked for.
-        weight: of each in the cost, see `FitNoise.weight`.
-    """
-
-    name: str
-    trial: str
-    times_s: np.ndarray | None
+    name: str  # of the series, as in `FitNoise`
+    trial: str  # its label, or "bench" or "prior"
+    times_s: np.ndarray | None  # (n,) when each was measured; None where errors are independent of each other
     residual: np.ndarray
     by: np.ndarray
     weight: float = 1.0
@@ -75,12 +61,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The fit's residuals at one point.
-
-    Attributes:
-        residual: (m,) weighted. jacobian: (m, P) by the search coordinates; P = 0 without derivatives.
-        terms: what they are made of, the prior last.
-    """
+    """The fit's weighted residuals (m,) at one point, their Jacobian (m, P), and the terms they are made of, the prior
+    last."""
 
     residual: np.ndarray
     jacobian: np.ndarray
@@ -109,7 +91,7 @@ class ContactFit:
         evaluations: how many points were evaluated.
 
     Raises:
-        InputError: the trials cannot be fitted together (see `recordings.check_recordings`), or a parameter is none.
+        InputError: the trials cannot be fitted together (see `check_recordings`), or a parameter is none.
     """
 
     def __init__(
@@ -168,11 +150,7 @@ class ContactFit:
         self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,
         courses: Sequence[Course] = (), with_respect_to: Sequence[str] = ()
     ) -> tuple[Comparison, WalkResult, Walk]:
-        """A trial's walk with these values of its variables, beside its plate.
-
-        Raises:
-            SimulationError: the walk diverges.
-        """
+        """A trial's walk with these values of its variables, beside its plate; SimulationError if it diverges."""
         walk = self.walker.walk(
             trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m, start_s=trial.start_s,
             end_s=trial.end_s, step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to,
@@ -221,8 +199,7 @@ class ContactFit:
         """(m,) N/m on the bench at u, the heel last if it was measured.
 
         Raises:
-            ValueError: the fit has no bench.
-            SimulationError: the foot gives way.
+            ValueError: the fit has no bench. SimulationError: the foot gives way.
         """
         return self.machine.evaluate(self._shared.at(u).values)[0]
 
@@ -333,10 +310,83 @@ class TrialTerms:
 
 
 def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
-    """The machine that presses this foot as it was measured.
-
-    Raises:
-        InputError: the carriage of this foot does not reach a position.
-    """
+    """The machine that presses this foot as it was measured. Raises InputError where its carriage does not reach."""
     return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
                           max_load_n=bench.max_load_n, mid_range=bench.mid_range_m is not None)
+
+
+# Which recordings make one fit: one subject, one model, whole stances, each with what is compared.
+
+
+def labels_of(trials: Sequence[Trial]) -> tuple[str, ...]:
+    """A short name for each: the manifest's file name, with as many folders as tell it from the others."""
+    parts = [trial.path.with_suffix("").parts for trial in trials]
+    names = []
+    for own in parts:
+        count = 1
+        while count < len(own) and sum(other[-count:] == own[-count:] for other in parts) > 1:
+            count += 1
+        names.append("/".join(own[-count:]))
+    return tuple(names)
+
+
+def labels_with(fit: ContactFit, held_out: Sequence[Trial]) -> tuple[str, ...]:
+    """Names of the fitted trials, and of others that tell these from them."""
+    return (*fit.labels, *labels_of([*fit.trials, *held_out])[len(fit.trials):])
+
+
+def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *, series: Sequence[str]) -> None:
+    """Makes sure that these can be fitted, and judged by `held_out`, together.
+
+    Raises:
+        InputError: there is none; two are the same recording, one of them perhaps held out; subject, side or model
+            differ; a plate saw only part of the stance, or has no centre of pressure where that is compared.
+    """
+    for name, given in (("trials", trials), ("held_out", held_out)):
+        if isinstance(given, Trial) or not all(isinstance(trial, Trial) for trial in given):
+            raise InputError("is no list of trials", where=name, right="Give a list of what load_trial returns")
+    if not trials:
+        raise InputError("there is no trial to fit", where="trials")
+    known: dict[str, tuple[Trial, bool]] = {}
+    for trial, out in [(t, False) for t in trials] + [(t, True) for t in held_out]:
+        other, other_out = known.get(fingerprint(trial), (None, out))
+        if other is not None:
+            told, right = ("is", "Give it once") if out == other_out else (
+                "is fitted and held out: it is", "A held-out trial must be one that the fit has not seen")
+            raise InputError(f"{told} the same recording as {other.path}", file=trial.path, right=right)
+        known[fingerprint(trial)] = (trial, out)
+    for trial in (*trials, *held_out):
+        _check_recording(trials[0], trial, series)
+
+
+def _check_recording(first: Trial, trial: Trial, series: Sequence[str]) -> None:
+    def refused(what: str, where: str | None, right: str | None) -> InputError:
+        return InputError(what, file=trial.path, where=where, right=right)
+
+    if any(note.startswith(APPLIED) for note in trial.notes):
+        raise refused("has a fitted contact already", None,
+                      "Fit the trial as it was recorded: what one fit found would be lost in the next")
+    a, b = vars(first.subject), vars(trial.subject)
+    side, own = a["prosthetic_side"], b["prosthetic_side"]
+    if side != own:
+        raise refused(f"its prosthesis is on the {own}, that of {first.path} on the {side}", "subject",
+                      "Fit one subject at a time")
+    if a != b:
+        told = "; ".join(f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name])
+        raise refused(f"is of another subject than {first.path}: {told}", "subject", "Fit one subject at a time")
+    if trial.model != first.model:
+        raise refused(f"has another model than {first.path}", "model",
+                      "Trials that are fitted together share the model of the foot")
+    plate = trial.prosthetic_plate
+    stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2])
+               if s.end_s > trial.start_s and s.start_s < trial.end_s]
+    if not stances:
+        raise refused("its plate saw no stance of the prosthetic foot in the trial's window", "forces", None)
+    for stance in stances:
+        if not (stance.complete and stance.start_s >= trial.start_s and stance.end_s <= trial.end_s):
+            raise refused(f"the plate saw only part of the stance at {stance.start_s:.2f} to {stance.end_s:.2f} s, or "
+                          f"the window of {trial.start_s:.2f} to {trial.end_s:.2f} s cuts it", "window",
+                          "Choose a window that holds whole stances only")
+    if any(name in COP for name in series) and not plate.has_cop:
+        raise refused("its plate has no centre of pressure, which is to be compared", "forces",
+                      "Leave the centre of pressure out of the comparison, or the trial")

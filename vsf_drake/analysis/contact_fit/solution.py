@@ -1,4 +1,4 @@
-"""What a contact fit found, by either strategy."""
+"""What a contact fit finds, by either strategy."""
 
 from __future__ import annotations
 
@@ -29,18 +29,13 @@ ALIKE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class JointEnd:
-    """Where the searches of a joint fit ended.
-
-    Attributes:
-        u: (P,) best point found, whether the fit succeeded or not. evaluation: the residuals there. uncertainty: there.
-        searches: every search. best: which of them u is from.
-    """
+    """Where the searches of a joint fit ended: u (P,), the best point found, and what holds there."""
 
     u: np.ndarray
     evaluation: Evaluation
     uncertainty: Uncertainty
     searches: tuple[Search, ...]
-    best: int
+    best: int  # the search that u is from
 
     def alike(self) -> list[Search]:
         """The searches that fit as well as the best one (see ALIKE)."""
@@ -54,18 +49,11 @@ class JointEnd:
 
 @dataclass(frozen=True, eq=False)
 class ContactFitSolution:
-    """The end of a fit. Reading `values`, or making a contact file, of one that failed raises FitError.
-
-    Attributes:
-        fit: the problem.
-        success: whether a search converged at a point where the walks are sound. message: how it ended, in words.
-        end: of the searches, by strategy.
-        wall_s: of the whole fit.
-    """
+    """The end of a fit. Whatever reads or applies what one that failed has found raises FitError."""
 
     fit: ContactFit
-    success: bool
-    message: str
+    success: bool  # a search converged at a point where the walks are sound
+    message: str  # how it ended
     end: JointEnd | PaperEnd
     wall_s: float
 
@@ -76,33 +64,21 @@ class ContactFitSolution:
 
     @property
     def values(self) -> dict[str, float]:
-        """The fitted parameters by name, the frozen ones too; of the paper's fit the variables of a walk that it set.
-
-        Raises:
-            FitError: the fit failed.
-        """
+        """Fitted parameters by name, the frozen ones too; of the paper's fit the variables of a walk that it set."""
         self.check()
         return dict(self.end.values) if isinstance(self.end, PaperEnd) else self.fit.parameters.values(self.end.u)
 
     @property
     def walk_values(self) -> dict[str, float]:
         """Variables of a walk (`Walker.walk(values=...)`) that every trial of this subject shares; those that a joint
-        fit left at the model's are not named.
-
-        Raises:
-            FitError: the fit failed.
-        """
+        fit left at the model's are not named."""
         self.check()
         variables, shared = self.fit.walker.variables, self._walk_values(None)
         return {name: value for name, value in shared.items() if isinstance(self.end, PaperEnd)
                 or (name in variables and value != variables[name].default)}
 
     def contact(self, verdict: tuple[str, ...] = ()) -> FittedContact:
-        """The content of `contact.yaml`, with a verdict in words.
-
-        Raises:
-            FitError: the fit failed.
-        """
+        """The content of `contact.yaml`, with a verdict in words."""
         self.check()
         subject, shared = self.fit.walker.subject, self._walk_values(None)
         own = [(label, trial, self._walk_values(label))
@@ -125,32 +101,26 @@ class ContactFitSolution:
         """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was not fitted.
 
         Raises:
-            FitError: the fit failed. SimulationError: the walk diverges.
+            SimulationError: the walk diverges.
         """
         self.check()
-        return self._walk(trial, label, step_s=step_s, fulcrum_m=fulcrum_m)
+        if isinstance(self.end, PaperEnd):
+            return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
+        return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
 
     def bench_stiffness(self) -> np.ndarray:
-        """(m,) N/m of the fitted foot on the bench, the heel last if it was measured.
-
-        Raises:
-            FitError: the fit failed. ValueError: there is no bench. SimulationError: the foot gives way on it.
-        """
+        """(m,) N/m of the fitted foot on the bench; order and errors as of `ContactFit.bench_stiffness`."""
         self.check()
         return self.fit.machine.evaluate(self._walk_values(None))[0]
 
     def bench_displacement(self) -> np.ndarray:
-        """(m,) m, its mid-range displacement there, where that was measured; errors as of `bench_stiffness`."""
+        """(m,) m, its mid-range displacement there, where that was measured."""
         self.check()
         return self.fit.machine.displacement(self._walk_values(None))[0]
 
     def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution | None:
         """The same fit without these trials, searched once from this solution on; None of the paper's fit, which is of
-        one trial.
-
-        Raises:
-            FitError: this fit failed, or the search did not converge, or no trial is left.
-        """
+        one trial. Raises FitError, too, where the search does not converge or no trial is left."""
         self.check()
         if isinstance(self.end, PaperEnd):
             return None
@@ -176,24 +146,17 @@ class ContactFitSolution:
             return self.end.values
         return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.end.u).values
 
-    def _walk(
-        self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
-    ) -> tuple[Comparison, WalkResult]:
-        if isinstance(self.end, PaperEnd):
-            return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
-        return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
-
     def checked(self) -> ContactFitSolution:
         """The solution, or a failed one that says so where its walks are not sound in the step of the report."""
         for trial, label in zip(self.fit.trials, self.fit.labels, strict=True):
             try:
-                _, result = self._walk(trial, label, step_s=self.fit.options.report_step_s)
+                _, result = self.predict(trial, label, step_s=self.fit.options.report_step_s)
             except SimulationError as error:
                 return replace(self, success=False,
                                message=f"the walk {label} fails at the step of the report: {error}")
             if not result.converged:
-                told = f"{result.unconverged_steps} steps of the walk {label} did not converge"
-                return replace(self, success=False, message=told)
+                return replace(self, success=False,
+                               message=f"{result.unconverged_steps} steps of the walk {label} did not converge")
         return self
 
 

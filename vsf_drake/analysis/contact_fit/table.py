@@ -13,17 +13,14 @@ from vsf_drake.analysis.contact_fit.assessment import (
     HELD_OUT,
     PAPER_BENCH_N_PER_MM,
     PAPER_BW,
-    PAPER_MID_RANGE_MM,
     Assessment,
-    BenchScore,
     TrialScore,
+    bench_row,
     verdict,
 )
-from vsf_drake.analysis.contact_fit.parameters import FitParameter
-from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.contact_fit.problem import ContactFit, labels_with
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
-from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
@@ -43,60 +40,49 @@ _UNKNOWN = {"frozen": False, "at_bound": False, "standard_error": None, "interva
 
 
 def fit_table(
-    solution: ContactFitSolution, assessment: Assessment | None = None, *, held_out: Sequence[Trial] = (),
-    options: Mapping[str, Any] | None = None, inputs: Mapping[str, str] | None = None
+    fit: ContactFit, solution: ContactFitSolution | None = None, assessment: Assessment | None = None, *,
+    failed: str = "", held_out: Sequence[Trial] = (), options: Mapping[str, Any] | None = None,
+    inputs: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """The table of a fit; of one that failed `failed_table`.
+    """The table of a fit; of one that failed without parameters and scores, with how it went as far as that is known.
 
     Args:
+        solution: None where there is none yet.
         assessment: of it, with `held_out`; None if it was not judged.
+        failed: why the fit failed, where the solution does not say so.
         options: what else was asked for, as plain values.
         inputs: SHA-256 of files that were read beside the trials', by name.
     """
-    fit, end = solution.fit, solution.end
-    table = failed_table(fit.trials, solution.message, strategy=solution.strategy, held_out=held_out, bench=fit.bench,
-                         options=options, inputs=inputs, solution=solution)
-    if not solution.success:
-        return table
-    if assessment:
-        table |= {"verdict": verdict(solution, assessment), "left_out": [asdict(row) for row in assessment.left_out],
-                  "trials": [row | _score(score)
-                             for row, score in zip(table["trials"], assessment.scores, strict=True)]}
-        if fit.bench and assessment.bench:
-            table["bench"] = _bench(fit.bench, assessment.bench)
-    content: dict[str, Any] = plain(table | {"success": True} | (
-        _joint(solution, end) if isinstance(end, JointEnd) else {"parameters": [
-            {"name": name, "unit": variable_unit(name), "value": value, "start": end.initial_values.get(name),
-             **_UNKNOWN} for name, value in solution.values.items()]}))
-    return content
-
-
-def failed_table(
-    trials: Sequence[Trial], message: str, *, strategy: str, held_out: Sequence[Trial] = (),
-    bench: BenchMeasurement | None = None, options: Mapping[str, Any] | None = None,
-    inputs: Mapping[str, str] | None = None, solution: ContactFitSolution | None = None
-) -> dict[str, Any]:
-    """The table of a fit that failed: no parameters and no scores, but how it went as far as `solution` knows."""
-    every, options = [*trials, *held_out], to_plain(dict(options or {}))
-    labels = [*labels_of(trials), *labels_of(every)[len(trials):]]
+    every, labels, asked = [*fit.trials, *held_out], labels_with(fit, held_out), to_plain(dict(options or {}))
     hashes = {f"{name}: {file}": digest for trial, name in zip(every, labels, strict=True)
               for file, digest in trial.inputs.items()}
-    subject = trials[0].subject
+    subject, bench = fit.walker.subject, fit.bench
     table: dict[str, Any] = {
-        "kind": FIT, "strategy": strategy, "success": False, "message": message, "verdict": [], "left_out": [],
-        "trials": [_trial(trial, name, FITTED if i < len(trials) else HELD_OUT)
+        "kind": FIT, "strategy": fit.options.strategy, "success": False, "message": failed, "verdict": [],
+        "left_out": [],
+        "trials": [_trial(trial, name, FITTED if i < len(fit.trials) else HELD_OUT)
                    for i, (trial, name) in enumerate(zip(every, labels, strict=True))],
         "synthetic": any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
         "subject": {"name": subject.name, "mass_kg": subject.mass_kg, "stature_m": subject.stature_m,
                     "prosthetic_side": subject.prosthetic_side},
-        "bench": None if bench is None else _bench(bench, None), "published": PUBLISHED, "parameters": [],
-        "options": options, "searches": [], "best_search": None, "history": [], "series": [], "wall_s": None,
-        **provenance({**hashes, **(inputs or {})}, seed=options.get("seed"))}
+        "bench": bench and bench_row(bench), "published": PUBLISHED, "parameters": [], "options": asked,
+        "searches": [], "best_search": None, "history": [], "series": [], "wall_s": None,
+        **provenance({**hashes, **(inputs or {})}, seed=asked.get("seed"))}
     if solution is not None:
-        fit = solution.fit
-        table |= {"wall_s": solution.wall_s, "series": fit.options.series, "seed": fit.options.seed, **_way(solution)}
+        table |= {"message": failed or solution.message, "wall_s": solution.wall_s, "series": fit.options.series,
+                  "seed": fit.options.seed, **_way(solution)}
         if isinstance(solution.end, JointEnd):
-            table["options"] = options | to_plain(fit.options)
+            table["options"] = asked | to_plain(fit.options)
+    if solution is not None and solution.success and not failed:
+        table |= {"success": True, **(_joint(solution, solution.end) if isinstance(solution.end, JointEnd) else {
+            "parameters": [{"name": name, "unit": variable_unit(name), "value": value,
+                            "start": solution.end.initial_values.get(name), **_UNKNOWN}
+                           for name, value in solution.values.items()]})}
+        if assessment:
+            table |= {"verdict": verdict(solution, assessment), "bench": assessment.bench,
+                      "left_out": [asdict(row) for row in assessment.left_out],
+                      "trials": [row | _score(score)
+                                 for row, score in zip(table["trials"], assessment.scores, strict=True)]}
     content: dict[str, Any] = plain(table)
     return content
 
@@ -111,8 +97,7 @@ def _way(solution: ContactFitSolution) -> dict[str, Any]:
     """How the search went."""
     if isinstance(solution.end, JointEnd):
         return {"best_search": solution.end.best,
-                "searches": [{name: getattr(s, name) for name in
-                              ("start_cost", "cost", "success", "message", "evaluations", "failed")}
+                "searches": [{name: value for name, value in vars(s).items() if name not in ("start", "u")}
                              for s in solution.end.searches]}
     state = solution.end.state
     return {"rms_n": state.rms_n(state.objective_n2), "initial_rms_n": state.rms_n(state.initial_objective_n2),
@@ -130,37 +115,12 @@ def _trial(trial: Trial, name: str, role: str) -> dict[str, Any]:
 
 
 def _score(score: TrialScore) -> dict[str, Any]:
-    metrics, sweep = dict(score.metrics), score.sweep
+    metrics = dict(score.metrics)
     model, measured = metrics["stance_model_s"], metrics["stance_measured_s"]
-    return {
-        "metrics": metrics, "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
-        "null_model_grf_rmse_bw": metrics.pop("null_model_grf_rmse_bw"),
-        "stance_error_s": None if model is None or measured is None else model - measured,
-        "sweep": None if sweep is None else {
-            "fulcrum_mm": [1e3 * x for x in sweep.fulcrum_m], "grf_rmse_bw": sweep.grf_rmse_bw,
-            "true_mm": 1e3 * sweep.true_m, "best_mm": 1e3 * sweep.best_m,
-            "at_end": sweep.at_end, "right": sweep.right}}
-
-
-def _bench(bench: BenchMeasurement, score: BenchScore | None) -> dict[str, Any]:
-    """The measurement, and what the model does where that is known; `mid_range` only where it was measured."""
-    heel, heel_x = bench.heel_stiffness_n_per_m, bench.heel_mid_range_m
-    row = {"name": bench.name, "synthetic": bench.synthetic, "max_load_n": bench.max_load_n,
-           "uncertainty_n_per_mm": 1e-3 * bench.uncertainty_n_per_m,
-           "fulcrum_mm": [1e3 * x for x in bench.fulcrum_m],
-           "measured_n_per_mm": [1e-3 * k for k in bench.stiffness_n_per_m], "model_n_per_mm": None,
-           "heel_measured_n_per_mm": None if heel is None else 1e-3 * heel, "heel_model_n_per_mm": None,
-           "rmse_n_per_mm": None}
-    if score:
-        row |= asdict(score) | {"rmse_n_per_mm": score.rmse_n_per_mm}
-        del row["mid_range"]
-    if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
-        row["mid_range"] = {
-            "uncertainty_mm": 1e3 * bench.mid_range_uncertainty_m, "measured_mm": [1e3 * x for x in bench.mid_range_m],
-            "model_mm": None, "heel_measured_mm": None if heel_x is None else 1e3 * heel_x, "heel_model_mm": None,
-            "rmse_mm": None, "published_rmse_mm": PAPER_MID_RANGE_MM} | (
-                asdict(score.mid_range) | {"rmse_mm": score.mid_range.rmse_mm} if score and score.mid_range else {})
-    return row
+    return {"metrics": metrics, "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
+            "null_model_grf_rmse_bw": metrics.pop("null_model_grf_rmse_bw"),
+            "stance_error_s": None if model is None or measured is None else model - measured,
+            "sweep": score.sweep and asdict(score.sweep)}
 
 
 def _joint(solution: ContactFitSolution, end: JointEnd) -> dict[str, Any]:
@@ -173,7 +133,8 @@ def _joint(solution: ContactFitSolution, end: JointEnd) -> dict[str, Any]:
     found = [solution.fit.parameters.values(s.u) for s in alike]
     rows = []
     for item in solution.fit.parameters.items:
-        row = _row(item, values[item.name])
+        own = vars(item) | {"value": values[item.name], "prior_mean": item.mean, "prior_scale": item.scale}
+        row = _UNKNOWN | {name: value for name, value in own.items() if name not in ("mean", "scale")}
         if not item.frozen:
             i = known.names.index(item.name)
             low, high = map(float, known.interval[i])
@@ -196,12 +157,6 @@ def _joint(solution: ContactFitSolution, end: JointEnd) -> dict[str, Any]:
         "noise": {"assumed": asdict(solution.fit.joint.noise),
                   "ratios": [{"trial": term.trial, "series": term.name, "ratio": ratio}
                              for term, ratio in end.noise_ratios()]}}
-
-
-def _row(item: FitParameter, value: float) -> dict[str, Any]:
-    own = {name: getattr(item, name) for name in ("frozen", "low", "high", "prior", "logarithmic", "why")}
-    return {"name": item.name, "unit": item.unit, "value": value, "start": item.start, **_UNKNOWN, **own,
-            "prior_mean": item.mean, "prior_scale": item.scale}
 
 
 def curve_rows(values: Mapping[str, float]) -> list[dict[str, Any]]:

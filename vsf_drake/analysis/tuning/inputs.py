@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.validation.study import SETTINGS, embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
-from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.doubts import doubts
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit, fit_offsets

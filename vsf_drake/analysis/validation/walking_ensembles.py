@@ -7,7 +7,7 @@ mean of its whole stances; a stance that the window cuts is left out.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -279,10 +279,9 @@ def sweep_entry(sweep: FulcrumSweep) -> dict[str, object]:
     errors = [float(e) if np.isfinite(e) else None for e in sweep.grf_rmse_bw]
     least = min(((error, i) for i, error in enumerate(errors) if error is not None), default=None)
     enclosed = least is not None and None not in errors[max(least[1] - 1, 0) : least[1] + 2]
-    best = 1e3 * sweep.best_m if enclosed else None
-    return {"fulcrum_mm": [1e3 * x for x in sweep.fulcrum_m], "grf_rmse_bw": errors, "true_mm": 1e3 * sweep.true_m,
-            "best_mm": best, "off_mm": None if best is None else best - 1e3 * sweep.true_m,
-            "at_end": sweep.at_end, "right": None if best is None else sweep.right}
+    unknown = {"best_mm": None, "off_mm": None, "right": None}
+    return asdict(sweep) | {"fulcrum_mm": [*sweep.fulcrum_mm], "grf_rmse_bw": errors} | (
+        {"off_mm": sweep.best_mm - sweep.true_mm} if enclosed else unknown)
 
 
 def _error(outcome: WalkOutcome) -> tuple[float, str]:

@@ -20,7 +20,7 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
-from vsf_drake.analysis.contact_fit.recordings import labels_of
+from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.tuning.common import WEIGHTED, check_cost
 from vsf_drake.analysis.tuning.level1.costs import (
     TRACKING,
