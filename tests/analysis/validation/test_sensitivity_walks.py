@@ -14,16 +14,16 @@ from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy
 from vsf_drake.analysis.validation.sensitivity_section import local_changes, value_slopes
 from vsf_drake.analysis.validation.sensitivity_walks import (
     OUTPUTS,
-    STEP_S,
     DesignWalks,
     Factor,
     morris_design,
     morris_rows,
     sensitivity_factors,
-    workers,
 )
+from vsf_drake.analysis.validation.study import STEP_S
 from vsf_drake.motion.events import find_stances
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.many.processes import chosen
 
 
 @pytest.fixture(scope="module")
@@ -176,12 +176,12 @@ def test_a_walk_that_fails_is_counted_named_and_has_no_values():
 
 
 def test_one_worker_and_two_give_the_same_numbers_to_the_last_digit(factors):
-    chosen = tuple(factors.values())
-    points = np.random.default_rng(4).random((4, len(chosen)))
+    every = tuple(factors.values())
+    points = np.random.default_rng(4).random((4, len(every)))
     found = []
     for count in (1, 2):
-        with workers(count) as (executor, size):
-            assert size == count
-            found.append(DesignWalks(embedded_study().walks[:2], executor=executor, count=size)(points, factors=chosen))
+        with chosen(count, None, 8) as (executor, _):
+            walks = DesignWalks(embedded_study().walks[:2], executor=executor, count=count)
+            found.append(walks(points, factors=every))
     assert np.isfinite(found[0]).all()
     assert np.array_equal(found[0], found[1])

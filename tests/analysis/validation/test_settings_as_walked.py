@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from vsf_drake.analysis.validation.settings_detectable import walked_rows
+from vsf_drake.analysis.validation.settings_section import walked_rows
 from vsf_drake.analysis.validation.settings_walks import NAMES
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT
 

@@ -12,7 +12,8 @@ from made_study_walk import with_plate, with_walks
 
 from vsf_drake.analysis.validation import settings_section as settings
 from vsf_drake.analysis.validation.settings_section import fulcrum_estimates, settings_section
-from vsf_drake.analysis.validation.settings_walks import KEEP, NAMES, STEP_S, NoiseSizes, base_of
+from vsf_drake.analysis.validation.settings_walks import NAMES, NoiseSizes, base_of
+from vsf_drake.analysis.validation.study import KEEP, STEP_S
 from vsf_drake.simulation.many import WalkCase, simulate_many
 
 DESIGNS = ("same_recording", "same_session", "two_sessions")

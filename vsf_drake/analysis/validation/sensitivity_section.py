@@ -18,8 +18,8 @@ from scipy.stats import spearmanr
 from vsf_drake.analysis.comparison import compare_sensitivity
 from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.sensitivity_walks import (
+    AT_ONCE,
     OUTPUTS,
-    STEP_S,
     Design,
     DesignWalks,
     Factor,
@@ -31,10 +31,11 @@ from vsf_drake.analysis.validation.sensitivity_walks import (
     sobol_design,
     sobol_rows,
     values_at,
-    workers,
 )
-from vsf_drake.analysis.validation.study import HELD_OUT, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.validation.study import HELD_OUT, STEP_S, Progress, Section, Study, StudyWalk
+from vsf_drake.json_file import plain
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.many.processes import chosen
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
 """The outputs by which the strongest factors are chosen: those that the question is about."""
@@ -47,95 +48,85 @@ _QUOTED = 5
 
 
 def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """The sensitivity study; in its short form the screening of one walk alone.
+    """The sensitivity study; in its short form the screening of one walk alone. A table without arrays.
 
-    Returns:
-        A table without arrays. By output: `baseline` (as the study has it, `mean` and `by_condition`), `morris` (rows
-        of factors with mu, mu_star, mu_star_conf, sigma), `morris_by_condition` (mu* by condition and factor),
-        `stability` (lowest rank correlation of mu* between two conditions), `ranking` (names by mu*), `sobol` (rows of
-        groups with s1, st, their conf and wide, or None), `sobol_factors` (the same of `strongest`), `interaction` and
-        `interaction_conf` (share of the variance that is of no group alone), `spread` (percentiles with everything
-        uncertain), `explained` (variance with only the strongest varied over that with all varied).
-        Else: `factors` (name, group, unit, low, high, why, and local_grf_bw: change of the resultant for half the
-        range, by exact derivatives; None in the short form, which spares compiling them), `local_agreement` (rank
-        correlation of that and the screening, or None), `conditions`,
-        `indexed` (the place of the one that indices and spread are of), `walks`, `unconverged`, `failures` (count,
-        examples, and by output what was dropped), `trajectories`, `samples`, `seed`, `quick`, `synthetic`.
+    By output: `baseline` (as the study has it, `mean` and `by_condition`), `morris` (rows of factors with mu, mu_star,
+    mu_star_conf, sigma), `morris_by_condition` (mu* by condition and factor), `stability` (lowest rank correlation of
+    mu* between two conditions), `ranking` (names by mu*), `sobol` (rows of groups with s1, st, their conf and wide, or
+    None), `sobol_factors` (the same of `strongest`), `interaction` and `interaction_conf` (share of the variance that
+    is of no group alone), `spread` (percentiles with everything uncertain), `explained` (variance with only the
+    strongest varied over that with all varied).
+    Else: `factors` (with local_grf_bw: change of the resultant for half the range, by exact derivatives; None in the
+    short form, which spares compiling them), `local_agreement` (rank correlation of that and the screening, or None),
+    `conditions`, `indexed` (the place of the one that indices and spread are of), `walks`, `unconverged`, `failures`
+    (count, examples, and by output what was dropped), `trajectories`, `samples`, `seed`, `quick`, `synthetic`.
     """
     quick, seed = study.options.quick, study.options.seed
-    chosen = chosen_walks(study, one=quick)
+    walked = chosen_walks(study, one=quick)
     show = progress or (lambda what, fraction: None)
     show("as the study is" if quick else "exact derivatives", 0.0)
-    with workers(study.options.workers) as (executor, count):
-        walks = DesignWalks(chosen, executor=executor, count=count)
-        factors = sensitivity_factors(walks.variables[0], chosen[0].trial.subject.prosthetic_side)
-        names, middle = [factor.name for factor in factors], len(chosen) // 2
+    with chosen(study.options.workers, None, AT_ONCE) as (executor, most):
+        walks = DesignWalks(walked, executor=executor, count=max(1, most // 2))
+        factors = sensitivity_factors(walks.variables[0], walked[0].trial.subject.prosthetic_side)
+        names, middle = [factor.name for factor in factors], len(walked) // 2
         baseline, local = walks.baseline(), None if quick else local_changes(walks, factors)
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
-        total = len(screen.points) * len(chosen) + (0 if quick else (
+        total = len(screen.points) * len(walked) + (0 if quick else (
             GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
 
         def run(design: Design, own: Sequence[Factor], what: str, trials: Sequence[int]) -> Walked:
-            done, size = walks.walked - len(chosen), len(design.points) * len(trials)
+            done, size = walks.walked - len(walked), len(design.points) * len(trials)
             return Walked(design, walks(design.points, factors=own, trials=trials, progress=lambda fraction: show(
                 what, min((done + fraction * size) / total, 1.0))))
 
-        screened = run(screen, factors, "screening", range(len(chosen)))
+        screened = run(screen, factors, "screening", range(len(walked)))
         morris = {name: morris_rows(screen, screened.of(i), seed) for i, name in enumerate(OUTPUTS)}
         strongest = strongest_factors(morris)
-        grouped = single = None
-        if not quick:
-            design = sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors])
-            grouped = run(design, factors, "Sobol indices of groups", [middle])
-        if not quick and strongest:
-            few = [factor for factor in factors if factor.name in strongest]
-            design = sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2)
-            single = run(design, few, "Sobol indices of factors", [middle])
+        few = [factor for factor in factors if factor.name in strongest]
+        grouped = None if quick else run(
+            sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors]), factors,
+            "Sobol indices of groups", [middle])
+        single = None if quick or not few else run(
+            sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2), few, "Sobol indices of factors",
+            [middle])
     table: dict[str, Any] = {
         "factors": [{key: value for key, value in dataclasses.asdict(factor).items() if key != "kind"}
-                    | {"variables": list(factor.variables), "local_grf_bw": None if local is None else float(local[i])}
-                    for i, factor in enumerate(factors)],
-        "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in chosen],
+                    | {"local_grf_bw": None if local is None else local[i]} for i, factor in enumerate(factors)],
+        "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in walked],
         "indexed": middle, "strongest": strongest, "walks": walks.walked, "unconverged": walks.unconverged,
         "trajectories": len(screen.points) // screen.block,
         "samples": None if quick else {"groups": GROUP_SAMPLES, "factors": FACTOR_SAMPLES}, "seed": seed,
-        "quick": quick, "synthetic": any(walk.trial.synthetic for walk in chosen),
+        "quick": quick, "synthetic": any(walk.trial.synthetic for walk in walked),
+        "local_agreement": None if morris["grf_rmse_bw"] is None or local is None else spearmanr(
+            [row["mu_star"] for row in morris["grf_rmse_bw"]], local).statistic,
         "failures": {"count": len(walks.failures), "examples": walks.failures[:_QUOTED], "dropped": {}}}
     for i, name in enumerate(OUTPUTS):
-        by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(chosen))]
-        effects = [None if rows is None else [row["mu_star"] for row in rows] for rows in by_condition]
-        groups, rows = (None if part is None else sobol_rows(part.design, part.of(i), seed)
-                        for part in (grouped, single))
         own = morris[name]
-        table["failures"]["dropped"][name] = {
-            what: None if part is None else dropped(part.design, part.of(i)) for what, part in (
-                ("trajectories", screened), ("group_blocks", grouped), ("factor_blocks", single))}
-        if name == "grf_rmse_bw":
-            table["local_agreement"] = None if own is None or local is None else known(
-                spearmanr([row["mu_star"] for row in own], local).statistic)
+        by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))]
+        effects = [rows and [row["mu_star"] for row in rows] for rows in by_condition]
+        groups, singles = (part and sobol_rows(part.design, part.of(i), seed) for part in (grouped, single))
+        table["failures"]["dropped"][name] = {what: part and dropped(part.design, part.of(i)) for what, part in (
+            ("trajectories", screened), ("group_blocks", grouped), ("factor_blocks", single))}
         for key, value in {
-            "sobol": groups, "sobol_factors": rows, "morris": None if own is None else [
-                row | {"group": factor.group} for row, factor in zip(own, factors, strict=True)],
-            "baseline": {"mean": known(baseline[:, i].mean()), "by_condition": [known(x) for x in baseline[:, i]]},
+            "sobol": groups, "sobol_factors": singles,
+            "morris": own and [row | {"group": factor.group} for row, factor in zip(own, factors, strict=True)],
+            "baseline": {"mean": baseline[:, i].mean(), "by_condition": baseline[:, i]},
             "morris_by_condition": effects, "stability": stability(effects), "ranking": ranked(own, "mu_star"),
             # What no index of first order has, and half of its 95 % interval (as if they erred independently).
-            "interaction": None if groups is None else 1.0 - sum(row["s1"] for row in groups),
-            "interaction_conf": None if groups is None else float(np.linalg.norm([row["s1_conf"] for row in groups])),
+            "interaction": groups and 1.0 - sum(row["s1"] for row in groups),
+            "interaction_conf": groups and np.linalg.norm([row["s1_conf"] for row in groups]),
             "spread": spread(grouped, i), "explained": explained(grouped, single, i)}.items():
             table.setdefault(key, {})[name] = value
-    without = [walk.label for walk in chosen if not walk.trial.prosthetic_plate.has_cop]
-    return Section(table=table, missing=tuple(say(
-        "sensitivity", "missing", quick=quick, trajectories=table["trajectories"], conditions=len(chosen),
+    without = [walk.label for walk in walked if not walk.trial.prosthetic_plate.has_cop]
+    return Section(table=plain(table), missing=tuple(say(
+        "sensitivity", "missing", quick=quick, trajectories=table["trajectories"], conditions=len(walked),
         without_cop=without, failed=len(walks.failures), walks=walks.walked, without_effects=[
             name for name in OUTPUTS if morris[name] is None and not (without and name.startswith("cop_"))])))
 
 
 def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
-    """One walk a condition: of those held out (of all, where none is) the one nearest to the middle of the repeats.
-
-    Args:
-        one: only that of the middle condition.
-    """
+    """One walk a condition, or only that of the middle condition: of those held out (of all, where none is) the one
+    nearest to the middle of the repeats."""
     found = []
     for repeats in study.conditions().values():
         held = [i for i, walk in enumerate(repeats) if walk.role == HELD_OUT] or range(len(repeats))
@@ -166,25 +157,18 @@ _DIFFERENCE = 1e-4
 def value_slopes(walks: DesignWalks, factors: Sequence[Factor], trial: int) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the variables that the factors change, and (variables, k) d value / d share in the middle of the ranges.
     """
-    middle = np.full(len(factors), 0.5)
-    names = tuple(dict.fromkeys(values_at(factors, middle, walks.variables[trial], walks.limits[trial])))
-    slopes = np.zeros((len(names), len(factors)))
-    for j in range(len(factors)):
-        ends = []
-        for sign in (0.5, -0.5):
-            shares = middle.copy()
-            shares[j] += sign * _DIFFERENCE
-            found = values_at(factors, shares, walks.variables[trial], walks.limits[trial])
-            ends.append(np.array([found[name] for name in names]))
-        slopes[:, j] = (ends[0] - ends[1]) / _DIFFERENCE
-    return names, slopes
+    def values(shares: np.ndarray) -> dict[str, float]:
+        return values_at(factors, shares, walks.variables[trial], walks.limits[trial])
+
+    middle, step = np.full(len(factors), 0.5), 0.5 * _DIFFERENCE * np.eye(len(factors))
+    slopes = [(np.array([*values(middle + one).values()]) - np.array([*values(middle - one).values()])) / _DIFFERENCE
+              for one in step]
+    return tuple(values(middle)), np.column_stack(slopes)
 
 
 def local_changes(walks: DesignWalks, factors: Sequence[Factor]) -> np.ndarray:
-    """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range.
-
-    Linear, about the study's values, mean over the trials.
-    """
+    """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range: linear,
+    about the study's values, mean over the trials."""
     found = []
     for t, walk in enumerate(walks.walks):
         trial, walker = walk.trial, walks.walkers[t]
@@ -245,9 +229,4 @@ def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
     """The lowest rank correlation of mu* between two conditions; None of fewer than two."""
     some = [effects for effects in by_condition if effects is not None]
     pairs = [spearmanr(some[i], some[j]).statistic for i in range(len(some)) for j in range(i)]
-    return known(min(pairs)) if pairs else None
-
-
-def known(value: float) -> float | None:
-    """The value, or None if it is not finite."""
-    return float(value) if np.isfinite(value) else None
+    return min(pairs) if pairs else None

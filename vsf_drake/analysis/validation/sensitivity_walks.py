@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from vsf_drake.analysis.comparison import (
     FORCE_CUTOFF_HZ,
     THRESHOLD_N,
     Comparison,
+    StanceComparison,
     compare,
     filtered_while_loaded,
     partner,
@@ -24,31 +24,34 @@ from vsf_drake.analysis.comparison import (
     walk_axes,
 )
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.validation.study import StudyWalk
+from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.many import ProcessWorkers, SweepProgress, WalkCase, WalkOutcome, simulate_many
-from vsf_drake.simulation.many.processes import cores
+from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walker
 
-STEP_S = 2e-3
-KEEP = ("time_s", "grf_W", "cop_W", "energy_j")
 OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "spring_stored_j", "spring_returned_j",
            "spring_return_ratio", "keel_stored_j")
-"""What is read off a walk; `WalkScorer.score` says what each is."""
-_AT_ONCE = 480
+"""What is read off a walk:
+
+- grf_rmse_bw, cop_rmse_fl: as in `analysis.metrics`.
+- cop_shift_mm: mean over the stance of the model's CoP less the plate's, fore-aft, forward positive.
+- peak_vertical_bw: largest vertical force (40 Hz) in the measured stance.
+- spring_stored_j: largest strain energy of the spring, which is the keel with the support under it, between the
+  model's touch-down and toe-off, less that at touch-down. The foam is not in it.
+- spring_returned_j: what of it is gone by toe-off, less what the damping of both took on the way.
+- spring_return_ratio: returned over stored.
+- keel_stored_j: as spring_stored_j, of the keel alone.
+
+The last five are means over complete stances."""
+AT_ONCE = 480
 """Walks whose arrays are held at a time."""
 
 
 class WalkScorer:
-    """Reads the OUTPUTS off walks of one trial: the definitions of `analysis.comparison` and `analysis.metrics`.
-
-    Args:
-        walk: of the study; its plate is what walks are compared with.
-        walker: of its subject and model.
-    """
+    """Reads the OUTPUTS off walks of one trial: the definitions of `analysis.comparison` and `analysis.metrics`."""
 
     def __init__(self, walk: StudyWalk, walker: Walker) -> None:
         trial = walk.trial
@@ -57,49 +60,34 @@ class WalkScorer:
         self.result = walker.result(run, trial, trial.offsets, energy=False)
         self.comparison: Comparison = compare(self.result, trial.prosthetic_plate)
         self._weight = trial.subject.mass_kg * GRAVITY
-        self._foot_m = self.result.foot_length_m
         self._axes = walk_axes(self.comparison.heading)
         self._measured = np.linalg.norm(self.comparison.measured, axis=1)[self.comparison.scored] / self._weight
 
     def score(self, outcome: WalkOutcome) -> np.ndarray:
-        """(len(OUTPUTS),) of a walk that kept KEEP; NaN where one is not known, all NaN of a walk that failed.
-
-        - grf_rmse_bw, cop_rmse_fl: as in `analysis.metrics`.
-        - cop_shift_mm: mean over the stance of the model's CoP less the plate's, fore-aft, forward positive.
-        - peak_vertical_bw: largest vertical force (40 Hz) in the measured stance.
-        - spring_stored_j: largest strain energy of the spring, which is the keel with the support under it, between the
-          model's touch-down and toe-off, less that at touch-down. The foam is not in it.
-        - spring_returned_j: what of it is gone by toe-off, less what the damping of both took on the way.
-        - spring_return_ratio: returned over stored.
-        - keel_stored_j: as spring_stored_j, of the keel alone.
-
-        The last five are means over complete stances.
-        """
+        """(len(OUTPUTS),) of a walk that kept KEEP; NaN where one is not known, all NaN of a walk that failed."""
         if not outcome.ok:
             return np.full(len(OUTPUTS), np.nan)
-        time, grf, cop = (outcome.arrays[name] for name in ("time_s", "grf_W", "cop_W"))
+        time, grf, cop, energies = (outcome.arrays[name] for name in KEEP)
+        energy = dict(zip(outcome.columns["energy_j"], energies.T, strict=True))
         c, grid = self.comparison, uniform_grid(time)
         raw = resample(grid, time, grf @ self._axes.T)
         first = int(np.searchsorted(grid, c.time_s[0] - 1e-9))
         model = low_pass(raw, rate_hz=1.0 / c.step_s, cutoff_hz=FORCE_CUTOFF_HZ)[first : first + len(c.time_s)]
         error = rmse(np.linalg.norm(model, axis=1)[c.scored] / self._weight, self._measured)
-        centre = np.concatenate([self._cop_error(item, time, grf, cop) for item in c.stances] or [np.empty(0)])
-        known = centre[np.isfinite(centre)]
+        off_m = known(x for item in c.stances for x in self._cop_error(item, time, grf, cop))
         stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
-        energy = dict(zip(outcome.columns["energy_j"], outcome.arrays["energy_j"].T, strict=True))
         rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
                  *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
-        of_stance = np.mean(rows, axis=0) if rows else np.full(5, np.nan)
-        cop = (rmse(known, 0.0) / self._foot_m, 1e3 * known.mean()) if len(known) else (np.nan, np.nan)
-        return np.array([error, *cop, *of_stance])
+        return np.array([error, rmse(off_m, 0.0) / self.result.foot_length_m,
+                         1e3 * off_m.mean() if off_m.size else np.nan,
+                         *(np.mean(rows, axis=0) if rows else np.full(5, np.nan))])
 
-    def _cop_error(self, item: Any, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
+    def _cop_error(self, item: StanceComparison, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
         """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
         instants = percent_instants(item.measured)
         curve = filtered_while_loaded(cop @ self._axes[:2].T, time, grf[:, 2], cop, instants)[:, 0]
         outside = (instants < self.comparison.time_s[0] - 1e-9) | (instants > self.comparison.time_s[-1] + 1e-9)
-        curve[outside] = np.nan
-        return np.asarray(curve - item.measured_cop[:, 0])
+        return np.where(outside, np.nan, curve - item.measured_cop[:, 0])
 
 
 def _spring(
@@ -120,32 +108,22 @@ def _spring(
 
 
 class DesignWalks:
-    """Walks every point of a design in each of several trials.
-
-    Args:
-        walks: of the study.
-        executor: see `workers`; None for this process alone. count: its size.
-
-    Attributes:
-        walkers, scorers, variables, limits: of each trial; limits as in `values_at`.
-        failures: sentences on walks that failed, in the order of the points. walked, unconverged: walks so far, and how
-            many of them accepted steps without convergence.
-    """
+    """Walks every point of a design in each of several trials, on `count` workers of an executor (None: here)."""
 
     def __init__(self, walks: Sequence[StudyWalk], executor: Any = None, count: int = 1) -> None:
         self.walks, self._executor, self._count = walks, executor, count
-        self.failures: list[str] = []
-        self.walked = self.unconverged = 0
+        self.failures: list[str] = []  # why walks failed, in the order of the points
+        self.walked = self.unconverged = 0  # walks so far, and those that accepted steps without convergence
         self.walkers: list[Walker] = []
         for walk in walks:
             subject, model = walk.trial.subject, walk.trial.model
-            known = (w for w in self.walkers if w.subject == subject and w.model == model)
-            self.walkers.append(next(known, None) or Walker(subject, model))
+            same = (w for w in self.walkers if w.subject == subject and w.model == model)
+            self.walkers.append(next(same, None) or Walker(subject, model))
         self.scorers = [WalkScorer(walk, walker) for walk, walker in zip(walks, self.walkers, strict=True)]
         self.variables: list[Mapping[str, Variable]] = [walker.variables for walker in self.walkers]
         reaches = [(walk.trial.model.foot.fulcrum, walk.trial.fulcrum_m) for walk in walks]
         self.limits = [{"fulcrum.shift": (min(reach.rearmost_m - at, 0.0), max(reach.foremost_m - at, 0.0))}
-                       for reach, at in reaches]
+                       for reach, at in reaches]  # as in `values_at`
 
     def baseline(self) -> np.ndarray:
         """(trials, len(OUTPUTS)) with every factor as the study has it."""
@@ -155,16 +133,11 @@ class DesignWalks:
         self, points: np.ndarray, *, factors: Sequence[Factor], trials: Sequence[int] | None = None,
         progress: Callable[[float], None] | None = None
     ) -> np.ndarray:
-        """(rows, trials, len(OUTPUTS)) at points (rows, k), NaN where a walk failed or a value is not known.
-
-        Args:
-            trials: places of those that are walked; None for all.
-            factors: k, of whose ranges the points are shares; whatever else there is stays as the study has it.
-            progress: called with the finished fraction.
-        """
+        """(rows, trials, len(OUTPUTS)) at points (rows, k), the shares of the ranges of k factors, in some or all
+        trials; NaN where a walk failed or a value is not known. What is no factor stays as the study has it."""
         trials = range(len(self.walks)) if trials is None else trials
         values = np.full((len(points), len(trials), len(OUTPUTS)), np.nan)
-        rows = max(1, _AT_ONCE // len(trials))
+        rows = max(1, AT_ONCE // len(trials))
         for start in range(0, len(points), rows):
             part = points[start : start + rows]
             cases = [WalkCase(trial=self.walks[t].trial, step_s=STEP_S, label=f"point {start + i}",
@@ -180,25 +153,9 @@ class DesignWalks:
                 row, place = divmod(n, len(trials))
                 values[start + row, place] = self.scorers[trials[place]].score(outcome)
                 self.unconverged += bool(outcome.unconverged_steps)
-                if outcome.failure is not None:
-                    self.failures.append(outcome.failure)
+            self.failures += [outcome.failure for outcome in outcomes if outcome.failure is not None]
             self.walked += len(cases)
         return values
-
-
-@contextmanager
-def workers(count: int | None) -> Iterator[tuple[Any, int]]:
-    """An executor of `count` processes (None: one a core) for several sweeps, and its size; None, 1 for this process.
-    """
-    size = cores() if count is None else count
-    if size <= 1:
-        yield None, 1
-        return
-    pool = ProcessWorkers(size, here=True)
-    try:
-        yield pool, size
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 # The factors of the sensitivity study: what one does not know of a walk's model before a fit, and how far.
@@ -220,24 +177,16 @@ FULCRUM_M = 5e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Factor:
-    """One factor of the study.
+    """One factor of the study: `low` to `high` is its range, about no change."""
 
-    Attributes:
-        name: for people. group: one of GROUPS.
-        unit: of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1".
-        low, high: the range, about no change.
-        why: where the range comes from.
-        variables: of the walker, which it changes together. kind: how.
-    """
-
-    name: str
-    group: str
-    unit: str
+    name: str  # for people
+    group: str  # one of GROUPS
+    unit: str  # of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1"
     low: float
     high: float
-    why: str
-    variables: tuple[str, ...]
-    kind: str = SHIFT
+    why: str  # where the range comes from
+    variables: tuple[str, ...]  # of the walker, which it changes together
+    kind: str = SHIFT  # how it changes them
 
     def value(self, share: float, limits: tuple[float, float] = (-math.inf, math.inf)) -> float:
         """What is added or multiplied (SI) at a share from 0 to 1 of the range, or of its part within `limits`."""
@@ -287,8 +236,7 @@ def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[F
         *(shift(name.replace("_angle", "_flexion").replace("_", " "), KINEMATICS, "deg", 1.2,
                 "misplaced markers: the standard deviation of the embedded synthetic laboratory's constant errors",
                 f"coordinate.{name}_{leg}")
-          for name in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction",
-                       "knee_rotation")),
+          for name in LIMB_ANGLES),
         *(shift(name, KINEMATICS, "mm", most, "errors between cameras, plates and markers, a choice",
                 f"coordinate.{coordinate}") for name, coordinate, most in (
             ("pelvis height", "pelvis_ty", 1.0), ("pelvis fore-aft", "pelvis_tx", 2.0),
@@ -310,8 +258,7 @@ def values_at(
 ) -> dict[str, float]:
     """Values of the walker's variables where the factors stand at these shares (k,) of their ranges, 0 to 1.
 
-    Args:
-        limits: lowest and highest shift (SI) by variable, where not all of a factor's range is possible.
+    `limits` are the lowest and highest shift (SI) by variable, where not all of a factor's range is possible.
     """
     values = {name: variables[name].default for factor in factors for name in factor.variables}
     for factor, share in zip(factors, shares, strict=True):
@@ -352,65 +299,45 @@ _FLAT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Points at which a function is wanted.
+    """Points at which a function is wanted."""
 
-    Attributes:
-        points: (rows, k) in the unit cube. block: rows of one trajectory or of one of Saltelli's blocks.
-        names: of the k factors. groups: of each factor its group, where indices are of groups; else None.
-    """
-
-    points: np.ndarray
-    block: int
-    names: tuple[str, ...]
-    groups: tuple[str, ...] | None = None
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """What indices are of: the factors, or the groups in the order in which they first appear."""
-        return self.names if self.groups is None else tuple(dict.fromkeys(self.groups))
-
-    @property
-    def problem(self) -> dict[str, Any]:
-        """The same for SALib."""
-        return {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0.0, 1.0]] * len(self.names),
-                "groups": None if self.groups is None else list(self.groups)}
+    points: np.ndarray  # (rows, k) in the unit cube
+    block: int  # rows of one trajectory or of one of Saltelli's blocks
+    labels: tuple[str, ...]  # what indices are of: the factors, or their groups in the order of first appearance
+    problem: dict[str, Any]  # the same for SALib
 
     def whole(self, y: np.ndarray) -> np.ndarray:
         """(rows,) whether the row belongs to a block all of whose values y (rows,) are finite."""
         return np.repeat(np.isfinite(y.reshape(-1, self.block)).all(axis=1), self.block)
 
 
+def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[str, Any]:
+    return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names),
+            "groups": None if groups is None else list(groups)}
+
+
 def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
     """Trajectories that move every factor once; k + 1 points each."""
     from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
 
-    empty = Design(np.zeros((0, len(names))), len(names) + 1, tuple(names))
-    points = morris.sample(empty.problem, trajectories, num_levels=LEVELS, seed=_seed(seed))
-    return replace(empty, points=points)
+    problem = _problem(names)
+    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
+                  tuple(names), problem)
 
 
 def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
-    """Saltelli's blocks of k + 2 points (groups + 2 where indices are of groups) on a scrambled Sobol sequence.
-
-    Args:
-        samples: blocks, a power of two.
-    """
+    """`samples` (a power of two) of Saltelli's blocks of k + 2 points, groups + 2 where indices are of the factors'
+    groups, on a scrambled Sobol sequence."""
     from SALib.sample import sobol  # noqa: PLC0415
 
-    empty = Design(np.zeros((0, len(names))), 0, tuple(names), None if groups is None else tuple(groups))
-    points = sobol.sample(empty.problem, samples, calc_second_order=False, seed=_seed(seed))
-    return replace(empty, points=points, block=len(empty.labels) + 2)
+    problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
+    return Design(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2, labels,
+                  problem)
 
 
 def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
-    """Elementary effects of one output over the whole of each range, by factor; None of too few whole trajectories.
-
-    Args:
-        y: (rows,) of the design, NaN where unknown.
-
-    Returns:
-        Rows with name, mu, mu_star, mu_star_conf (half of the 95 % bootstrap interval), sigma; all in y's unit.
-    """
+    """Elementary effects of one output y (rows,) over the whole of each range, by factor: name, mu, mu_star,
+    mu_star_conf (half of the 95 % bootstrap interval), sigma, all in y's unit. None of too few whole trajectories."""
     from SALib.analyze import morris  # noqa: PLC0415
 
     kept = design.whole(y)
@@ -419,19 +346,13 @@ def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]
     found = morris.analyze(design.problem, design.points[kept], y[kept], num_resamples=RESAMPLES, num_levels=LEVELS,
                            seed=_seed(seed))
     return [{"name": name} | {key: float(found[key][i]) for key in ("mu", "mu_star", "mu_star_conf", "sigma")}
-            for i, name in enumerate(design.names)]
+            for i, name in enumerate(design.labels)]
 
 
 def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
-    """Shares of the variance of one output, by factor or group; None of too few whole blocks or of a constant output.
-
-    Args:
-        y: (rows,) of the design, NaN where unknown.
-
-    Returns:
-        Rows with name, s1, s1_conf, st, st_conf (first-order and total index, half of the 95 % bootstrap
-        intervals), s1_wide and st_wide: whether the interval is wider than the index.
-    """
+    """Shares of the variance of one output y (rows,), by factor or group: name, s1, s1_conf, st, st_conf (first-order
+    and total index, half of the 95 % bootstrap intervals), s1_wide and st_wide (whether the interval is wider than the
+    index). None of too few whole blocks or of a constant output."""
     from SALib.analyze import sobol  # noqa: PLC0415
 
     kept = design.whole(y)

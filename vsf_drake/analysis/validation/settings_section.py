@@ -1,38 +1,75 @@
 """Can two settings of the fulcrum be told apart, given the model's error and the noise of kinematics?
 
-Every motion is walked at every position with all else equal; the difference that the model then predicts is held
-against what is detectable (`settings_detectable` has the statistics, `settings_walks` the noise, the walks and the
-measures). The motion is held: somebody who walks at another setting moves otherwise
+Every motion is walked at every position with all else equal (`settings_walks`); the difference that the model then
+predicts is held against what is detectable. The motion is held: somebody who walks at another setting moves otherwise
 and keeps the forces more alike. So the settings are also compared as they were walked, each with its own motion
-(`settings_detectable.walked_rows`). As an independent route the fulcrum is estimated from the force alone.
+(`walked_rows`). As an independent route the fulcrum is estimated from the force alone.
 
 No offset is fitted again after a draw. A laboratory that fits them in each session leaves less noise than stands here
 for two sessions; but offsets that are fitted to the very plates that shall tell the setting can take up the fulcrum's
 effect as well.
+
+What is detectable. Let y(x) be an outcome of a walk with the fulcrum at x. What is compared is y(x2) - y(x1). Its error
+has two independent parts, and what is drawn of the first is never fitted away:
+
+1. Kinematic noise, by Monte Carlo. Draw d of trial t is a session with recordings r = 1, 2 of the same stride; the
+   variance of the difference over the draws, pooled over trials, depends on the design:
+
+       same_recording   y_dr(x2) - y_dr(x1)             one recording, the fulcrum is moved in the model alone
+       same_session     y_d2(x2) - y_d1(x1)             two recordings; the session's error is common
+       two_sessions     var y_dr(x2) + var y_dr(x1)     two recordings that share nothing
+
+   Each variance is the mean over trials and recordings of the unbiased variance over the D draws. Its Monte Carlo
+   standard error is that of the mean of the squared deviations, one a trial and draw.
+
+2. Error of the model: e = simulated - measured of n held-out walks. Its mean is common to all settings and cancels. Its
+   standard deviation s does not: the difference of two walks has 2 s^2. In the same recording, whatever the model gets
+   wrong of this motion at both positions cancels as well; no trial was recorded at two positions, so that nobody can
+   tell how much, and 2 s^2 is an upper bound there. s contains the noise of the study's own recordings, which is
+   thus counted twice: the sum errs to the safe side.
+
+The smallest detectable difference of two single walks is the root of the sum of two squares: of
+t(0.975, T (D - 1)) sqrt(v), with the noise's variance v, and of t(0.975, n - 1) sqrt(2) s. Each part has its own t for
+the few numbers that it comes from; that is on the safe side of one t with Welch's degrees of freedom and, unlike it,
+never falls when noise is added. With fewer than FEWEST held-out walks s is unknown, and so is the sum. Without any true
+difference one case of twenty exceeds it; a true difference of just its size is found half of the time, one 1.4 times as
+large in four cases of five.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from dataclasses import dataclass
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.stats import t as student
 
 from vsf_drake.analysis.sentences import say
-from vsf_drake.analysis.validation.settings_detectable import (
-    CONFIDENCE,
-    FEWEST,
-    curve_rows,
-    held_out_error,
-    outcome_rows,
-    pair_rows,
-    walked_rows,
+from vsf_drake.analysis.validation.settings_walks import (
+    NAMES,
+    OUTCOMES,
+    RECORDINGS,
+    Base,
+    NoiseSizes,
+    Walked,
+    base_of,
+    walk_all,
 )
-from vsf_drake.analysis.validation.settings_walks import NAMES, RECORDINGS, Base, NoiseSizes, Walked, base_of, walk_all
-from vsf_drake.analysis.validation.study import HELD_OUT, OFFSETS_FITTED, Progress, Section, Study
+from vsf_drake.analysis.validation.study import (
+    FITTED,
+    HELD_OUT,
+    OFFSETS_FITTED,
+    Progress,
+    Section,
+    Study,
+    reached,
+    rms,
+    spread,
+)
 from vsf_drake.errors import InputError
 from vsf_drake.files import plain
 from vsf_drake.parameters import FootParameters
@@ -42,49 +79,61 @@ from vsf_drake.simulation.bench_stiffness import BenchStiffness
 NOISY_WALKS, QUICK_NOISY_WALKS = 2700, 108
 MOST_DRAWS, FEWEST_DRAWS = 60, 3
 MOST_A_SETTING, QUICK_A_SETTING, MOST_TRIALS = 3, 1, 12
+CONFIDENCE = 0.95
+FEWEST = 3
+"""Held-out walks for a standard deviation."""
+DESIGNS = ("same_recording", "same_session", "two_sessions")
+REFERENCE_MM = 42.0
+"""Distance of the two positions, one on each side of the middle, that an outcome's own row is about: 87 and 129 mm."""
+CURVES = {"resultant": "BW", "cop": "FL"}
 
 
 def settings_section(study: Study, *, progress: Progress | None = None) -> Section:
     """The section "Can two settings be told apart?".
 
-    Returns:
-        `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows, see `settings_detectable`); `inverse` (see
-        below) with its `fulcrum_estimate_sd_mm` beside it; `noise`, `draws` (sessions a trial), `walks`,
-        `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`. `arrays`: `effects` (T, P, O) without noise.
+    `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows); `inverse` with its `fulcrum_estimate_sd_mm`
+    beside it; `noise`, `draws` (sessions a trial), `walks`, `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`.
+    `arrays`: `effects` (T, P, O) without noise.
     """
+    quick, seed = study.options.quick, study.options.seed
     bases, unusable, left_out = _bases(study)
+    unused = say("settings", "unused", unusable=unusable, left_out=left_out)
     if not bases:
         return Section(table={"answer": "No walk of this study can tell.", "outcomes": [], "pairs": [], "draws": 0,
-                              "seed": study.options.seed, "fulcrum_estimate_sd_mm": None},
-                       missing=tuple(say("settings", "unused", unusable=unusable, left_out=left_out)))
-    positions = _positions(study.model.foot, quick=study.options.quick)
+                              "seed": seed, "fulcrum_estimate_sd_mm": None}, missing=tuple(unused))
+    positions, foot = np.array(PUBLISHED_FULCRUMS_M), study.model.foot
+    if len(reached(foot, positions)) < len(positions):  # then as many over the carriage's reach
+        positions = np.linspace(foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m, len(positions))
+    positions = positions[[0, 2, 4]] if quick else positions
     positions_mm = np.round(1e3 * positions, 6)
-    draws = _draws(len(bases) * len(positions), quick=study.options.quick)
-    walked = walk_all(bases, positions.tolist(), draws=draws, seed=study.options.seed, workers=study.options.workers,
+    clean = len(bases) * len(positions)
+    wished = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * clean))
+    draws = min(max(wished, FEWEST_DRAWS), MOST_DRAWS)
+    walked = walk_all(bases, positions.tolist(), draws=draws, seed=seed, workers=study.options.workers,
                       progress=progress)
-    model, (stiffness, at_positions) = held_out_error(bases), _stiffness(study.model.foot, positions)
+    held_out = [base for base in bases if base.walk.role == HELD_OUT]
+    model = model_error(np.array([base.simulated.values - base.measured.values for base in held_out]
+                                 ).reshape(-1, len(NAMES)))
+    stiffness, at_positions = _stiffness(foot, positions)
     inverse = inverse_table(positions_mm, walked)
-    table: dict[str, Any] = {
+    table: dict[str, Any] = plain({
         "confidence": CONFIDENCE, "positions_mm": positions_mm, "stiffness_n_per_mm": at_positions,
-        "draws": draws, "recordings_a_draw": RECORDINGS, "seed": study.options.seed,
-        "walks": len(bases) * len(positions) * (1 + RECORDINGS * draws), "failed_walks": sum(w.failed for w in walked),
-        "synthetic": study.synthetic, "noise": dataclasses.asdict(NoiseSizes()), "quick": study.options.quick,
-        "held_out_trials": sum(base.walk.role == HELD_OUT for base in bases),
-        "held_out_rmse_bw": _mean([b.walk.metrics["grf_rmse_bw"] for b in bases if b.walk.role == HELD_OUT]),
+        "draws": draws, "recordings_a_draw": RECORDINGS, "seed": seed, "walks": clean * (1 + RECORDINGS * draws),
+        "failed_walks": sum(w.failed for w in walked), "synthetic": study.synthetic,
+        "noise": dataclasses.asdict(NoiseSizes()), "quick": quick, "held_out_trials": len(held_out),
+        "held_out_rmse_bw": spread(base.walk.metrics["grf_rmse_bw"] for base in held_out)["mean"],
         "trials": [{"label": b.walk.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
         "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
         "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),
         "as_walked": walked_rows(bases), "as_walked_curves": _walked_curves(bases), "inverse": inverse,
-        "fulcrum_estimate_sd_mm": inverse["sd_mm"]}
-    missing = say("settings", "unused", unusable=unusable, left_out=left_out) + say(
-        "settings", "missing", held_out=table["held_out_trials"], fewest=FEWEST,
-        own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
-        has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases), conditions=len(study.conditions()),
-        interior=inverse["sd_mm"] is not None, failed=table["failed_walks"], quick=study.options.quick)
-    table = plain(table)
+        "fulcrum_estimate_sd_mm": inverse["sd_mm"]})
     table["answer"] = answer(table)
-    return Section(table=table, missing=tuple(missing),
-                   arrays={"effects": np.array([w.alone["values"] for w in walked])})
+    return Section(table=table, arrays={"effects": np.array([w.alone["values"] for w in walked])},
+                   missing=tuple(unused + say(
+        "settings", "missing", held_out=len(held_out), fewest=FEWEST, conditions=len(study.conditions()),
+        own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
+        has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases),
+        interior=table["fulcrum_estimate_sd_mm"] is not None, failed=table["failed_walks"], quick=quick)))
 
 
 def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
@@ -106,43 +155,14 @@ def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
     return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)), unusable, left_out
 
 
-def _positions(foot: FootParameters, *, quick: bool) -> np.ndarray:
-    """(P,) m: the published positions that the carriage reaches; if that is not all of them, five over its reach."""
-    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    published = np.array(PUBLISHED_FULCRUMS_M)
-    if (published < low - 1e-9).any() or (published > high + 1e-9).any():
-        published = np.linspace(low, high, len(published))
-    return published[[0, 2, 4]] if quick else published
-
-
-def _draws(trials_by_positions: int, *, quick: bool) -> int:
-    wished = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * trials_by_positions))
-    return min(max(wished, FEWEST_DRAWS), MOST_DRAWS)
-
-
 def _stiffness(foot: FootParameters, positions: np.ndarray) -> tuple[Callable[[float], float], np.ndarray]:
-    """Stiffness of the model's foot on the bench (N/mm, mean slope from 200 to 600 N) at a position (mm)."""
+    """Stiffness of the model's foot on the bench (N/mm, mean slope from 200 to 600 N) at any position (mm), and at
+    `positions` (m)."""
     dense = np.linspace(positions[0], positions[-1], 9)
     both = np.concatenate([dense, positions])
     found = 1e-3 * BenchStiffness(foot, fulcrums_m=tuple(both), heel=False).evaluate({})[0]
     curve = PchipInterpolator(1e3 * dense, found[:len(dense)])
     return lambda at: float(curve(at)), found[len(dense):]
-
-
-def _walked_curves(bases: Sequence[Base]) -> list[dict[str, Any]]:
-    """Root mean square over stance between the mean resultants of two recorded settings, measured and simulated."""
-    settings = sorted({base.walk.fulcrum_mm for base in bases})
-    means = {x: [np.mean([getattr(b, kind).resultant for b in bases if b.walk.fulcrum_mm == x], axis=0)
-                 for kind in ("measured", "simulated")] for x in settings}
-    return [{"from_mm": a, "to_mm": b,
-             **{f"{kind}_bw": float(np.sqrt(np.mean((means[b][k] - means[a][k]) ** 2)))
-                for k, kind in enumerate(("measured", "simulated"))}}
-            for i, a in enumerate(settings) for b in settings[i + 1:]]
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
 
 
 def answer(table: Mapping[str, Any]) -> str:
@@ -176,6 +196,237 @@ def answer(table: Mapping[str, Any]) -> str:
         energy_names=[titles[row["outcome"]] for row in far if row["told_apart"] is None and row["beyond_strides"]])[0]
 
 
+# The statistics. What is not known is NaN; means, deviations and counts are of what is known.
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseVariance:
+    """Variance of a difference by kinematic noise, of outcomes (...)."""
+
+    value: np.ndarray  # (...), outcome's unit squared
+    error: np.ndarray  # (...), its Monte Carlo standard error
+    freedom: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModelError:
+    """Simulated minus measured over held-out walks, of O outcomes; NaN where there are fewer than needed."""
+
+    mean: np.ndarray
+    sd: np.ndarray
+    count: np.ndarray  # (O,) walks
+
+
+def noise_variance(design: str, first: np.ndarray, second: np.ndarray) -> NoiseVariance:
+    """Variance of second - first, both (T, D, 2, ...) an outcome at two positions with the same noise."""
+    if design == "two_sessions":
+        squares = _squares(first) + _squares(second)
+    else:
+        squares = _squares(second - (first if design == "same_recording" else first[:, :, ::-1]))
+    squares = np.ma.masked_invalid(squares)
+    count = squares.count(axis=(0, 1))
+    error = squares.std(axis=(0, 1), ddof=1) / np.sqrt(np.maximum(count, 1))
+    return NoiseVariance(np.where(count > 1, squares.mean(axis=(0, 1)).filled(np.nan), np.nan), error.filled(np.nan),
+                         float(first.shape[0] * (first.shape[1] - 1)))
+
+
+def model_error(errors: np.ndarray) -> ModelError:
+    """Of (n, O) errors, NaN where a walk does not tell."""
+    known = np.ma.masked_invalid(errors)
+    count = known.count(axis=0)
+    return ModelError(_mean(errors), np.where(count >= FEWEST, known.std(axis=0, ddof=1).filled(np.nan), np.nan), count)
+
+
+def detectable(noise: NoiseVariance, model: ModelError | None = None) -> np.ndarray:
+    """(..., O) the smallest detectable difference: with the model's error, or by the noise alone without `model`."""
+    alone = quantile(noise.freedom) * np.sqrt(noise.value)
+    return np.asarray(alone if model is None else np.hypot(
+        alone, quantile(model.count - 1) * np.sqrt(2.0) * model.sd))
+
+
+def detectable_error(noise: NoiseVariance, model: ModelError | None = None) -> np.ndarray:
+    """(..., O) Monte Carlo standard error of `detectable`: that of the noise's variance, to first order."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(0.5 * quantile(noise.freedom) ** 2 * noise.error / detectable(noise, model))
+
+
+def quantile(freedom: float | np.ndarray) -> np.ndarray:
+    """t(0.975) for these degrees of freedom; NaN where there are none."""
+    freedom = np.asarray(freedom, dtype=float)
+    return np.where(freedom >= 1.0, student.ppf(0.5 + 0.5 * CONFIDENCE, np.maximum(freedom, 1.0)), np.nan)
+
+
+def smallest_travel(travel: np.ndarray, effect: np.ndarray, limit: np.ndarray) -> float:
+    """The least travel from which on the effect exceeds the limit, as far as `travel` (k,), rising, goes; NaN if it
+    does not. Straight lines in between."""
+    beyond = np.abs(effect) - limit
+    if not np.isfinite(beyond).all() or beyond[-1] < 0.0:
+        return float("nan")
+    below = np.flatnonzero(beyond < 0.0)
+    if not below.size:
+        return float(travel[0])
+    i = int(below[-1])
+    return float(travel[i] + (travel[i + 1] - travel[i]) * -beyond[i] / (beyond[i + 1] - beyond[i]))
+
+
+def _squares(x: np.ndarray) -> np.ndarray:
+    """(T, D, ...) squared deviations from the mean over the draws, whose mean is the unbiased variance."""
+    known = np.ma.masked_invalid(x)
+    count = known.count(axis=1, keepdims=True)
+    squares = (known - known.mean(axis=1, keepdims=True)) ** 2 * np.ma.divide(count, count - 1)
+    return np.asarray(squares.mean(axis=2).filled(np.nan))
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Over the first axis, of what is known."""
+    return np.asarray(np.ma.masked_invalid(values).mean(axis=0).filled(np.nan))
+
+
+# Tables on which settings can be told apart: by outcome, by pair of positions, for curves, and as they were walked.
+
+
+def outcome_rows(
+    positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError, stiffness: Callable[[float], float]
+) -> list[dict[str, Any]]:
+    """One row an outcome: what is detectable around the middle of the range, in its unit, in mm and in N/mm.
+
+    `stiffness` is that of the foot on the bench (N/mm) with the fulcrum at a position (mm).
+    """
+    middle, reach = 0.5 * (positions_mm[0] + positions_mm[-1]), positions_mm[-1] - positions_mm[0]
+    apart = np.unique(np.append(np.arange(1.0, reach, 1.0), [min(REFERENCE_MM, reach), reach]))
+    reference = int(np.flatnonzero(apart == min(REFERENCE_MM, reach))[0])
+    ends = [[_between(positions_mm, values, middle + sign * apart / 2) for sign in (-1.0, 1.0)]
+            for values in _both(walked, "values")]
+    effects = ends[0][1] - ends[0][0]
+    effect = _mean(effects)
+    noises = {design: noise_variance(design, *ends[1]) for design in DESIGNS}
+    rows = []
+    for o, name in enumerate(NAMES):
+        row: dict[str, Any] = {
+            "name": name, "title": OUTCOMES[name][0], "unit": OUTCOMES[name][1], "effect": effect[reference, o],
+            "effect_ends": effect[-1, o], "effect_ends_sd": spread(effects[:, -1, o])["sd"],
+            "model_error_mean": model.mean[o], "model_error_sd": model.sd[o], "model_error_n": int(model.count[o])}
+        for design, noise in noises.items():
+            for prefix, way, error in (("", "smallest", model), ("noise_", "noise", None)):
+                limit = detectable(noise, error)[:, o]
+                row |= {f"{prefix}sdd_{design}": limit[reference],
+                        f"{prefix}sdd_error_{design}": detectable_error(noise, error)[reference, o],
+                        f"{way}_travel_mm_{design}": np.nan if (way, design) == ("noise", "same_recording")
+                        else smallest_travel(apart, effect[:, o], limit)}
+            travel = row[f"smallest_travel_mm_{design}"]
+            row[f"smallest_change_n_per_mm_{design}"] = (
+                stiffness(middle + travel / 2) - stiffness(middle - travel / 2) if np.isfinite(travel) else np.nan)
+        rows.append(row)
+    return rows
+
+
+def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError) -> list[dict[str, Any]]:
+    """One row an outcome and pair of positions: the effect with the motion held, and whether it exceeds the error."""
+    base, noisy = _both(walked, "values")
+    rows = []
+    for i, j in combinations(range(len(positions_mm)), 2):
+        effects = base[:, j] - base[:, i]
+        effect = _mean(effects)
+        limits = {(design, prefix): detectable(noise_variance(design, noisy[..., i, :], noisy[..., j, :]), error)
+                  for design in DESIGNS for prefix, error in (("", model), ("noise_", None))}
+        for o, name in enumerate(NAMES):
+            rows.append({"outcome": name, "from_mm": positions_mm[i], "to_mm": positions_mm[j],
+                         "effect": effect[o], "effect_sd": spread(effects[:, o])["sd"]})
+            for (design, prefix), limit in limits.items():
+                rows[-1] |= {f"{prefix}sdd_{design}": limit[o],
+                             f"{prefix}told_apart_{design}": _exceeds(effect[o], limit[o])}
+    return rows
+
+
+def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[dict[str, Any]]:
+    """One row a curve and pair: root mean square over stance of the difference and of its noise (standard deviation),
+    and the share of stance in which the difference exceeds t times the noise, each percent for itself."""
+    rows = []
+    for name, unit in CURVES.items():
+        base, noisy = _both(walked, name)
+        for i, j in combinations(range(len(positions_mm)), 2):
+            difference = _mean(base[:, j] - base[:, i])
+            known = np.isfinite(difference)
+            rows.append({"curve": name, "unit": unit, "from_mm": positions_mm[i], "to_mm": positions_mm[j],
+                         "rms_difference": rms(difference)})
+            for design in DESIGNS:
+                noise = noise_variance(design, noisy[..., i, :], noisy[..., j, :])
+                beyond = np.abs(difference[known]) > detectable(noise)[known]
+                rows[-1] |= {f"rms_noise_{design}": rms(np.sqrt(noise.value[known])),
+                             f"share_{design}": float(beyond.mean()) if known.any() else np.nan}
+    return rows
+
+
+def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
+    """One row an outcome and pair of recorded settings, each walked with its own motion: what the plates and the model
+    say the difference of their means is, t times the standard error of what the model errs by in it, and the same of
+    the strides' own scatter. Told apart if both differences exceed both, with the same sign: strides differ from one to
+    the next at one setting too, and a model that follows each of them well tells the strides apart, not the settings.
+
+    The walks that the fit has seen are left out if two settings have others; what the model errs by is told by held-out
+    walks alone.
+    """
+    used = [base for base in bases if base.walk.role != FITTED]
+    if len({base.walk.fulcrum_mm for base in used}) < 2:
+        used = list(bases)
+    settings = sorted({base.walk.fulcrum_mm for base in used})
+    measured, simulated = (np.array([getattr(base, kind).values for base in used])
+                           for kind in ("measured", "simulated"))
+    member = [np.array([base.walk.fulcrum_mm == x for base in used]) for x in settings]
+    freedom = len(used) - len(settings)
+    error_sd, stride_sd = _pooled(simulated - measured, member), _pooled(simulated, member)
+    if any(base.walk.role != HELD_OUT for base in used):
+        error_sd = np.full_like(error_sd, np.nan)
+    rows = []
+    for i, j in combinations(range(len(settings)), 2):
+        of_model, of_plate = (_mean(x[member[j]]) - _mean(x[member[i]]) for x in (simulated, measured))
+        width = quantile(freedom) * np.sqrt(1.0 / member[i].sum() + 1.0 / member[j].sum())
+        for o, name in enumerate(NAMES):
+            limit = width * np.maximum(error_sd, stride_sd)[o]
+            said = _exceeds(of_model[o], limit), _exceeds(of_plate[o], limit)
+            rows.append({
+                "outcome": name, "from_mm": settings[i], "to_mm": settings[j], "trials_from": int(member[i].sum()),
+                "trials_to": int(member[j].sum()), "simulated": of_model[o], "measured": of_plate[o],
+                "error": of_model[o] - of_plate[o], "error_half_width": width * error_sd[o],
+                "told_apart": None if None in said else bool(all(said) and of_model[o] * of_plate[o] > 0.0),
+                "stride_half_width": width * stride_sd[o],
+                "beyond_strides": _exceeds(of_model[o], width * stride_sd[o])})
+    return rows
+
+
+def _walked_curves(bases: Sequence[Base]) -> list[dict[str, Any]]:
+    """Root mean square over stance between the mean resultants of two recorded settings, measured and simulated."""
+    settings = sorted({base.walk.fulcrum_mm for base in bases})
+    means = {(kind, x): np.mean([getattr(b, kind).resultant for b in bases if b.walk.fulcrum_mm == x], axis=0)
+             for kind in ("measured", "simulated") for x in settings}
+    return [{"from_mm": a, "to_mm": b, **{
+        f"{kind}_bw": float(np.sqrt(np.mean((means[kind, b] - means[kind, a]) ** 2)))
+        for kind in ("measured", "simulated")}} for a, b in combinations(settings, 2)]
+
+
+def _both(walked: Sequence[Walked], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(T, ...) of all trials: without noise, and with it."""
+    return np.array([w.alone[name] for w in walked]), np.array([w.noisy[name] for w in walked])
+
+
+def _between(positions: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Monotone cubics along the last axis but one, which is of positions; NaN where any position is missing."""
+    whole = np.isfinite(values).all(axis=-2, keepdims=True)
+    found = PchipInterpolator(positions, np.where(whole, values, 0.0), axis=-2)(at)
+    return np.asarray(np.where(whole, found, np.nan))
+
+
+def _pooled(values: np.ndarray, member: Sequence[np.ndarray]) -> np.ndarray:
+    """(O,) standard deviation within settings; NaN without a setting that has two trials."""
+    squares = sum(((values[m] - values[m].mean(axis=0)) ** 2).sum(axis=0) for m in member)
+    freedom = len(values) - len(member)
+    return np.asarray(np.sqrt(squares / freedom) if freedom > 0 else np.full(values.shape[1], np.nan))
+
+
+def _exceeds(effect: float, limit: float) -> bool | None:
+    return bool(abs(effect) > limit) if np.isfinite(effect) and np.isfinite(limit) else None
+
+
 # The inverse question: where does the fulcrum seem to be, told by the force alone?
 #
 # A walk whose kinematics carry noise is compared, at each position of the fulcrum, with a resultant force that has
@@ -193,11 +444,8 @@ FINE_MM = 0.5
 
 
 def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(...) mm, the position at which the resultants fit best; NaN where a walk is missing.
-
-    Args:
-        positions_mm: (P,) rising. locked: (..., P, n) resultants there. target: (n,).
-    """
+    """(...) mm, the position at which the resultants `locked` (..., P, n) at positions (P,), rising, fit `target` (n,)
+    best; NaN where a walk is missing."""
     fine = np.append(np.arange(positions_mm[0], positions_mm[-1], FINE_MM), positions_mm[-1])
     flat = locked.reshape(-1, *locked.shape[-2:])
     found = np.full(len(flat), np.nan)
@@ -211,11 +459,10 @@ def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.n
 def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[str, Any]:
     """What the estimates say; mm.
 
-    Returns:
-        `rows`, one a trial: label, role, fulcrum_mm, interior, estimate_mm without noise, and of the noisy estimates
-        mean_mm, sd_mm (session and recording), sd_recording_mm (recording alone) and edge_share; the same with the
-        model's own walk at the middle as target (model_...). Then pooled over trials: sd_mm, sd_recording_mm,
-        bias_rms_mm of the interior ones, model_sd_mm, model_sd_recording_mm of all; None for what no trial tells.
+    `rows`, one a trial: label, role, fulcrum_mm, interior, estimate_mm without noise, and of the noisy estimates
+    mean_mm, sd_mm (session and recording), sd_recording_mm (recording alone) and edge_share; the same with the
+    model's own walk at the middle as target (model_...). Then pooled over trials: sd_mm, sd_recording_mm,
+    bias_rms_mm of the interior ones, model_sd_mm, model_sd_recording_mm of all; NaN for what no trial tells.
     """
     middle = 0.5 * (positions_mm[0] + positions_mm[-1])
     rows = []
@@ -231,26 +478,21 @@ def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[st
             "label": base.walk.label, "role": base.walk.role, "fulcrum_mm": at,
             "interior": bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
             "estimate_mm": float(fulcrum_estimates(positions_mm, locked, plate)),
-            "mean_mm": _mean_estimate(noisy), **_spreads("", noisy), "edge_share": float(np.mean(edge)),
-            "model_mean_mm": _mean_estimate(virtual), **_spreads("model_", virtual)})
+            **_spreads("", noisy), "edge_share": float(np.mean(edge)), **_spreads("model_", virtual)})
     interior = [row for row in rows if row["interior"]]
     return {
         "rows": rows, "middle_mm": float(middle), "draws": sum(w.noisy["locked"].shape[0] for w in walked),
         "trials_interior": len(interior),
-        "sd_mm": _rms([row["sd_mm"] for row in interior]),
-        "sd_recording_mm": _rms([row["sd_recording_mm"] for row in interior]),
-        "bias_rms_mm": _rms([row["estimate_mm"] - row["fulcrum_mm"] for row in interior]),
-        "model_sd_mm": _rms([row["model_sd_mm"] for row in rows]),
-        "model_sd_recording_mm": _rms([row["model_sd_recording_mm"] for row in rows])}
+        **{key: rms([row[key] for row in interior]) for key in ("sd_mm", "sd_recording_mm")},
+        "bias_rms_mm": rms([row["estimate_mm"] - row["fulcrum_mm"] for row in interior]),
+        **{key: rms([row[key] for row in rows]) for key in ("model_sd_mm", "model_sd_recording_mm")}}
 
 
 def _spreads(prefix: str, estimates: np.ndarray) -> dict[str, float]:
     """Of (D, 2) estimates, two recordings a draw."""
-    known = np.isfinite(estimates)
-    pairs = np.diff(estimates, axis=1)[known.all(axis=1), 0]
-    each = [float(np.var(estimates[known[:, r], r], ddof=1)) for r in range(2) if known[:, r].sum() > 1]
-    return {f"{prefix}sd_mm": float(np.sqrt(np.mean(each))) if each else np.nan,
-            f"{prefix}sd_recording_mm": float(np.sqrt(0.5 * np.mean(pairs**2))) if pairs.size else np.nan}
+    return {f"{prefix}mean_mm": spread(estimates)["mean"],
+            f"{prefix}sd_mm": rms(spread(recording)["sd"] for recording in estimates.T),
+            f"{prefix}sd_recording_mm": np.sqrt(0.5) * rms(np.diff(estimates, axis=1))}
 
 
 def _lowest(x: np.ndarray, y: np.ndarray) -> float:
@@ -263,13 +505,3 @@ def _lowest(x: np.ndarray, y: np.ndarray) -> float:
     curvature = (right - left) / (after - before)
     return float(x[i] + np.clip(-0.5 * (left - curvature * before) / curvature, before, after)) if curvature > 0.0 \
         else float(x[i])
-
-
-def _mean_estimate(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else np.nan
-
-
-def _rms(values: Sequence[float]) -> float | None:
-    known = np.array([value for value in values if np.isfinite(value)])
-    return float(np.sqrt(np.mean(known**2))) if known.size else None

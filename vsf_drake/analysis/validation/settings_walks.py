@@ -34,7 +34,7 @@ from vsf_drake.analysis.comparison import (
     uniform_grid,
     walk_axes,
 )
-from vsf_drake.analysis.validation.study import Progress, StudyWalk
+from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, Progress, StudyWalk
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
@@ -42,26 +42,19 @@ from vsf_drake.motion.gait_cycle import gait_phase
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.many.processes import chosen
 
-STEP_S = 2e-3
-KEEP = ("time_s", "grf_W", "cop_W", "energy_j")
 RECORDINGS = 2
 _STREAM = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """One trial and the stance of it that is walked.
-
-    Attributes:
-        trial: cut to the stance ± MARGIN_S.
-        measured: its outcomes on the plate, None for what the plate does not tell; `simulated` of the study's walk.
-    """
+    """One trial and the stance of it that is walked, with its outcomes on the plate and in the study's own walk."""
 
     walk: StudyWalk
-    trial: Trial
+    trial: Trial  # cut to the stance ± MARGIN_S
     stance: Stance
     noise: KinematicNoise
     measured: StanceRecord
@@ -71,47 +64,37 @@ class Base:
         """What one of its walks says; None if the walk failed or the foot of the model has no whole stance."""
         if not outcome.ok:
             return None
-        arrays = outcome.arrays
-        ledger = dict(zip(outcome.columns["energy_j"], arrays["energy_j"].T, strict=True))
-        return stance_record(arrays["time_s"], arrays["grf_W"], arrays["cop_W"], near=self.stance, energy=ledger,
-                             **_units(self.walk))
+        time, grf, cop, energy = (outcome.arrays[name] for name in KEEP)
+        return stance_record(time, grf, cop, near=self.stance, **_units(self.walk),
+                             energy=dict(zip(outcome.columns["energy_j"], energy.T, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Walked:
     """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
 
-    Attributes:
-        alone: without noise, by name: `values` (P, O) outcomes in the order of NAMES; `resultant` and `cop` (P, 101) BW
-            and FL over the own stance; `locked` (P, n) BW, the resultant at `time_s`.
-        noisy: the same, each (D, R, P, ...).
-        time_s: (n,) instants.
-        failed: walks that failed or have no whole stance.
+    By name: `values` (P, O) outcomes in the order of NAMES; `resultant` and `cop` (P, 101) BW and FL over the own
+    stance; `locked` (P, n) BW, the resultant at `time_s`.
     """
 
     base: Base
     alone: dict[str, np.ndarray]
-    noisy: dict[str, np.ndarray]
-    time_s: np.ndarray
-    failed: int
+    noisy: dict[str, np.ndarray]  # the same, each (D, R, P, ...)
+    time_s: np.ndarray  # (n,)
+    failed: int  # walks that failed or have no whole stance
 
 
 def base_of(walk: StudyWalk, sizes: NoiseSizes | None = None) -> Base:
-    """The stance of `walk` that is used.
-
-    Raises:
-        InputError: there is no stance that the plate and the model both show as a whole.
-    """
-    trial, middle = walk.trial, 0.5 * (walk.trial.start_s + walk.trial.end_s)
+    """The stance of `walk` nearest its middle; InputError if plate and model show none as a whole."""
+    trial, plate, result = walk.trial, walk.trial.prosthetic_plate, walk.result
+    middle = 0.5 * (trial.start_s + trial.end_s)
     whole = [item.measured for item in walk.comparison.stances if item.inside]
     for stance in sorted(whole, key=lambda s: abs(0.5 * (s.start_s + s.end_s) - middle)):
-        plate, result = trial.prosthetic_plate, walk.result
         near = (plate.time_s > stance.start_s - 4 * MARGIN_S) & (plate.time_s < stance.end_s + 4 * MARGIN_S)
         measured = stance_record(plate.time_s[near], plate.force_W[near], plate.cop_W[near] if plate.has_cop else None,
                                  near=stance, **_units(walk))
-        ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
-        simulated = stance_record(result.time_s, result.grf_W, result.cop_W, near=stance, energy=ledger,
-                                  **_units(walk))
+        simulated = stance_record(result.time_s, result.grf_W, result.cop_W, near=stance, **_units(walk),
+                                  energy=dict(zip(result.energy_names, result.energy_j.T, strict=True)))
         if measured is not None and simulated is not None:
             window = dataclasses.replace(trial, start_s=max(trial.start_s, stance.start_s - MARGIN_S),
                                          end_s=min(trial.end_s, stance.end_s + MARGIN_S))
@@ -135,12 +118,21 @@ def walk_all(
                 trials += [base.noise.perturbed(session + base.noise.recording(random)) for _ in range(RECORDINGS)]
             cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions_m]
 
-            def show(state: object, i: int = i, base: Base = base) -> None:
+            def show(state: SweepProgress, i: int = i, base: Base = base) -> None:
                 if progress:
                     progress(f"{base.walk.label} at {len(positions_m)} positions, with errors of its kinematics",
-                             (i + getattr(state, "done", 0) / each) / len(bases))
-            outcomes = simulate_many(cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)
-            found.append(_walked(base, outcomes, len(positions_m), draws))
+                             (i + state.done / each) / len(bases))
+
+            records = [base.record(outcome) for outcome in simulate_many(
+                cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)]
+            time = next((record.time_s for record in records if record is not None), np.empty(0))
+            alone, noisy = {}, {}
+            for name, size in (("values", len(NAMES)), ("resultant", 101), ("cop", 101), ("locked", len(time))):
+                every = np.array([np.full(size, np.nan) if record is None else getattr(record, name)
+                                  for record in records]).reshape(1 + RECORDINGS * draws, len(positions_m), size)
+                alone[name] = every[0]
+                noisy[name] = every[1:].reshape(draws, RECORDINGS, len(positions_m), size)
+            found.append(Walked(base, alone, noisy, time, records.count(None)))
     return found
 
 
@@ -148,17 +140,6 @@ def _units(walk: StudyWalk) -> dict[str, Any]:
     """In what the outcomes of a walk are told."""
     return {"heading": walk.comparison.heading, "weight_n": walk.result.subject_mass_kg * GRAVITY,
             "foot_length_m": walk.result.foot_length_m}
-
-
-def _walked(base: Base, outcomes: Sequence[WalkOutcome], positions: int, draws: int) -> Walked:
-    records = [base.record(outcome) for outcome in outcomes]
-    time = next((record.time_s for record in records if record is not None), np.empty(0))
-    alone, noisy = {}, {}
-    for name, size in (("values", len(NAMES)), ("resultant", 101), ("cop", 101), ("locked", len(time))):
-        rows = [np.full(size, np.nan) if record is None else getattr(record, name) for record in records]
-        every = np.array(rows).reshape(1 + RECORDINGS * draws, positions, size)
-        alone[name], noisy[name] = every[0], every[1:].reshape(draws, RECORDINGS, positions, size)
-    return Walked(base, alone, noisy, time, sum(record is None for record in records))
 
 
 # Outcome measures of one stance, the same for a simulated walk and for a force plate.
@@ -196,25 +177,17 @@ OUTCOMES: dict[str, tuple[str, str]] = {
 }
 """Name: (what it is, unit)."""
 NAMES = tuple(OUTCOMES)
-MEASURED = tuple(name for name in NAMES if not name.startswith("energy"))
-"""Those that a force plate tells."""
 
 
 @dataclass(frozen=True, eq=False)
 class StanceRecord:
-    """One stance in numbers.
+    """One stance in numbers."""
 
-    Attributes:
-        values: (12,) outcomes in the order of NAMES; NaN for what the record does not tell.
-        resultant: (101,) BW at 0-100 % of the own stance. cop: (101,) FL ahead of its rearmost place; NaN unloaded.
-        time_s, locked: (n,) evenly spaced instants and the resultant (BW) there, not shifted in time.
-    """
-
-    values: np.ndarray
-    resultant: np.ndarray
-    cop: np.ndarray
-    time_s: np.ndarray
-    locked: np.ndarray
+    values: np.ndarray  # (12,) outcomes in the order of NAMES; NaN for what the record does not tell
+    resultant: np.ndarray  # (101,) BW at 0-100 % of the own stance
+    cop: np.ndarray  # (101,) FL ahead of its rearmost place; NaN unloaded
+    time_s: np.ndarray  # (n,) evenly spaced
+    locked: np.ndarray  # (n,) BW, the resultant there, not shifted in time
 
 
 def stance_record(
@@ -223,10 +196,8 @@ def stance_record(
 ) -> StanceRecord | None:
     """Outcomes of the stance that overlaps `near` most; None if there is none as a whole.
 
-    Args:
-        time_s: (n,). grf_W: (n, 3) N on the foot. cop_W: (n, 3) m, NaN unloaded; None where nobody measured it.
-        heading: (2,) unit vector of progression in W.
-        energy: (n,) J by name: `keel_strain` and `keel_loss` of the ledger.
+    `time_s` (n,), `grf_W` (n, 3) N on the foot, `cop_W` (n, 3) m, NaN unloaded, None where nobody measured it;
+    `heading` (2,) unit vector of progression in W; `energy` (n,) J by name: `keel_strain` and `keel_loss`.
     """
     whole = [one for one in find_stances(time_s, grf_W[:, 2], threshold_n=THRESHOLD_N) if one.complete]
     stance, axes = partner(near, whole), walk_axes(heading)
@@ -290,36 +261,24 @@ PELVIS_PLACE = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseSizes:
-    """Standard deviations.
+    """Standard deviations."""
 
-    Attributes:
-        session_deg: constant error of an angle in a session. session_smooth_deg: root mean square, expected, of the
-            smooth one.
-        recording_deg, recording_mm: constant errors of one recording.
-    """
-
-    session_deg: float = 1.2
-    session_smooth_deg: float = 0.5
-    recording_deg: float = 0.1
+    session_deg: float = 1.2  # constant error of an angle in a session
+    session_smooth_deg: float = 0.5  # root mean square, expected, of the smooth one
+    recording_deg: float = 0.1  # constant errors of one recording
     recording_mm: float = 0.4
 
 
 class KinematicNoise:
-    """Noise of one recording; its draws depend on the numbers given to `perturbed` alone.
-
-    Raises:
-        InputError: the recording has no whole stance, so that its gait cycle is unknown.
-    """
+    """Noise of the recordings of a trial; InputError if it has no whole stance, so that its gait cycle is unknown."""
 
     def __init__(self, trial: Trial, sizes: NoiseSizes | None = None) -> None:
         self.trial, self.sizes = trial, sizes or NoiseSizes()
-        side = trial.subject.prosthetic_side[0]
         names = trial.trajectory.names
-        limb = [f"{joint}_{side}" for joint in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle",
-                                                "knee_adduction", "knee_rotation")]
-        self.limb = [names.index(name) for name in limb if name in names]
-        self.angles = self.limb + [names.index(name) for name in PELVIS_ANGLES if name in names]
-        self.place = [names.index(name) for name in PELVIS_PLACE if name in names]
+        limb = [f"{joint}_{trial.subject.prosthetic_side[0]}" for joint in LIMB_ANGLES]
+        self.limb, pelvis, self.place = ([names.index(name) for name in wanted if name in names]
+                                         for wanted in (limb, PELVIS_ANGLES, PELVIS_PLACE))
+        self.angles = self.limb + pelvis
         self._smooth = smooth_basis(gait_phase(trial)(trial.trajectory.time_s))
 
     def session(self, random: np.random.Generator) -> np.ndarray:

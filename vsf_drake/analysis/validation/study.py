@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 
@@ -32,25 +32,22 @@ Progress = Callable[[str, float], None]
 """Called with what is being done and the finished fraction of it."""
 SETTINGS, REPEATS, TIERS = ("low", "medium", "high"), 3, ("laboratory", "exact")
 """Of the embedded trials."""
+KEEP, STEP_S = ("time_s", "grf_W", "cop_W", "energy_j"), 2e-3
+"""What sections that walk often keep of a walk, and the step of these walks."""
+LIMB_ANGLES = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")
+"""Coordinates of a leg that place its foot, without the side's `_r` or `_l`."""
 _EMBEDDED = "data/reference_subject"
 _TYPICAL_EVALUATIONS = 25
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """How much of the validation is done, and how.
+    """How much of the validation is done, and how."""
 
-    Attributes:
-        quick: the short form: fewer walks, coarser steps, small samples.
-        seed: of all that is random.
-        workers: processes for many walks; None for one a core. The numbers do not depend on it.
-        iso_force_n: largest force (N) of the ISO 22675 loading profile; None for the subject's weight.
-    """
-
-    quick: bool = False
-    seed: int = 0
-    workers: int | None = None
-    iso_force_n: float | None = None
+    quick: bool = False  # the short form: fewer walks, coarser steps, small samples
+    seed: int = 0  # of all that is random
+    workers: int | None = None  # processes for many walks; None for one a core. The numbers do not depend on it
+    iso_force_n: float | None = None  # largest of the ISO 22675 loading profile; None for the subject's weight
 
     @property
     def step_s(self) -> float:
@@ -60,24 +57,16 @@ class StudyOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StudyWalk:
-    """One trial of the study: what was recorded, and what was simulated.
+    """One trial of the study: what was recorded, and what was simulated."""
 
-    Attributes:
-        label: its name, unlike that of any other walk of the study. role: FITTED, HELD_OUT or OFFSETS_FITTED.
-        recorded: the trial as it was read. trial: as it was walked: with the fitted contact, or with fitted offsets.
-        comparison, metrics: of the walk with the plate under the prosthetic foot (`analysis.comparison`,
-            `analysis.metrics`); with a null model where there is another trial to make it of.
-        doubts: sentences on what of it is doubtful.
-    """
-
-    label: str
-    role: str
-    recorded: Trial
-    trial: Trial
+    label: str  # its name, unlike that of any other walk of the study
+    role: str  # FITTED, HELD_OUT or OFFSETS_FITTED
+    recorded: Trial  # as it was read
+    trial: Trial  # as it was walked: with the fitted contact, or with fitted offsets
     result: WalkResult
-    comparison: Comparison
-    metrics: Mapping[str, Any]
-    doubts: tuple[str, ...]
+    comparison: Comparison  # with the plate under the prosthetic foot
+    metrics: Mapping[str, Any]  # of `analysis.metrics`; with a null model where there is another trial to make it of
+    doubts: tuple[str, ...]  # sentences on what of it is doubtful
 
     @property
     def fulcrum_mm(self) -> float:
@@ -87,26 +76,17 @@ class StudyWalk:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Everything that the sections of the validation are computed from.
+    """Everything that the sections of the validation are computed from."""
 
-    Attributes:
-        walks: at least one, by fulcrum position and name.
-        failed: (label, why) of the trials that could not be read or walked.
-        model: the device, with the fitted contact where there is one.
-        contact: what was fitted, or None; `contact_name` is its file's name.
-        bench: measured load-displacement curves, or None; `bench_problem` says why a file that was given is not used.
-        inputs: SHA-256 by name of every file that was read.
-    """
-
-    walks: tuple[StudyWalk, ...]
-    failed: tuple[tuple[str, str], ...] = ()
-    model: ModelParameters
+    walks: tuple[StudyWalk, ...]  # at least one, by fulcrum position and name
+    failed: tuple[tuple[str, str], ...] = ()  # (label, why) of the trials that could not be read or walked
+    model: ModelParameters  # the device, with the fitted contact where there is one
     contact: FittedContact | None = None
-    contact_name: str = ""
-    bench: BenchCurves | None = None
-    bench_problem: str | None = None
+    contact_name: str = ""  # of its file
+    bench: BenchCurves | None = None  # measured load-displacement curves
+    bench_problem: str | None = None  # why a file that was given is not used
     options: StudyOptions
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 by name of every file that was read
 
     @property
     def synthetic(self) -> bool:
@@ -121,17 +101,36 @@ class Study:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Section:
-    """What one section of the validation found.
+    """What one section of the validation found; names end in their unit."""
 
-    Attributes:
-        table: plain values (dicts, lists, strings, numbers, None for what is unknown); names end in their unit.
-        arrays: curves for its figures, by names without "/"; units as in the names, NaN where there is nothing.
-        missing: sentences on what is not there, and why.
-    """
+    table: dict[str, Any]  # plain values: dicts, lists, strings, numbers, None for what is unknown
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)  # curves, names without "/"; NaN where there is nothing
+    missing: tuple[str, ...] = ()  # sentences on what is not there, and why
 
-    table: dict[str, Any]
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    missing: tuple[str, ...] = ()
+
+def known(values: Iterable[float | None]) -> np.ndarray:
+    """Those of the numbers that are neither None nor NaN."""
+    found = np.array([*values], dtype=float).ravel()
+    return np.asarray(found[np.isfinite(found)])
+
+
+def rms(values: Iterable[float | None]) -> float:
+    """Root mean square of what is known; NaN if nothing is."""
+    found = known(values)
+    return float(np.sqrt(np.mean(found**2))) if found.size else float("nan")
+
+
+def spread(values: Iterable[float | None]) -> dict[str, Any]:
+    """Mean and sample standard deviation of what is known, None where that is too little, and how much it is."""
+    found = known(values)
+    return {"mean": float(found.mean()) if found.size else None,
+            "sd": float(found.std(ddof=1)) if found.size > 1 else None, "n": found.size}
+
+
+def reached(foot: FootParameters, fulcrums_m: Iterable[float]) -> list[float]:
+    """Those of the positions (m from A) that the carriage reaches."""
+    low, high = foot.fulcrum.rearmost_m - 1e-9, foot.fulcrum.foremost_m + 1e-9
+    return [float(x) for x in fulcrums_m if low <= x <= high]
 
 
 def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path, ...]:
@@ -141,7 +140,7 @@ def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path,
     """
     if tier not in TIERS:
         raise ValueError(f"there is no tier {tier!r}; there are {', '.join(TIERS)}")
-    numbers = range(2, 3) if quick else range(1, REPEATS + 1)
+    numbers = (2,) if quick else range(1, REPEATS + 1)
     return tuple(resource(f"{_EMBEDDED}/{tier}/{setting}_{number}.yaml") for setting in SETTINGS for number in numbers)
 
 
@@ -161,17 +160,10 @@ def make_study(
 ) -> Study:
     """Reads and walks every trial.
 
-    With a fitted contact each is walked as the fit says; without one, after its offsets were fitted to its own plate.
-    A trial that cannot be read or walked is kept apart with the reason and stops no other; a bench file likewise.
-
-    Args:
-        manifests: trial manifests, at least one.
-        contact: a contact file. bench: a file of load-displacement curves.
-        progress: called with what is being done and the finished fraction of everything.
-
-    Raises:
-        InputError: there is no trial, or one twice; the contact file cannot be used; no trial can.
-        SimulationError: the only trial cannot be walked.
+    With a fitted contact (a contact file) each is walked as the fit says; without one, after its offsets were fitted to
+    its own plate. A trial that cannot be read or walked is kept apart with the reason and stops no other; `bench`, a
+    file of load-displacement curves, likewise. InputError if there is no trial, one twice, or no usable one or contact;
+    SimulationError if the only trial cannot be walked.
     """
     options = options or StudyOptions()
     if not manifests:
@@ -181,6 +173,9 @@ def make_study(
         if file in files[:i]:
             raise InputError("is named twice", file=manifests[i], right="Name every trial once")
     fitted = None if contact is None else load_contact(contact)
+    curves, problem = (None, None) if bench is None else _bench(bench)
+    inputs = {f"{kind}: {Path(file).name}": sha256(file) for kind, file, used in (
+        ("contact", contact, fitted), ("bench", bench, curves)) if file is not None and used is not None}
     read: list[tuple[Trial, Trial]] = []
     failed: list[tuple[str, str]] = []
     for manifest in map(Path, manifests):
@@ -194,26 +189,16 @@ def make_study(
         def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
             if progress:
                 progress(f"{label}: {what}", (i + fraction) / len(read))
+
         try:
-            walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
-            walked.append((label, recorded, walk))
+            walked.append((label, recorded, walk_trial(
+                trial, with_fit=fitted is None, step_s=options.step_s, progress=show)))
         except (InputError, SimulationError) as error:
             failed.append((label, str(error)))
             if isinstance(error, SimulationError) and len(manifests) == 1:
                 raise
     if not walked:
         raise InputError("no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed))
-    curves, problem = None, None
-    inputs = {} if contact is None else {f"contact: {Path(contact).name}": sha256(contact)}
-    if bench is not None:
-        try:
-            if Path(bench).suffix.lower() in (".yaml", ".yml"):
-                raise InputError("is what a fit takes of a bench; the validation compares whole curves", file=bench,
-                                 right="Give a CSV with fulcrum_mm, displacement_mm and load_n")
-            curves = load_bench_curves(bench)
-            inputs[f"bench: {Path(bench).name}"] = sha256(bench)
-        except InputError as error:
-            problem = str(error)
     walks = [_study_walk(i, walked, fitted) for i in range(len(walked))]
     return Study(
         walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))), failed=tuple(failed),
@@ -221,6 +206,17 @@ def make_study(
         bench=curves, bench_problem=problem, options=options,
         inputs=inputs | {f"{label}: {file}": digest for label, trial, _ in walked
                          for file, digest in trial.inputs.items()})
+
+
+def _bench(file: str | Path) -> tuple[BenchCurves | None, str | None]:
+    """The curves of a file, or why it is not used."""
+    try:
+        if Path(file).suffix.lower() in (".yaml", ".yml"):
+            raise InputError("is what a fit takes of a bench; the validation compares whole curves", file=file,
+                             right="Give a CSV with fulcrum_mm, displacement_mm and load_n")
+        return load_bench_curves(file), None
+    except InputError as error:
+        return None, str(error)
 
 
 def _study_walk(
@@ -235,10 +231,9 @@ def _study_walk(
     comparison = compare(result, plate)
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in others]
     candidates = [walk_metrics(result, plate, comparison=comparison, null_curve=curve)
-                  for curve in curves if curve is not None]
+                  for curve in curves if curve is not None] or [walk_metrics(result, plate, comparison=comparison)]
     errors = [metrics["null_model_grf_rmse_bw"] for metrics in candidates]
-    best = min(range(len(errors)), key=lambda j: np.inf if errors[j] is None else errors[j], default=None)
-    metrics = walk_metrics(result, plate, comparison=comparison) if best is None else candidates[best]
+    metrics = candidates[int(np.argmin([np.inf if error is None else error for error in errors]))]
     return StudyWalk(
         label=label, role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT, recorded=recorded,
         trial=walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
@@ -261,14 +256,8 @@ def validate_walk(
 ) -> ValidatedWalk:
     """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
 
-    Args:
-        contact: a contact file, whose numbers replace the model's (`motion.fitted_trial`). It has offsets of its own:
-            `with_fit` must be False.
-        progress: called with what is being done and the finished fraction of it (the fit: a guess).
-
-    Raises:
-        InputError, SimulationError: see `load_trial`, `load_contact`, `trial_with`, `fit_offsets`, `Walker.walk`.
-        ValueError: a contact, and `with_fit`.
+    The numbers of a contact file replace the model's; it has offsets of its own, so `with_fit` must then be False.
+    InputError if a file cannot be used, SimulationError if the walk fails.
     """
     if with_fit and contact is not None:
         raise ValueError("a fitted contact has its offsets already: they are not fitted on top")
@@ -281,11 +270,7 @@ def validate_walk(
 def walk_trial(
     trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S, progress: Progress | None = None
 ) -> ValidatedWalk:
-    """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`.
-
-    Raises:
-        InputError, SimulationError: see `fit_offsets`, `Walker.walk`.
-    """
+    """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`."""
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:
