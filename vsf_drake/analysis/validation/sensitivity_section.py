@@ -33,7 +33,7 @@ from vsf_drake.analysis.validation.sensitivity_walks import (
     values_at,
 )
 from vsf_drake.analysis.validation.study import HELD_OUT, STEP_S, Progress, Section, Study, StudyWalk
-from vsf_drake.json_file import plain
+from vsf_drake.files import plain
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many.processes import chosen
 
