@@ -59,36 +59,22 @@ _FULCRUM_M, _TRAVEL_M, _LOAD_N = (0.010, 1.0), (1e-4, 0.3), (5.0, 2e4)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredCurve:
-    """One pass of the machine while it loads.
+    """One pass of the machine while it loads."""
 
-    Attributes:
-        fulcrum_m: m from the keel's posterior end A; None for the heel.
-        repeat: number of the pass at this setting, from 1.
-        displacement_m: (n,) m of the platen, increasing, 0 where it touches the foot.
-        load_n: (n,) N, 0 there; it may fall within noise.
-        first_load_n: N with which the pass begins; where it is above 0, touch-down was extrapolated.
-    """
-
-    fulcrum_m: float | None
-    repeat: int
-    displacement_m: np.ndarray
-    load_n: np.ndarray
-    first_load_n: float = 0.0
+    fulcrum_m: float | None  # from the keel's posterior end A; None for the heel
+    repeat: int  # number of the pass at this setting, from 1
+    displacement_m: np.ndarray  # (n,) of the platen, increasing, 0 where it touches the foot
+    load_n: np.ndarray  # (n,) 0 there; it may fall within noise
+    first_load_n: float = 0.0  # with which the pass begins; above 0, touch-down was extrapolated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchCurves:
-    """Measured curves of one foot.
-
-    Attributes:
-        name: whose foot, or the file's name. synthetic: whether nobody measured it.
-        curves: at least one, by fulcrum position and repeat, the heel last.
-        stiffness_sd_n_per_m, displacement_sd_m: standard deviations of a stiffness and of a displacement.
-    """
+    """Measured curves of one foot, with the standard deviations of a stiffness and of a displacement."""
 
     name: str
     synthetic: bool
-    curves: tuple[MeasuredCurve, ...]
+    curves: tuple[MeasuredCurve, ...]  # at least one, by fulcrum position and repeat, the heel last
     stiffness_sd_n_per_m: float = 500.0
     displacement_sd_m: float = 5e-4
 
@@ -106,7 +92,7 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
     number, line = next(lines, (0, ""))
     if not number:
         raise InputError("is empty", file=path, right=_NEEDED)
-    kinds, factors, separator = _header(line, path, number)
+    kinds, factors, separator = _header(line, path, f"line {number}")
     fulcrum = kinds.index("fulcrum")
 
     def split(line: str) -> list[str]:
@@ -122,22 +108,23 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
         surplus="Numbers need a decimal point, not a comma" if separator == "," else None)
     if not len(cells):
         raise InputError("there are no rows of numbers", file=path, right="One row a sample of each pass")
-    for row, column in np.argwhere(~np.isfinite(cells)):
-        if column != fulcrum or cells[row, column] != math.inf:
-            raise InputError(f"{oddities.get((row, column), '')[:40]!r} is not a finite number", file=path,
-                             where=f"line {places[row]}, column {kinds[column]}")
     found = dict(zip(kinds, (cells * factors).T, strict=True))
     position, repeat = np.round(found["fulcrum"], 9), found.get("repeat", np.ones(len(cells)))
-    outside = np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1]))
-    for wrong, kind, what, right in (
-        (outside, "fulcrum", "{:g} mm is no fulcrum position",
-         "It counts from the keel's posterior end; is it in the unit of its column?"),
-        ((repeat != np.round(repeat)) | (repeat < 1.0), "repeat", "{:g} is no number of a pass", "Passes count from 1"),
-    ):
+
+    def refuse_first(wrong: np.ndarray, kind: str, what: Callable[[int], str], right: str | None = None) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise InputError(what.format(1e3 * position[row] if kind == "fulcrum" else repeat[row]), file=path,
-                             where=f"line {places[row]}, column {kind}", right=right)
+            raise InputError(what(row), file=path, where=f"line {places[row]}, column {kind}", right=right)
+
+    for column, kind in enumerate(kinds):
+        known = np.isfinite(cells[:, column]) | ((kind == "fulcrum") & (cells[:, column] == math.inf))
+        refuse_first(~known, kind, lambda row, column=column: (  # type: ignore[misc]
+            f"{oddities.get((row, column), '')[:40]!r} is not a finite number"))
+    refuse_first(np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1])), "fulcrum",
+                 lambda row: f"{1e3 * position[row]:g} mm is no fulcrum position",
+                 "It counts from the keel's posterior end; is it in the unit of its column?")
+    refuse_first((repeat != np.round(repeat)) | (repeat < 1.0), "repeat",
+                 lambda row: f"{repeat[row]:g} is no number of a pass", "Passes count from 1")
     curves = []
     for key in sorted(set(zip(position.tolist(), repeat.tolist(), strict=True))):
         own = (position == key[0]) & (repeat == key[1])
@@ -176,28 +163,28 @@ def _samples(path: Path, notes: dict[str, str]) -> Iterator[tuple[int, str]]:
             notes[key] = value
 
 
-def _header(line: str, path: Path, number: int) -> tuple[list[str], list[float], str]:
+def _header(line: str, path: Path, where: str) -> tuple[list[str], list[float], str]:
     """What each column is, its factor to SI, and the separator."""
+    def refuse(what: str, right: str = _NEEDED, *, column: str = "") -> InputError:
+        return InputError(what, file=path, where=where + column, right=right)
+
     separator = next((mark for mark in ("\t", ";") if mark in line), ",")
     cells = [cell.strip().strip('"').strip().lower() for cell in line.split(separator)]
-    where, kinds = f"line {number}", [_COLUMNS.get(cell, ("", 1.0))[0] for cell in cells]
-    for cell, kind in zip(cells, kinds, strict=True):
-        if not kind:
-            stem, _, unit = cell.partition("_")
-            if _is_number(cell):
-                raise InputError("there is no line of column names above the numbers", file=path, where=where,
-                                 right=_NEEDED)
-            if stem in _UNITS:
-                what = f"the unit {unit!r} is unknown" if unit else "the unit is missing"
-                raise InputError(what, file=path, where=f"{where}, column {cell}",
-                                 right=f"It must be {_UNITS[stem]}, as in {stem}_{_UNITS[stem].split()[0]}")
-            raise InputError(f"the column {cell!r} is unknown" if cell else "a column has no name", file=path,
-                             where=where, right=_NEEDED)
-        if kinds.count(kind) > 1:
-            raise InputError(f"there are {kinds.count(kind)} columns of {kind}", file=path, where=where, right=_NEEDED)
-    for kind in ("fulcrum", "displacement", "load"):
-        if kind not in kinds:
-            raise InputError(f"there is no column of {kind}", file=path, where=where, right=_NEEDED)
+    for cell in cells:
+        stem, _, unit = cell.partition("_")
+        if _is_number(cell):
+            raise refuse("there is no line of column names above the numbers")
+        if cell not in _COLUMNS and stem in _UNITS:
+            raise refuse(
+                f"the unit {unit!r} is unknown" if unit else "the unit is missing",
+                f"It must be {_UNITS[stem]}, as in {stem}_{_UNITS[stem].split()[0]}", column=f", column {cell}")
+        if cell not in _COLUMNS:
+            raise refuse(f"the column {cell!r} is unknown" if cell else "a column has no name")
+    kinds = [_COLUMNS[cell][0] for cell in cells]
+    for kind in (*kinds, *_UNITS):
+        if kinds.count(kind) != 1:
+            raise refuse(f"there are {kinds.count(kind)} columns of {kind}" if kind in kinds
+                         else f"there is no column of {kind}")
     return kinds, [_COLUMNS[cell][1] for cell in cells], separator
 
 
@@ -294,30 +281,18 @@ _SHORTEST, _LONGEST = 0.01, 300.0
 
 @dataclass(frozen=True, kw_only=True)
 class BenchMeasurement:
-    """A measured bench, SI.
-
-    Attributes:
-        name: whose foot; synthetic: whether nobody measured it.
-        fulcrum_m: (n,) m from the keel's posterior end A, increasing.
-        stiffness_n_per_m: (n,) N/m of the forefoot there, the mean slope from 200 N to `max_load_n`.
-        heel_stiffness_n_per_m: N/m, likewise; None where it was not measured.
-        uncertainty_n_per_m: N/m, standard deviation of each stiffness.
-        max_load_n: N.
-        mid_range_m: (n,) m of the platen since it touched the forefoot at half of `max_load_n`; None if not known.
-        heel_mid_range_m: m, likewise; known where `mid_range_m` and the heel's stiffness are.
-        mid_range_uncertainty_m: m, standard deviation of each of these; known where they are.
-    """
+    """A measured bench, SI; the largest load and its half are those of all settings, the heel's values may be None."""
 
     name: str
     synthetic: bool
-    fulcrum_m: tuple[float, ...]
-    stiffness_n_per_m: tuple[float, ...]
+    fulcrum_m: tuple[float, ...]  # (n,) from the keel's posterior end A, increasing
+    stiffness_n_per_m: tuple[float, ...]  # (n,) of the forefoot there, the mean slope from 200 N to `max_load_n`
     heel_stiffness_n_per_m: float | None
-    uncertainty_n_per_m: float
+    uncertainty_n_per_m: float  # standard deviation of each stiffness
     max_load_n: float
-    mid_range_m: tuple[float, ...] | None = None
-    heel_mid_range_m: float | None = None
-    mid_range_uncertainty_m: float | None = None
+    mid_range_m: tuple[float, ...] | None = None  # (n,) of the platen since touch-down, at half of `max_load_n`
+    heel_mid_range_m: float | None = None  # known where `mid_range_m` and the heel's stiffness are
+    mid_range_uncertainty_m: float | None = None  # standard deviation of each of these
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -348,9 +323,8 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
     """Reads a bench file.
 
     Raises:
-        InputError: the file is missing or is not YAML; a key is unknown, doubled or missing; a value has the wrong
-            type, is not finite or is out of range; there is no setting, or the fulcrum positions do not increase;
-            the largest load is not above 200 N; mid-range displacements are given of some settings only.
+        InputError: see `load_yaml`; there is no setting, or the fulcrum positions do not increase; the largest load is
+            not above 200 N; mid-range displacements are given of some settings only.
     """
     read = load_yaml(path, _BenchFile)
     if not read.forefoot:
@@ -366,24 +340,25 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
         raise InputError(f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
                          f"{STIFFNESS_ABOVE_N:g} N", file=path, where="max_load_n",
                          right="It must be the largest load of the test, in N")
+    _check_mid_range(read, path)
     heel, heel_x, sd = (read.heel_stiffness_n_per_mm, read.heel_mid_range_displacement_mm,
                         read.displacement_uncertainty_mm)
-    displaced = _mid_range_mm(read, path)
     return BenchMeasurement(
         name=read.name, synthetic=read.synthetic, fulcrum_m=tuple(s.fulcrum_mm / 1e3 for s in read.forefoot),
         stiffness_n_per_m=tuple(1e3 * s.stiffness_n_per_mm for s in read.forefoot),
         heel_stiffness_n_per_m=None if heel is None else 1e3 * heel,
         uncertainty_n_per_m=1e3 * read.stiffness_uncertainty_n_per_mm, max_load_n=read.max_load_n,
-        mid_range_m=None if displaced is None else tuple(x / 1e3 for x in displaced),
+        mid_range_m=None if sd is None else tuple(
+            s.mid_range_displacement_mm / 1e3 for s in read.forefoot),  # type: ignore[operator]
         heel_mid_range_m=None if heel_x is None else heel_x / 1e3,
         mid_range_uncertainty_m=None if sd is None else sd / 1e3)
 
 
-def _mid_range_mm(read: _BenchFile, path: str | Path) -> tuple[float, ...] | None:
-    """The forefoot's mid-range displacements; None where the file has none. Raises InputError for half of them."""
-    given = {f"forefoot[{i}].mid_range_displacement_mm": s.mid_range_displacement_mm
-             for i, s in enumerate(read.forefoot)}
-    needed: dict[str, float | None] = {**given, "displacement_uncertainty_mm": read.displacement_uncertainty_mm}
+def _check_mid_range(read: _BenchFile, path: str | Path) -> None:
+    """Mid-range displacements are given of all settings, with their uncertainty, or of none."""
+    needed = {f"forefoot[{i}].mid_range_displacement_mm": s.mid_range_displacement_mm
+              for i, s in enumerate(read.forefoot)}
+    needed["displacement_uncertainty_mm"] = read.displacement_uncertainty_mm
     right = "Give the mid-range displacement of every setting that has a stiffness, and displacement_uncertainty_mm"
     if read.heel_stiffness_n_per_mm is not None:
         needed["heel_mid_range_displacement_mm"] = read.heel_mid_range_displacement_mm
@@ -394,4 +369,3 @@ def _mid_range_mm(read: _BenchFile, path: str | Path) -> tuple[float, ...] | Non
     if missing and len(missing) < len(needed):
         raise InputError("the key is missing, and others of the mid-range displacement are there", file=path,
                          where=missing[0], right=right)
-    return None if missing else tuple(x for x in given.values() if x is not None)

@@ -29,11 +29,7 @@ _NOISE = 1e-6
 
 
 def displacement(setting: BenchSetting) -> np.ndarray:
-    """(n,) travel (m) of the platen since it touched the foot, negative before.
-
-    Raises:
-        InputError: the curve starts under load, so that touch-down is not in it.
-    """
+    """(n,) travel (m) of the platen since it touched the foot, negative before; touch-down must be in the curve."""
     if setting.load_n[0] > _START_SHARE * np.max(setting.load_n):
         raise InputError(f"the load-displacement curve starts at {setting.load_n[0]:.3g} N", where=_label(setting),
                          right="It must start before the platen touches the foot, or as it does")
@@ -50,12 +46,8 @@ def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float 
     evenly sampled one.
 
     Args:
-        displacement_m: (n,) m, increasing.
-        load_n: (n,) N, not decreasing.
+        displacement_m: (n,) m, increasing. load_n: (n,) N, not decreasing, above `above_n` at the end.
         where: what the curve is, for messages.
-
-    Raises:
-        InputError: the displacement does not increase, the load falls, or it does not exceed `above_n`.
     """
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= above_n:
@@ -65,11 +57,7 @@ def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float 
 
 
 def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, where: str | None = None) -> float:
-    """Displacement (m) at half of the largest load, interpolated linearly.
-
-    Raises:
-        InputError: the displacement does not increase, or the load falls or never rises.
-    """
+    """Displacement (m) at half of the largest load, interpolated linearly; see `stiffness`."""
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= 0.0:
         raise InputError("the curve is never loaded", where=where)
@@ -82,17 +70,31 @@ def bench_table(result: BenchResult) -> dict[str, Any]:
     `settings` are the forefoot passes by fulcrum position. `published_n_per_mm` is the measured
     stiffness of the prototype where it is published; elsewhere `prediction` is true. `closed_form`
     compares with an overhung beam with the same compliances (small deflections; `laws.beam`).
-
-    Raises:
-        InputError: a curve cannot be evaluated (see `stiffness`).
     """
-    settings = [_row(setting) | _published(setting) for setting in result.forefoot]
-    heel = result.heel
+    rows = []
+    for setting in (*result.forefoot, *([result.heel] if result.heel else [])):
+        where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
+        rows.append({
+            "fulcrum_mm": None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
+            "stiffness_n_per_mm": 1e-3 * stiffness(x, setting.load_n, where=where),
+            "mid_range_displacement_mm": 1e3 * mid_range_displacement(x, setting.load_n, where=where),
+            "max_load_n": float(np.max(setting.load_n)),
+            "max_displacement_mm": 1e3 * float(x[-1]),
+            "unconverged_steps": setting.unconverged_steps,
+            "published_n_per_mm": None if published is None else 1e-3 * published,
+            "prediction": published is None,
+        })
+    forefoot = [row for row in rows if row["fulcrum_mm"] is not None]
+    heel = next((row["stiffness_n_per_mm"] for row in rows if row["fulcrum_mm"] is None), None)
+    simulated = np.array([row["stiffness_n_per_mm"] for row in forefoot])
+    beam = closed_form_stiffness(result.parameters, np.array([s.fulcrum_m for s in result.forefoot], dtype=float))
     content: dict[str, Any] = plain({
-        "settings": settings,
-        "heel_stiffness_n_per_mm": None if heel is None else _row(heel)["stiffness_n_per_mm"],
+        "settings": forefoot,
+        "heel_stiffness_n_per_mm": heel,
         "heel_published_n_per_mm": 1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
-        "closed_form": _closed_form(result, [row["stiffness_n_per_mm"] for row in settings]),
+        "closed_form": None if beam is None or not forefoot else {
+            "stiffness_n_per_mm": 1e-3 * beam, "r2": r_squared(simulated, 1e-3 * beam),
+            "rmse_n_per_mm": rmse(simulated, 1e-3 * beam)},
         "largest_load_asked_n": result.max_load_n,
         "speed_mm_per_min": 60e3 * result.speed_m_per_s,
         "stiffness_above_n": STIFFNESS_ABOVE_N,
@@ -109,11 +111,8 @@ def bench_table(result: BenchResult) -> dict[str, Any]:
 def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:
     """Stiffness (N/m) of the overhung beam with the compliances in `parameters` at `fulcrum_m`.
 
-    Args:
-        parameters: nested plain values of the foot, or of the model that holds it as `foot`.
-
-    Returns:
-        None where the parameters are not among them, or the foam in series is not linear.
+    `parameters` are plain values of the foot, or of the model that holds it as `foot`. None where they are not among
+    them, or the foam in series is not linear.
     """
     foot = parameters.get("foot", parameters)
     if foot.get("series_exponent", 1.0) != 1.0:
@@ -134,32 +133,6 @@ def published_stiffness(fulcrum_m: float | None) -> float | None:
         return PUBLISHED_HEEL_STIFFNESS_N_PER_M
     near = [k for position, k in PUBLISHED_STIFFNESS_N_PER_M.items() if abs(position - fulcrum_m) < _SAME_POSITION_M]
     return near[0] if near else None
-
-
-def _row(setting: BenchSetting) -> dict[str, Any]:
-    where, x = _label(setting), displacement(setting)
-    return {
-        "fulcrum_mm": None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
-        "stiffness_n_per_mm": 1e-3 * stiffness(x, setting.load_n, where=where),
-        "mid_range_displacement_mm": 1e3 * mid_range_displacement(x, setting.load_n, where=where),
-        "max_load_n": float(np.max(setting.load_n)),
-        "max_displacement_mm": 1e3 * float(x[-1]),
-        "unconverged_steps": setting.unconverged_steps,
-    }
-
-
-def _published(setting: BenchSetting) -> dict[str, Any]:
-    published = published_stiffness(setting.fulcrum_m)
-    return {"published_n_per_mm": None if published is None else 1e-3 * published, "prediction": published is None}
-
-
-def _closed_form(result: BenchResult, simulated_n_per_mm: list[float]) -> dict[str, Any] | None:
-    positions = np.array([setting.fulcrum_m for setting in result.forefoot], dtype=float)
-    closed = closed_form_stiffness(result.parameters, positions)
-    if closed is None or not len(positions):
-        return None
-    simulated, beam = np.array(simulated_n_per_mm), 1e-3 * closed
-    return {"stiffness_n_per_mm": beam, "r2": r_squared(simulated, beam), "rmse_n_per_mm": rmse(simulated, beam)}
 
 
 def _checked(displacement_m: np.ndarray, load_n: np.ndarray, where: str | None) -> tuple[np.ndarray, np.ndarray]:
