@@ -7,13 +7,13 @@ import statistics
 import numpy as np
 import pytest
 
+from vsf_drake.analysis.validation.study import spread
 from vsf_drake.analysis.validation.walking_ensembles import (
     PUBLISHED,
     SCORED,
     condition,
     pearson,
     setting_name,
-    spread,
     summary,
 )
 
@@ -29,17 +29,17 @@ ROWS = [row("a", grf_rmse_bw=0.02, stance_measured_s=0.70, stance_model_s=0.71, 
 
 def test_spread_is_the_mean_and_the_sample_standard_deviation():
     values = [r["grf_rmse_bw"] for r in ROWS]
-    assert spread(ROWS, "grf_rmse_bw") == pytest.approx(
+    assert spread(values) == pytest.approx(
         {"mean": statistics.mean(values), "sd": statistics.stdev(values), "n": 3})
 
 
 def test_one_walk_has_no_standard_deviation_and_none_has_no_mean():
-    assert spread(ROWS[:1], "grf_rmse_bw") == {"mean": 0.02, "sd": None, "n": 1}
-    assert spread(ROWS, "cop_rmse_fl") == {"mean": None, "sd": None, "n": 0}
+    assert spread([0.02]) == {"mean": 0.02, "sd": None, "n": 1}
+    assert spread([None, None]) == {"mean": None, "sd": None, "n": 0}
 
 
 def test_walks_that_do_not_know_a_number_do_not_enter_its_mean():
-    assert spread([*ROWS, row("d")], "grf_rmse_bw")["n"] == 3
+    assert spread(r["grf_rmse_bw"] for r in [*ROWS, row("d")])["n"] == 3
 
 
 def test_correlation_of_stance_times_is_pearsons():

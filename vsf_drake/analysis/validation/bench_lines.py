@@ -14,8 +14,7 @@ from scipy.stats import t as student
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement, published_stiffness, stiffness
 from vsf_drake.analysis.comparison import r_squared, rmse
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchCurves, MeasuredCurve
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchCurves
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM, Bench
 
@@ -23,9 +22,15 @@ LEAST_LOAD_N = 1.25 * STIFFNESS_ABOVE_N
 """Largest load from which a pass has a stiffness: less leaves too little of it above 200 N."""
 MOST_LOAD_N = 5000.0
 """What the simulated machine presses with at most."""
+LOAD_N = 600.0
+"""Largest load of a pass, where no measured curve says another."""
+GRID = 201
+"""Loads, evenly from 0, at which a setting's curves are compared."""
+LEVEL = 0.95
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""Displacement (mm) and load (N) from (0, 0), rising."""
+"""(n,) displacement (mm) and load (N) from (0, 0), rising."""
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,22 +59,20 @@ class Setting:
         """Whether its measured stiffness can be compared."""
         return bool(self.passes) and self.load_n >= LEAST_LOAD_N
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> Row:
         """What is known of it without a model."""
-        published = published_stiffness(self.fulcrum_m)
-        row = {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
-               "max_load_n": self.load_n, "repeats": len(self.passes),
-               "published_n_per_mm": None if published is None else 1e-3 * published, "measured": None}
-        if self.curve is None:
-            return row
-        values = [described(one, self.where) for one in self.passes]
-        found = described(self.curve, self.where)
-        for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
-            found |= {key: None, f"{key}_half_width": None}
-            if values[0][key] is not None:
-                mean, half = mean_and_half_width(np.array([value[key] for value in values]))
-                found |= {key: float(mean), f"{key}_half_width": float(half) if math.isfinite(half) else None}
-        return row | {"measured": found}
+        published, measured = published_stiffness(self.fulcrum_m), None
+        if self.curve is not None:
+            values = [described(one, self.where) for one in self.passes]
+            measured = described(self.curve, self.where)
+            for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
+                measured |= {key: None, f"{key}_half_width": None}
+                if values[0][key] is not None:
+                    mean, half = mean_and_half_width(np.array([value[key] for value in values]))
+                    measured |= {key: float(mean), f"{key}_half_width": float(half) if math.isfinite(half) else None}
+        return {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
+                "max_load_n": self.load_n, "repeats": len(self.passes),
+                "published_n_per_mm": None if published is None else 1e-3 * published, "measured": measured}
 
 
 def where_of(fulcrum_m: float | None) -> str:
@@ -79,20 +82,19 @@ def where_of(fulcrum_m: float | None) -> str:
 
 def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[Setting]:
     """The measured settings, or `fulcrums_m` where none was measured, and the heel in any case, last."""
-    found: dict[float | None, list[MeasuredCurve]] = {}
+    found: dict[float | None, list[Curve]] = {}
     for curve in bench.curves if bench is not None else ():
-        found.setdefault(curve.fulcrum_m, []).append(curve)
-    positions = sorted(x for x in found if x is not None) or list(fulcrums_m)
+        found.setdefault(curve.fulcrum_m, []).append(rising(1e3 * curve.displacement_m, curve.load_n))
     settings = []
-    for position in [*positions, None]:
-        curves = [rising(1e3 * curve.displacement_m, curve.load_n) for curve in found.get(position, ())]
-        largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in curves)] if curves else [LOAD_N])
+    for position in [*(sorted(x for x in found if x is not None) or fulcrums_m), None]:
+        passes = found.get(position, [])
+        largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in passes)]) if passes else LOAD_N
         settings.append(Setting(fulcrum_m=position, load_n=largest,
-                                passes=tuple(up_to(*curve, largest) for curve in curves)))
+                                passes=tuple(up_to(*one, largest) for one in passes)))
     return settings
 
 
-def described(curve: Curve, where: str) -> dict[str, Any]:
+def described(curve: Curve, where: str) -> Row:
     """Stiffness, mid-range displacement, stored energy and shape of one rising curve; None without 250 N."""
     x, load = curve
     enough = load[-1] >= LEAST_LOAD_N * (1.0 - 1e-9)
@@ -102,34 +104,9 @@ def described(curve: Curve, where: str) -> dict[str, Any]:
             "shape": shape(x, load) if enough else None}
 
 
-def pressed(
-    foot: FootParameters, settings: Sequence[Setting], *, heel: bool = True
-) -> tuple[list[Curve | None], int, list[str]]:
-    """The foot's curve at every setting up to its load, unconverged steps, and what could not be done.
-
-    Without `heel` there is None at the heel.
-    """
-    machine, missing, unconverged = Machine(foot), [], 0
-    curves: list[Curve | None] = []
-    for setting in settings:
-        if setting.fulcrum_m is None and not heel:
-            curves.append(None)
-            continue
-        try:
-            x, load, failed = machine.press(setting.fulcrum_m, max(setting.load_n, LEAST_LOAD_N))
-            curves.append(up_to(*rising(x, load), setting.load_n))
-            unconverged += failed
-        except (InputError, SimulationError) as error:
-            curves.append(None)
-            missing.append(f"{setting.where}: {error}.")
-    return curves, unconverged, missing
-
-
-def compared(setting: Setting, curve: Curve | None) -> dict[str, Any] | None:
+def compared(setting: Setting, measured: Row | None, curve: Curve) -> Row:
     """A model's values at one setting, and by what they differ from the measured ones."""
-    if curve is None:
-        return None
-    own, measured = described(curve, setting.where), setting.row()["measured"]
+    own = described(curve, setting.where)
     if measured is None or setting.curve is None:
         return own
     errors = curve_errors(*curve, *setting.curve)
@@ -141,21 +118,26 @@ def compared(setting: Setting, curve: Curve | None) -> dict[str, Any] | None:
         "curve_rmse_mm": errors["displacement"], "curve_rmse_n": errors["load"]}
 
 
-def statistics(settings: Sequence[Setting], rows: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
-    """Agreement over the forefoot's judged settings; None where there is none. `rows` are those of `compared`."""
-    pairs = [(setting.row()["measured"], row) for setting, row in zip(settings, rows, strict=True)
-             if setting.fulcrum_m is not None and setting.judged and row is not None]
+def judged_pairs(rows: Sequence[Row], line: str) -> list[tuple[Row, Row]]:
+    """A line's values and the measured ones at the forefoot's settings where both have a stiffness."""
+    pairs = [(row[line], row["measured"]) for row in rows
+             if row["fulcrum_mm"] is not None and row[line] is not None and row["measured"] is not None]
+    return [pair for pair in pairs if all(values["stiffness_n_per_mm"] is not None for values in pair)]
+
+
+def statistics(rows: Sequence[Row], line: str) -> Row | None:
+    """Agreement of a line over the forefoot's judged settings; None where there is none."""
+    pairs = judged_pairs(rows, line)
     if not pairs:
         return None
-    k, mid = (agreement(*np.array([[row[key], measured[key]] for measured, row in pairs]).T)
+    k, mid = (agreement(*np.array([[values[key] for values in pair] for pair in pairs]).T)
               for key in ("stiffness_n_per_mm", "mid_range_mm"))
     return {
         "n": k["n"], "stiffness_r2": k["r2"], "stiffness_correlation2": k["correlation2"],
         "stiffness_rmse_n_per_mm": k["rmse"], "stiffness_bias_n_per_mm": k["bias"],
         "stiffness_bias_half_width_n_per_mm": k["bias_half_width"], "mid_range_rmse_mm": mid["rmse"],
         "mid_range_bias_mm": mid["bias"], "mid_range_bias_half_width_mm": mid["bias_half_width"],
-        **{key: float(np.sqrt(np.mean([row[key] ** 2 for _, row in pairs])))
-           for key in ("curve_rmse_mm", "curve_rmse_n")}}
+        **{key: rmse([own[key] for own, _ in pairs], 0.0) for key in ("curve_rmse_mm", "curve_rmse_n")}}
 
 
 def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
@@ -179,27 +161,16 @@ def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | No
 # The simulated testing machine as the validation uses it: pass by pass, in mm and N, loading or there and back.
 
 
-LOAD_N = 600.0
-"""Largest load of a pass, where no measured curve says another."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop:
-    """The platen up to a load and down again at one speed.
+    """The platen up to a load and down again at one speed."""
 
-    Attributes:
-        up_mm, up_n: (n,) loading, from (0, 0).
-        down_mm, down_n: (m + 1,) unloading, from the loading's end: the displacement falls.
-        loading_s: duration of the loading.
-        unconverged_steps: accepted without convergence; the energies are then doubtful.
-    """
-
-    up_mm: np.ndarray
+    up_mm: np.ndarray  # (n,) loading, from (0, 0)
     up_n: np.ndarray
-    down_mm: np.ndarray
+    down_mm: np.ndarray  # (m + 1,) unloading, from the loading's end: the displacement falls
     down_n: np.ndarray
     loading_s: float
-    unconverged_steps: int
+    unconverged_steps: int  # accepted without convergence; the energies are then doubtful
 
     @property
     def stored_j(self) -> float:
@@ -222,14 +193,8 @@ class Machine:
     def press(
         self, fulcrum_m: float | None, load_n: float = LOAD_N, speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Displacement (mm) and load (N) from (0, 0) to exactly `load_n`, and how many steps did not converge.
-
-        Args:
-            fulcrum_m: m from A; None for the heel.
-
-        Raises:
-            InputError, SimulationError: see `simulation.bench.Bench.press`.
-        """
+        """Displacement (mm) and load (N) from (0, 0) to exactly `load_n` with the fulcrum there (m from A; None for
+        the heel), and how many steps did not converge; raises what `Bench.press` does."""
         bench, fulcrum = self._bench(fulcrum_m)
         setting = bench.press(fulcrum_m=fulcrum, max_load_n=load_n, speed_m_per_s=speed_m_per_s)
         x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
@@ -242,9 +207,6 @@ class Machine:
 
         The platen's speed jumps at the top and viscous forces with it: the loading's last load is extrapolated from
         the two steps before.
-
-        Raises:
-            InputError, SimulationError: see `press`.
         """
         top = 1e-3 * float(self.press(fulcrum_m, load_n, speed_m_per_s)[0][-1])
         steps = int(np.ceil(top * 1e3 * steps_per_mm))
@@ -279,21 +241,20 @@ WINDOW_N = 20.0
 """To both sides of a load, over which the slope there is taken."""
 
 
-def shape(x: np.ndarray, load: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N) -> dict[str, float | None]:
-    """Of a rising curve from (0, 0) to beyond `above_n` (N).
+def shape(x: np.ndarray, load: np.ndarray) -> dict[str, float]:
+    """Of a rising curve from (0, 0) to beyond 200 N.
 
-    Returns:
-        line_r2 and line_r2_above: share of the load's variance that a straight line explains, over the whole travel and
-        over that above `above_n`; curvature_share: largest distance of the curve from its chord, along the
-        displacement, over the whole travel; first_slope_ratio: slope up to 50 N over that above `above_n`; toe and
-        toe_share: displacement, and share of the travel, by which the curve up to `above_n` exceeds the straight line
-        with the slope above it through zero load, positive where the foot stiffens.
+    line_r2 and line_r2_above: share of the load's variance that a straight line explains, over the whole travel and
+    over that above 200 N; curvature_share: largest distance of the curve from its chord, along the displacement, over
+    the whole travel; first_slope_ratio: slope up to 50 N over that above 200 N; toe and toe_share: displacement, and
+    share of the travel, by which the curve up to 200 N exceeds the straight line with the slope above it through zero
+    load, positive where the foot stiffens.
     """
     end = float(load[-1])
-    k = (end - above_n) / (x[-1] - at_loads(x, load, np.array([above_n]))[0])
+    at_above, at_toe = at_loads(x, load, np.array([STIFFNESS_ABOVE_N, TOE_N]))
+    k = (end - STIFFNESS_ABOVE_N) / (x[-1] - at_above)
     chord = x - load * x[-1] / end
-    at_above, at_toe = at_loads(x, load, np.array([above_n, TOE_N]))
-    toe = float(at_above - above_n / k)
+    toe = float(at_above - STIFFNESS_ABOVE_N / k)
     return {"line_r2": _line_r2(x, load, 0.0), "line_r2_above": _line_r2(x, load, float(at_above)),
             "curvature_share": float(np.max(np.abs(chord)) / x[-1]), "first_slope_ratio": float(TOE_N / at_toe / k),
             "toe": toe, "toe_share": toe / float(x[-1])}
@@ -318,21 +279,15 @@ def _line_r2(x: np.ndarray, load: np.ndarray, start: float) -> float:
 
 # How two sets of load-displacement curves agree: statistics over the settings, and over repeats of one setting.
 #
-# Pure functions of arrays. A curve is (n,) displacement since touch-down and (n,) load, which begins at (0, 0); units
-# are the caller's (mm and N in this section), results are in the same.
+# Pure functions of arrays; results are in the caller's units.
 
 
-GRID = 201
-"""Loads, evenly from 0, at which a setting's curves are compared."""
-LEVEL = 0.95
-
-
-def rising(x: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rising(x: np.ndarray, load: np.ndarray) -> Curve:
     """The curve with the nearest load (least squares) that never falls; the same where it rises already."""
     return x, np.asarray(isotonic_regression(load).x) if np.any(np.diff(load) < 0.0) else load
 
 
-def up_to(x: np.ndarray, load: np.ndarray, largest: float) -> tuple[np.ndarray, np.ndarray]:
+def up_to(x: np.ndarray, load: np.ndarray, largest: float) -> Curve:
     """The part of a rising curve up to the load `largest`, whose displacement is interpolated."""
     if load[-1] <= largest:
         return x, load
@@ -368,13 +323,9 @@ def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def agreement(model: np.ndarray, measured: np.ndarray) -> dict[str, float | None]:
-    """Of one number a setting, (n,) both, n > 0.
-
-    Returns:
-        n; r2, the coefficient of determination 1 - SSE / SST; correlation2, the square of Pearson's correlation, which
-        forgives a wrong scale and offset; rmse; bias, the mean of model less measured, with the half-width of its 95 %
-        confidence interval (Student's t). None where n is too small for it.
-    """
+    """Of one number a setting, (n,) both, n > 0: n; r2, the coefficient of determination 1 - SSE / SST; correlation2,
+    the square of Pearson's correlation, which forgives a wrong scale and offset; rmse; bias, the mean of model less
+    measured, with the half-width of its 95 % confidence interval (Student's t). None where n is too small for it."""
     count = len(model)
     varied = count > 1 and np.ptp(measured) > 0.0 and np.ptp(model) > 0.0
     bias, half = mean_and_half_width(model - measured)
@@ -387,14 +338,9 @@ def agreement(model: np.ndarray, measured: np.ndarray) -> dict[str, float | None
 def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> dict[str, Any] | None:
     """Straight line of the simulated on the measured values by least squares, with its 95 % confidence band.
 
-    The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line.
-
-    Args:
-        at: (m,) measured values at which the line and the band are given.
-
-    Returns:
-        slope and intercept with the half-widths of their intervals, n, and (m,) line, low, high; None for fewer
-        than three points or measured values that do not differ.
+    The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line: (m,)
+    `line`, `low` and `high` at the measured values `at`. None for fewer than three points or measured values that do
+    not differ.
     """
     count = len(measured)
     if count < 3 or np.ptp(measured) == 0.0:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from vsf_drake.analysis.bench_metrics import stiffness
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.bench_lines import (
+    LEAST_LOAD_N,
     LOAD_N,
     Curve,
     Machine,
@@ -23,11 +25,12 @@ from vsf_drake.analysis.validation.bench_lines import (
     at_loads,
     compared,
     curve_arrays,
-    pressed,
+    judged_pairs,
     regression,
     rising,
     settings_of,
     statistics,
+    up_to,
     where_of,
 )
 from vsf_drake.analysis.validation.study import Progress, Section, Study
@@ -52,149 +55,133 @@ LINE_POINTS = 51
 def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
     """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
 
-    Returns:
-        A table with `stiffness_r2`, `stiffness_rmse_n_per_mm` and `mid_range_rmse_mm` of the study's model (None
-        without measured curves) and their limits; `lines`, one a model with its `statistics` and, where it was
-        calibrated, those of the settings `held_out` from that; `settings`, one a position with measured and simulated
-        values; `rates`; `load_points`. Arrays: see `curve_arrays`, `rates`.
+    A table with `stiffness_r2`, `stiffness_rmse_n_per_mm` and `mid_range_rmse_mm` of the study's model (None without
+    measured curves) and their limits; `lines`, one a model with its `statistics` and, where it was calibrated, those of
+    the settings `held_out` from that; `settings`, one a position with measured and simulated values; `rates`;
+    `load_points`. Arrays: see `curve_arrays`, `rates`.
     """
 
     def show(what: str, fraction: float) -> None:
         if progress:
             progress(f"bench: {what}", fraction)
 
-    settings = settings_of(study.bench, PUBLISHED_FULCRUMS_M)
-    outside = {}
-    for setting in settings:
+    foot, bench, quick = study.model.foot, study.bench, study.options.quick
+    settings = settings_of(bench, PUBLISHED_FULCRUMS_M)
+    missing = say("bench", "inputs", given=bench, weak=[s for s in settings if s.passes and not s.judged],
+                  forefoot=any(s.passes for s in settings[:-1]), heel=settings[-1].passes,
+                  repeated=any(len(s.passes) > 1 for s in settings))
+    outside = set()
+    for setting in settings[:-1]:
         try:
-            if setting.fulcrum_m is not None:
-                check_fulcrum(setting.fulcrum_m, study.model.foot)
+            check_fulcrum(setting.fulcrum_m, foot)
         except InputError as error:
-            outside[setting.where] = f"Not simulated: {error.what}. {error.right}."
-    missing = [*_missing_inputs(study, settings), *outside.values()]
-    lines, feet, problem = _lines(study, settings, show)
-    missing += [problem] if problem else []
+            outside.add(setting.fulcrum_m)
+            missing.append(f"Not simulated: {error.what}. {error.right}.")
+    lines, unfound = _lines(study, settings, show)
+    missing += unfound
     rows = [setting.row() for setting in settings]
-    found: dict[str, list[Curve | None]] = {}
-    unconverged = 0
-    for i, (line, foot) in enumerate(zip(lines, feet, strict=True)):
-        show("pressing", 0.2 + 0.07 * i)
-        key = line["key"]
-        # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        found[key], failed, failures = pressed(foot, settings, heel=key not in ("calibrated", "refined"))
-        unconverged += failed
-        missing += [f"Bench, {line['name']}, {failure}" for failure in failures
-                    if not any(failure.startswith(f"{where}: ") for where in outside)]
-        of_line = [compared(setting, curve) for setting, curve in zip(settings, found[key], strict=True)]
-        for row, values in zip(rows, of_line, strict=True):
-            row[key] = values
-        own = statistics(settings, of_line)
-        line["statistics"] = own
-        line["within_limits"] = {
-            name: None if own is None or own[name] is None else
-            bool(own[name] >= limit if name == "stiffness_r2" else own[name] <= limit) for name, limit in PAPER.items()}
-        if line["fitted_mm"]:
-            held = [i for i, row in enumerate(rows) if row["fulcrum_mm"] not in line["fitted_mm"]]
-            line["held_out"] = statistics([settings[i] for i in held], [of_line[i] for i in held])
-        line["end_points"] = [
-            {"fulcrum_mm": row["fulcrum_mm"], "published_n_per_mm": row["published_n_per_mm"],
-             "error_n_per_mm": row[key]["stiffness_n_per_mm"] - row["published_n_per_mm"]}
-            for row in rows
-            if row["published_n_per_mm"] is not None and row[key] and row[key]["stiffness_n_per_mm"] is not None]
-    arrays = curve_arrays(settings, found)
-    own = lines[0]["statistics"] or dict.fromkeys(PAPER)
-    trend = _regression(rows)
+    curves, unconverged, failures = _press(lines, settings, rows, outside, show)
+    missing += failures
+    arrays = curve_arrays(settings, curves)
+    model = lines[0][0]
+    pairs = np.array([[values["stiffness_n_per_mm"] for values in pair] for pair in judged_pairs(rows, "model")])
+    trend = None
+    if len(pairs) > 2:
+        at = np.linspace(pairs[:, 1].min(), pairs[:, 1].max(), LINE_POINTS)
+        trend = regression(pairs[:, 1], pairs[:, 0], at)
     if trend is not None:
-        arrays |= {f"regression_{key}": trend.pop(key) for key in ("measured_n_per_mm", "line", "low", "high")}
-    elif any(setting.judged and setting.fulcrum_m is not None for setting in settings):
-        missing.append("Fewer than three measured positions: no regression of simulated on measured stiffness.")
+        arrays |= {"regression_measured_n_per_mm": at} | {
+            f"regression_{key}": trend.pop(key) for key in ("line", "low", "high")}
+    elif any(setting.judged for setting in settings[:-1]):
+        missing += say("bench", "no_trend")
     show("speeds", 0.5)
-    quick, bench = study.options.quick, study.bench
-    fulcrums = [setting.fulcrum_m for setting in settings
-                if setting.fulcrum_m is not None and setting.where not in outside]
+    fulcrums = [x for setting in settings if (x := setting.fulcrum_m) is not None and x not in outside]
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
     speeds = QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN
     loops, loop_arrays, failures = rates(
-        Machine(study.model.foot), (*fulcrums, None), speeds, progress=lambda f: show("speeds", 0.5 + 0.4 * f))
-    missing += failures
-    points, failures = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
-    missing += failures
+        Machine(foot), (*fulcrums, None), speeds, progress=lambda f: show("speeds", 0.5 + 0.4 * f))
+    points, more = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
+    own = model["statistics"] or dict.fromkeys(PAPER) | {"n": 0}
     table = {
-        **{key: own[key] for key in PAPER}, "limits": PAPER, "within_limits": lines[0]["within_limits"],
-        "n": lines[0]["statistics"]["n"] if lines[0]["statistics"] else 0,
+        **{key: own[key] for key in PAPER}, "limits": PAPER, "within_limits": model["within_limits"], "n": own["n"],
         "measured": bench is not None, "measured_name": bench.name if bench else None,
         "measured_synthetic": bench.synthetic if bench else None,
         "touch_down_extrapolated": sum(curve.first_load_n > 0.0 for curve in bench.curves) if bench else 0,
         "speed_mm_per_min": 60e3 * PUBLISHED_SPEED_M_PER_S, "contact_name": study.contact_name or None,
         "contact_on_bench": [text for text in study.contact.verdict if "bench" in text] if study.contact else None,
-        "lines": lines, "settings": rows, "regression": trend, "rates": loops,
+        "lines": [line for line, _ in lines], "settings": rows, "regression": trend, "rates": loops,
         "rate_settings_mm": [*(round(1e3 * x, 6) for x in fulcrums), None],
-        "rate_speeds_mm_per_min": list(speeds), "load_points": points,
+        "rate_speeds_mm_per_min": speeds, "load_points": points,
         "unconverged_steps": unconverged + sum(row["unconverged_steps"] for row in loops)}
-    return Section(table=plain(table), arrays=arrays | loop_arrays, missing=tuple(missing))
-
-
-def _missing_inputs(study: Study, settings: list[Setting]) -> list[str]:
-    if study.bench is None:
-        return ["Without measured load-displacement curves there is no R², RMSE, offset or 95 % band: stiffness "
-                "stands beside the published end points only (66 mm, 151 mm and the heel)."]
-    missing = [f"Measured, {s.where}: at most {s.load_n:.4g} N, too little for a stiffness above 200 N."
-               for s in settings if s.passes and not s.judged]
-    if all(s.fulcrum_m is None or not s.passes for s in settings):
-        missing.append("The bench file holds the heel only: nothing is compared at the forefoot.")
-    if not settings[-1].passes:
-        missing.append("The heel was not measured.")
-    if all(len(setting.passes) < 2 for setting in settings):
-        missing.append("One measured pass a setting: the repeatability of the measurement is not known, so its curves "
-                       "have no band.")
-    return missing
+    return Section(table=plain(table), arrays=arrays | loop_arrays, missing=(*missing, *failures, *more))
 
 
 def _lines(
     study: Study, settings: list[Setting], show: Progress
-) -> tuple[list[dict[str, Any]], list[FootParameters], str | None]:
-    """The models that are pressed, the foot of each, and why none of them is calibrated."""
+) -> tuple[list[tuple[dict[str, Any], FootParameters]], list[str]]:
+    """The models that are pressed, each with its foot, and why none of them is calibrated."""
     foot, nominal = study.model.foot, load_model(resource("models/nominal.yaml")).foot
     own = "fitted contact" if study.contact else "nominal" if nominal == foot else "study's model"
     coarse = len(foot.keel.element_lengths_m)
-    finer = FINER * coarse
-    lines: list[dict[str, Any]] = [{"key": "model", "name": own, "fitted_mm": None}]
-    feet = [foot]
+    lines: list[tuple[dict[str, Any], FootParameters]] = [({"key": "model", "name": own, "fitted_mm": None}, foot)]
     if nominal != foot:
-        lines.append({"key": "nominal", "name": "nominal", "fitted_mm": None})
-        feet.append(nominal)
-    lines.append({"key": "refined", "name": f"{own}, {finer} elements", "fitted_mm": None, "elements": finer,
-                  "coarse_elements": coarse})
-    feet.append(with_elements(foot, finer))
+        lines.append(({"key": "nominal", "name": "nominal", "fitted_mm": None}, nominal))
+    lines.append(({"key": "refined", "name": f"{own}, {FINER * coarse} elements", "fitted_mm": None,
+                   "elements": FINER * coarse, "coarse_elements": coarse}, with_elements(foot, FINER * coarse)))
     show("calibration", 0.1)
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
     curves = {s.fulcrum_m: s.curve for s in settings
               if s.fulcrum_m is not None and s.judged and s.curve is not None and low <= s.fulcrum_m <= high}
     if len(curves) < 3:
-        return lines, feet, ("Fewer than three usable measured positions: no foot is calibrated to two of them."
-                             if curves else None)
+        return lines, say("bench", "uncalibrated", error=None) if curves else []
     try:
         tuned, at_bound = calibrated(foot, curves)
     except (InputError, SimulationError) as error:
-        return lines, feet, f"The foot could not be calibrated to the measured curves: {error}."
-    lines.append({
+        return lines, say("bench", "uncalibrated", error=error)
+    lines.append(({
         "key": "calibrated", "name": "calibrated to two curves",
         "fitted_mm": [round(1e3 * x, 6) for x in (min(curves), max(curves))], "at_bound": at_bound,
         "fulcrum_stiffness_n_per_m": tuned.fulcrum.stiffness_n_per_m,
-        "series_stiffness": tuned.series_stiffness_n_per_m, "series_exponent": tuned.series_exponent})
-    return lines, [*feet, tuned], None
+        "series_stiffness": tuned.series_stiffness_n_per_m, "series_exponent": tuned.series_exponent}, tuned))
+    return lines, []
 
 
-def _regression(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
-    pairs = np.array([[row["measured"]["stiffness_n_per_mm"], row["model"]["stiffness_n_per_mm"]] for row in rows
-                      if row["fulcrum_mm"] is not None and row["measured"] and row["model"]
-                      and None not in (row["measured"]["stiffness_n_per_mm"], row["model"]["stiffness_n_per_mm"])])
-    if len(pairs) < 3:
-        return None
-    at = np.linspace(pairs[:, 0].min(), pairs[:, 0].max(), LINE_POINTS)
-    found = regression(pairs[:, 0], pairs[:, 1], at)
-    return None if found is None else found | {"measured_n_per_mm": at}
+def _press(
+    lines: Sequence[tuple[dict[str, Any], FootParameters]], settings: Sequence[Setting], rows: Sequence[dict[str, Any]],
+    outside: Container[float | None], show: Progress
+) -> tuple[dict[str, list[Curve | None]], int, list[str]]:
+    """Adds to lines and rows what each foot does; its curves by line, unconverged steps, and what could not be done."""
+    curves: dict[str, list[Curve | None]] = {}
+    unconverged, missing = 0, []
+    for i, (line, own_foot) in enumerate(lines):
+        show("pressing", 0.2 + 0.07 * i)
+        key, machine = line["key"], Machine(own_foot)
+        curves[key] = []
+        for setting, row in zip(settings, rows, strict=True):
+            curve = None
+            # finer keel and calibration are the forefoot's: at the heel those feet are the study's
+            if setting.fulcrum_m not in outside and (setting.fulcrum_m is not None or key in ("model", "nominal")):
+                try:
+                    *found, failed = machine.press(setting.fulcrum_m, max(setting.load_n, LEAST_LOAD_N))
+                    curve = up_to(*rising(*found), setting.load_n)
+                    unconverged += failed
+                except (InputError, SimulationError) as error:
+                    missing.append(f"Bench, {line['name']}, {setting.where}: {error}.")
+            curves[key].append(curve)
+            row[key] = None if curve is None else compared(setting, row["measured"], curve)
+        line["statistics"] = own = statistics(rows, key)
+        line["within_limits"] = {
+            name: None if own is None or own[name] is None else
+            bool(own[name] >= limit if name == "stiffness_r2" else own[name] <= limit) for name, limit in PAPER.items()}
+        if line["fitted_mm"]:
+            line["held_out"] = statistics([row for row in rows if row["fulcrum_mm"] not in line["fitted_mm"]], key)
+        line["end_points"] = [
+            {"fulcrum_mm": row["fulcrum_mm"], "published_n_per_mm": row["published_n_per_mm"],
+             "error_n_per_mm": row[key]["stiffness_n_per_mm"] - row["published_n_per_mm"]}
+            for row in rows
+            if row["published_n_per_mm"] is not None and row[key] and row[key]["stiffness_n_per_mm"] is not None]
+    return curves, unconverged, missing
 
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
@@ -218,11 +205,7 @@ def calibrated(
     foot: FootParameters, curves: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> tuple[FootParameters, list[str]]:
     """`foot` calibrated to the rising curves (mm, N) of the rearmost and the foremost of the fulcrum positions (m), and
-    which of its numbers ended at a bound.
-
-    Raises:
-        InputError, SimulationError: a trial foot cannot be pressed, or the search does not end.
-    """
+    which of its numbers ended at a bound; raises if a trial foot cannot be pressed or the search does not end."""
     ends = min(curves), max(curves)
     loads = {x: np.linspace(0.0, float(curves[x][1][-1]), SAMPLES + 1)[1:] for x in ends}
     measured = {x: at_loads(*curves[x], loads[x]) for x in ends}
@@ -262,19 +245,14 @@ LOOP_SAMPLES = 101
 
 def rates(
     machine: Machine, fulcrums_m: Sequence[float | None], speeds_mm_per_min: Sequence[float],
-    *, steps_per_mm: float = STEPS_PER_MM, progress: Callable[[float], None] | None = None
+    *, progress: Callable[[float], None] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
     """Loading to 600 N and unloading at the same speed, at every position and speed.
 
     What is lost is the small difference of two large energies, and the steps leave an error in it in proportion to
     their size. So every loop is followed twice, with steps twice as long too, and the loss is extrapolated to none.
-
-    Args:
-        steps_per_mm: of the finer steps.
-
-    Returns:
-        One row each; the loops at the highest speed, `loop_mm` and `loop_n` (settings, 2, 101) with loading first;
-        what could not be done.
+    Returned are one row each; the loops at the highest speed, `loop_mm` and `loop_n` (settings, 2, 101) with loading
+    first; what could not be done.
     """
     rows: list[dict[str, Any]] = []
     missing: list[str] = []
@@ -283,7 +261,7 @@ def rates(
     for j, (i, fulcrum, speed) in enumerate(cases, start=1):
         where = where_of(fulcrum)
         try:
-            loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * steps_per_mm)
+            loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM)
                             for share in (1.0, 0.5))
             # at high speed the keel rings at first touch
             x, load = rising(loop.up_mm, loop.up_n)
@@ -313,11 +291,8 @@ def rates(
 def load_points(
     model: ModelParameters, fulcrums_m: Sequence[float], progress: Callable[[float], None] | None = None
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Stiffness above 200 N with the load elsewhere on the keel, beside the closed form of the overhung beam.
-
-    Returns:
-        One row for every load point and fulcrum position; what could not be done.
-    """
+    """Stiffness above 200 N with the load elsewhere on the keel, beside the closed form of the overhung beam: one row
+    for every load point and fulcrum position, and what could not be done."""
     rows: list[dict[str, Any]] = []
     missing: list[str] = []
     for i, shift in enumerate(LOAD_POINT_SHIFTS_M):

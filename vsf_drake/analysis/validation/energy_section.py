@@ -23,8 +23,7 @@ from vsf_drake.analysis.validation.energy_ledger import (
     stance_energy,
     walk_with_same_load,
 )
-from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.analysis.validation.walking_ensembles import spread
+from vsf_drake.analysis.validation.study import Progress, Section, Study, spread
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.events import find_stances
@@ -152,7 +151,7 @@ def _condition(fulcrum_mm: float, rows: Sequence[Row]) -> Row:
     """Mean and sample SD (None for one stance) over the stances at one position."""
     found: Row = {"fulcrum_mm": fulcrum_mm, "n": len(rows), "labels": [row["label"] for row in rows]}
     for key in SPREAD:
-        own = spread(rows, key)
+        own = spread(row[key] for row in rows)
         found |= {key: own["mean"], f"{key}_sd": own["sd"]}
     return found
 

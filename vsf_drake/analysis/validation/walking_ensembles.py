@@ -31,7 +31,8 @@ from vsf_drake.analysis.contact_fit.assessment import (
 )
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.sweep_table import as_walk
-from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk
+from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, spread
+from vsf_drake.files import plain
 from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
@@ -48,15 +49,11 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """One quantity over the walks of a group.
+    """One quantity over the walks of a group."""
 
-    Attributes:
-        measured, model: (n, 101), a row a walk; NaN where a walk knows nothing. labels: of the walks.
-    """
-
-    measured: np.ndarray
+    measured: np.ndarray  # (n, 101), a row a walk; NaN where a walk knows nothing
     model: np.ndarray
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # of the walks
 
     def arrays(self) -> dict[str, np.ndarray]:
         """(101,) mean and sample SD of both: `measured_mean`, `measured_sd`, `model_mean`, `model_sd`.
@@ -139,13 +136,6 @@ PUBLISHED: dict[str, Any] = {
 _SAME_SETTING_MM = 1.0
 
 
-def spread(rows: Sequence[Mapping[str, Any]], key: str) -> dict[str, Any]:
-    """Mean, sample standard deviation (None with fewer than two) and number of the rows that know `key`."""
-    values = [row[key] for row in rows if row[key] is not None]
-    return {"mean": float(np.mean(values)) if values else None,
-            "sd": float(np.std(values, ddof=1)) if len(values) > 1 else None, "n": len(values)}
-
-
 def pearson(rows: Sequence[Mapping[str, Any]], a: str, b: str) -> tuple[float | None, int]:
     """Pearson's r of two keys over the rows that know both, with their number; None below LEAST_FOR_R or constant."""
     pairs = np.array([(row[a], row[b]) for row in rows if row[a] is not None and row[b] is not None]).reshape(-1, 2)
@@ -166,7 +156,7 @@ def condition(fulcrum_mm: float, rows: Sequence[Mapping[str, Any]], roles: Seque
     Each of `all` and `by_role[role]` (None without such a walk) has `n` and a `spread` for each of SCORED.
     """
     def spreads(own: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-        return {"n": len(own)} | {key: spread(own, key) for key in SCORED} if own else None
+        return {"n": len(own)} | {key: spread(row[key] for row in own) for key in SCORED} if own else None
 
     name = setting_name(fulcrum_mm)
     return {"fulcrum_mm": fulcrum_mm, "name": name, "labels": [row["label"] for row in rows], "all": spreads(rows),
@@ -180,10 +170,9 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     None without a walk."""
     if not rows:
         return None
-    found: dict[str, Any] = {"n": len(rows)} | {key: spread(rows, key)["mean"] for key in SCORED}
+    found: dict[str, Any] = {"n": len(rows)} | {key: spread(row[key] for row in rows)["mean"] for key in SCORED}
     for key in WORST:
-        known = [row for row in rows if row[key] is not None]
-        worst = max(known, key=lambda row: abs(row[key]), default=None)
+        worst = max((row for row in rows if row[key] is not None), key=lambda row: abs(row[key]), default=None)
         found |= {f"{key}_worst": worst and worst[key], f"{key}_worst_trial": worst and worst["label"]}
     judged = [row["beats_null"] for row in rows if row["beats_null"] is not None]
     found |= {"beats_null": sum(judged), "beats_null_of": len(judged)}
@@ -251,8 +240,7 @@ def sweep_study(
 ) -> dict[str, FulcrumSweep]:
     """By walk: the resultant's error over the fulcrum's position. What was fitted stays as it was.
 
-    Args:
-        failures: takes, by walk, why positions have no error; only of walks that have such.
+    `failures` takes, by walk, why positions have no error; only of walks that have such.
     """
     count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
     positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
@@ -262,11 +250,10 @@ def sweep_study(
         lambda state: progress("moving the fulcrum", state.done / state.total))))
     found = {}
     for walk in study.walks:
-        own = positions[walk.label]
-        scored = [_error(next(outcomes)) for _ in own]
-        found[walk.label] = swept(own, [error for error, _ in scored], true_m=walk.trial.fulcrum_m)
-        if failures is not None and (reasons := [why for _, why in scored if why]):
-            failures[walk.label] = reasons
+        errors, reasons = zip(*(_error(next(outcomes)) for _ in positions[walk.label]), strict=True)
+        found[walk.label] = swept(positions[walk.label], errors, true_m=walk.trial.fulcrum_m)
+        if failures is not None and any(reasons):
+            failures[walk.label] = [*filter(None, reasons)]
     return found
 
 
@@ -276,7 +263,7 @@ def sweep_entry(sweep: FulcrumSweep) -> dict[str, object]:
     Where a walk beside the least error failed, nobody knows where the error is least: `best_mm`, `off_mm` and `right`
     are None.
     """
-    errors = [float(e) if np.isfinite(e) else None for e in sweep.grf_rmse_bw]
+    errors = plain(sweep.grf_rmse_bw)
     least = min(((error, i) for i, error in enumerate(errors) if error is not None), default=None)
     enclosed = least is not None and None not in errors[max(least[1] - 1, 0) : least[1] + 2]
     unknown = {"best_mm": None, "off_mm": None, "right": None}

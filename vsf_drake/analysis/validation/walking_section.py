@@ -14,13 +14,22 @@ from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.comparison import PERCENT, r_squared, rmse, uniform_grid
 from vsf_drake.analysis.contact_fit.assessment import FulcrumSweep
-from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.validation.study import (
+    FITTED,
+    HELD_OUT,
+    OFFSETS_FITTED,
+    Progress,
+    Section,
+    Study,
+    StudyWalk,
+    rms,
+)
 from vsf_drake.analysis.validation.walking_ensembles import (
     LEAST_FOR_R,
     PUBLISHED,
     QUANTITIES,
     Ensemble,
-    Pair,
     condition,
     ensembles,
     free_moment_scores,
@@ -44,7 +53,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     """Every number of Table 3, per walk and per condition, and curves.
 
     Table:
-        rows: a walk each (`_walk_row`), by fulcrum position.
+        rows: a walk each, by fulcrum position.
         conditions: a fulcrum position each (`walking_ensembles.condition`), softest first, with the paper's numbers.
         held_out, fitted, offsets_fitted: means and worst (`walking_ensembles.summary`) or None.
         angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`pooled`) and
@@ -59,16 +68,15 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         `walk_I_Q_measured`, `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`,
         `_model_sd`, and the arrays of `differing_regions` likewise.
     """
-    say = progress or (lambda what, fraction: None)
+    show = progress or (lambda what, fraction: None)
     failures: dict[str, list[str]] = {}
-    sweeps = sweep_study(study, progress=lambda what, f: say(what, 0.8 * f), failures=failures)
-    say("comparing curves", 0.8)
+    sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.8 * f), failures=failures)
+    show("comparing curves", 0.8)
     rotations = {walk.label: tracked_rotations(walk.result, walk.recorded.trajectory) for walk in study.walks}
     rows = [_walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
     conditions = [condition(x, [row for row in rows if row["fulcrum_mm"] == x], ROLES) for x in study.conditions()]
-    arrays = {f"walk_{i}_{name}_{side}": curve for i, walk in enumerate(study.walks)
-              for name, pair in curves[walk.label].items()
+    arrays = {f"walk_{i}_{name}_{side}": curve for i, own in enumerate(curves.values()) for name, pair in own.items()
               for side, curve in zip(("measured", "model"), pair, strict=True)}
     groups: dict[int | str, Mapping[str, Ensemble]] = {
         i: ensembles({label: curves[label] for label in own["labels"]}) for i, own in enumerate(conditions)}
@@ -83,73 +91,40 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
             differences.append({"group": group, "quantity": name, "unit": QUANTITIES[name], "labels": ensemble.labels}
                                | found)
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
+    method, quick = next((d["method"] for d in differences if d["method"]), None), study.options.quick
+    lost = {label: len(reasons) for label, reasons in failures.items()}
     table = {
         "rows": rows, "conditions": conditions,
         **{role.replace(" ", "_"): summary([row for row in rows if row["role"] == role]) for role in ROLES},
         "stance_r": stance_r, "stance_n": stance_n,
         **pooled([r for own in rotations.values() for r in own]), "angles": angle_rows(rotations),
         "sweeps": sum(row["sweep"]["right"] is not None for row in rows),
-        "sweeps_right": sum(row["sweep"]["right"] is True for row in rows),
-        "sweep_failures": {label: len(reasons) for label, reasons in failures.items()},
-        "spm1d": spm_version(), "difference_method": next((d["method"] for d in differences if d["method"]), None),
-        "differences": differences, "units": QUANTITIES, "paper": PUBLISHED, "quick": study.options.quick,
-        "synthetic": any(walk.trial.synthetic for walk in study.walks), "contact": study.contact_name or None}
-    say("comparing curves", 1.0)
-    return Section(table=plain(table), arrays=arrays,
-                   missing=tuple(_missing(study, rows, conditions, curves, table, failures)))
+        "sweeps_right": sum(row["sweep"]["right"] is True for row in rows), "sweep_failures": lost,
+        "spm1d": spm_version(), "difference_method": method, "differences": differences, "units": QUANTITIES,
+        "paper": PUBLISHED, "quick": quick, "synthetic": any(walk.trial.synthetic for walk in study.walks),
+        "contact": study.contact_name or None}
+    show("comparing curves", 1.0)
+    single, few = ([f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] < n] for n in (2, LEAST_WALKS))
+    lacking = {
+        "stances": [label for label, own in curves.items() if not own],
+        "cop": [walk.label for walk in study.walks if not walk.recorded.prosthetic_plate.has_cop],
+        **{name: [label for label, own in curves.items() if own and name not in own]
+           for name in ("medio_lateral", "free_moment")},
+        "null": [row["label"] for row in rows if row["null_model_grf_rmse_bw"] is None]}
+    first = next((reasons[0] for reasons in failures.values()), "")
+    return Section(table=plain(table), arrays=arrays, missing=tuple(say(
+        "walking", "missing", single=single, few=few, lacking=lacking, fewest=LEAST_WALKS, fewest_r=LEAST_FOR_R,
+        gone=[f"{name} ({own['fulcrum_mm']:g} mm)" for name, own in PUBLISHED["conditions"].items()
+              if name not in {row["name"] for row in conditions}],
+        stance_n=stance_n if stance_r is None else None, pointwise=method == BOOTSTRAP, quick=quick,
+        walks=sum(len(row["sweep"]["fulcrum_mm"]) for row in rows), lost=lost,
+        first=" ".join(first.split())[:300].rstrip("."))))
 
 
-def _missing(
-    study: Study, rows: Sequence[Mapping[str, Any]], conditions: Sequence[Mapping[str, Any]],
-    curves: Mapping[str, Mapping[str, Pair]], table: Mapping[str, Any], failures: Mapping[str, Sequence[str]]
-) -> list[str]:
-    found = []
-    walked = {own["name"] for own in conditions}
-    gone = [f"{name} ({own['fulcrum_mm']:g} mm)" for name, own in PUBLISHED["conditions"].items()
-            if name not in walked]
-    if gone:
-        found.append(f"No walk at the paper's setting {' or '.join(gone)}: its rows of Table 3 are not there.")
-    single, few = (", ".join(f"{own['fulcrum_mm']:g} mm" for own in conditions if own["all"]["n"] < n)
-                   for n in (2, LEAST_WALKS))
-    if single:
-        found.append(f"One walk only at {single}: no standard deviation and no band.")
-    whole = {label: own for label, own in curves.items() if own}
-    for text, names in (
-            ("no stance lies inside the time window as a whole: stance time and curves over stance are not known",
-             [label for label in curves if label not in whole]),
-            ("the plate has no centre of pressure, so that its errors are not known",
-             [w.label for w in study.walks if not w.recorded.prosthetic_plate.has_cop]),
-            ("no medio-lateral force was measured",
-             [label for label, own in whole.items() if "medio_lateral" not in own]),
-            ("no free moment was measured", [label for label, own in whole.items() if "free_moment" not in own]),
-            ("there is no other walk to make a null model of",
-             [row["label"] for row in rows if row["null_model_grf_rmse_bw"] is None])):
-        if names:
-            found.append(f"{', '.join(names)}: {text}.")
-    if table["stance_r"] is None:
-        found.append(f"The correlation of stance times needs {LEAST_FOR_R} walks with a whole stance that differ; "
-                     f"there {'is' if table['stance_n'] == 1 else 'are'} {table['stance_n']}.")
-    if few:
-        found.append(f"Where on the curve model and measurement differ was not tested at {few}: that needs "
-                     f"{LEAST_WALKS} walks.")
-    if table["difference_method"] not in (None, SPM):
-        found.append("Statistical parametric mapping was not done: spm1d is not installed (`pip install "
-                     "vsf-drake[spm]`). Pointwise bootstrap bands stand in.")
-    if study.options.quick:
-        found.append("The short form sweeps the fulcrum over six positions only, in every walk.")
-    if failures:
-        total = sum(len(row["sweep"]["fulcrum_mm"]) for row in rows)
-        lost = ", ".join(f"{label} {len(reasons)}" for label, reasons in failures.items())
-        first = " ".join(next(iter(failures.values()))[0].split())[:300].rstrip(".")
-        found.append(f"{sum(map(len, failures.values()))} of the {total} walks with the fulcrum elsewhere could not be "
-                     f"scored ({lost}). The first: {first}.")
-    return found
+# One row a walk, and the tracking of angles over all walks.
 
 
-# One row a walk of the validation's walking section, and the tracking of angles over all walks.
-
-
-TAKEN = (
+_TAKEN = (
     "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "impulse_r2", "vertical_impulse_error", "cop_rmse_fl",
     "cop_ml_rmse_fl", "cop_r2", "cop_points", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
     "toe_off_error_s", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "null_model_grf_rmse_bw",
@@ -158,9 +133,9 @@ TAKEN = (
 
 
 def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep) -> dict[str, Any]:
-    """A walk's numbers: TAKEN, times, free moment, angles, null model and sweep; None for what is unknown."""
+    """A walk's numbers; None for what is unknown."""
     row = {"label": walk.label, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
-           "setting": setting_name(walk.fulcrum_mm), **{key: walk.metrics[key] for key in TAKEN}}
+           "setting": setting_name(walk.fulcrum_mm), **{key: walk.metrics[key] for key in _TAKEN}}
     measured, model, null = row["stance_measured_s"], row["stance_model_s"], row["null_model_grf_rmse_bw"]
     angles = pooled(rotations)
     del angles["angle_worst_deg"]
@@ -178,11 +153,11 @@ def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
     None for what no rotation knows. `angle_recording_rmse_deg` is against the recording, before a fit corrected it.
     """
     weights = np.array([r.squares for r in rotations]).reshape(-1, 2).sum(axis=0)
-    return {"angle_rmse_deg": _rms([r.rmse_deg for r in rotations]),
+    return {"angle_rmse_deg": rms(r.rmse_deg for r in rotations),
             "angle_worst_deg": max((r.rmse_deg for r in rotations), default=None),
             "angle_r2": float(1.0 - weights[0] / weights[1]) if weights[1] > 0.0 else None,
             "angle_lag_ms": _largest_lag(rotations),
-            "angle_recording_rmse_deg": _rms([r.recording_rmse_deg for r in rotations])}
+            "angle_recording_rmse_deg": rms(r.recording_rmse_deg for r in rotations)}
 
 
 def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[dict[str, Any]]:
@@ -190,19 +165,14 @@ def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[dict[str, Any]
     by_name: dict[str, list[Rotation]] = {}
     for r in (r for rotations in by_walk.values() for r in rotations):
         by_name.setdefault(r.name, []).append(r)
-    return [{"rotation": name, "n": len(own), "rmse_deg": _rms([r.rmse_deg for r in own]),
+    return [{"rotation": name, "n": len(own), "rmse_deg": rms(r.rmse_deg for r in own),
              "r2": min((r.r2 for r in own if r.r2 is not None), default=None), "lag_ms": _largest_lag(own),
              "range_deg": float(np.mean([r.range_deg for r in own])),
-             "recording_rmse_deg": _rms([r.recording_rmse_deg for r in own])} for name, own in by_name.items()]
+             "recording_rmse_deg": rms(r.recording_rmse_deg for r in own)} for name, own in by_name.items()]
 
 
 def _largest_lag(rotations: Sequence[Rotation]) -> float | None:
     return max((r.lag_ms for r in rotations if r.lag_ms is not None), key=abs, default=None)
-
-
-def _rms(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
 # How well the joints follow what they were told: error, R² and phase lag of every prescribed rotation.
@@ -210,43 +180,33 @@ def _rms(values: Sequence[float | None]) -> float | None:
 
 LARGEST_LAG_S = 0.05
 """Lags are looked for up to this much early or late."""
-LEAST_RANGE_RAD = np.radians(0.5)
+_LEAST_RANGE_RAD = np.radians(0.5)
 """A rotation that varies less has no lag worth a number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rotation:
-    """One prescribed rotation of one walk.
-
-    Attributes:
-        rmse_deg, r2: followed against commanded; R² is None where the command does not vary.
-        lag_ms: of the followed angle behind the commanded one; None where the command hardly varies.
-        range_deg: of the command. squares: (sum of squared errors, of the command about its mean), rad².
-        recording_rmse_deg: followed against the recording, before a fit corrected it; None if that is not known.
-    """
+    """One prescribed rotation of one walk."""
 
     name: str
-    rmse_deg: float
-    r2: float | None
-    lag_ms: float | None
-    range_deg: float
-    squares: tuple[float, float]
-    recording_rmse_deg: float | None
+    rmse_deg: float  # followed against commanded
+    r2: float | None  # the same; None where the command does not vary
+    lag_ms: float | None  # of the followed angle behind the commanded one; None where the command hardly varies
+    range_deg: float  # of the command
+    squares: tuple[float, float]  # sums, rad²: of squared errors, and of the command about its mean
+    recording_rmse_deg: float | None  # followed against the recording, before a fit corrected it
 
 
 def tracked_rotations(result: WalkResult, recorded: CoordinateTrajectory | None = None) -> tuple[Rotation, ...]:
-    """Every prescribed rotation of a walk, in the model's order.
-
-    Args:
-        recorded: what the laboratory wrote, over at least the walk's time; a fit may have changed the command.
-    """
+    """Every prescribed rotation of a walk, in the model's order; `recorded` is what the laboratory wrote, over at least
+    the walk's time, as a fit may have changed the command."""
     found = []
     for i, name in enumerate(result.prescribed_names):
         if coordinate_unit(name) != "rad":
             continue
         followed, commanded = result.column(name), result.prescribed_q[:, i]
         reach, r2 = float(np.ptp(commanded)), r_squared(followed, commanded)
-        late = None if reach < LEAST_RANGE_RAD else lag(result.time_s, followed, commanded)
+        late = None if reach < _LEAST_RANGE_RAD else lag(result.time_s, followed, commanded)
         first = None
         if recorded is not None and name in recorded.names:
             first = float(np.degrees(rmse(followed, recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
@@ -257,18 +217,15 @@ def tracked_rotations(result: WalkResult, recorded: CoordinateTrajectory | None 
     return tuple(found)
 
 
-def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray, *, largest_s: float = LARGEST_LAG_S
-        ) -> float | None:
+def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> float | None:
     """By how much (s) `followed` is later than `commanded`: the shift of the largest cross-correlation.
 
-    The correlation is Pearson's over the same instants for every shift (those that are `largest_s` from both ends), and
-    the command is a cubic spline, so that the shift is not bound to the samples.
-
-    Returns:
-        None if the largest correlation lies at the end of the search or the record is too short for one.
+    The correlation is Pearson's over the same instants for every shift (those that are LARGEST_LAG_S from both ends),
+    and the command is a cubic spline, so that the shift is not bound to the samples. None if the largest correlation
+    lies at the end of the search or the record is too short for one.
     """
     grid = uniform_grid(time_s)
-    inside = (grid >= grid[0] + largest_s) & (grid <= grid[-1] - largest_s)
+    inside = (grid >= grid[0] + LARGEST_LAG_S) & (grid <= grid[-1] - LARGEST_LAG_S)
     if np.count_nonzero(inside) < 10:
         return None
     own = np.interp(grid, time_s, followed)[inside]
@@ -283,7 +240,7 @@ def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray, *, larg
         return 1.0 if min(sizes) == 0.0 else 0.5 * float(np.sum((own / sizes[0] - other / sizes[1]) ** 2))
 
     step = float(grid[1] - grid[0])
-    shifts = step * np.arange(-int(largest_s / step), int(largest_s / step) + 1)
+    shifts = step * np.arange(-int(LARGEST_LAG_S / step), int(LARGEST_LAG_S / step) + 1)
     best = int(np.argmin([unlike(shift) for shift in shifts]))
     if best in (0, len(shifts) - 1):
         return None
@@ -321,51 +278,43 @@ def spm_version() -> str | None:
 
 
 def differing_regions(ensemble: Ensemble, *, seed: tuple[int, ...]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Where the mean difference of a group's walks is not zero.
+    """Where the mean difference of a group's walks is not zero; `seed` is of the bootstrap.
 
-    Args:
-        seed: of the bootstrap.
-
-    Returns:
-        Table: `n` walks, `method` (SPM, BOOTSTRAP or None where nothing was computed) and `why` not or not otherwise,
-        `compared_percent` (first, last; None), `threshold` (of |t|; None by bootstrap), `regions` (start_percent,
-        end_percent, mean_difference in the quantity's unit, p of the region or None), `mean_difference` and
-        `largest_difference` of the mean curve, `share` of the compared points that lie in regions.
-        Arrays (101,): `difference_mean`, `difference_low` and `difference_high` (the pointwise bootstrap band, 95 %),
-        `t` (Student's, pointwise); NaN where nothing is compared.
+    Table: `n` walks, `method` (SPM, BOOTSTRAP or None where nothing was computed) and `why` not or not otherwise,
+    `compared_percent` (first, last; None), `threshold` (of |t|; None by bootstrap), `regions` (start_percent,
+    end_percent, mean_difference in the quantity's unit, p of the region or None), `mean_difference` and
+    `largest_difference` of the mean curve, `share` of the compared points that lie in regions.
+    Arrays (101,): `difference_mean`, `difference_low` and `difference_high` (the pointwise bootstrap band, 95 %),
+    `t` (Student's, pointwise); NaN where nothing is compared.
     """
     difference = ensemble.model - ensemble.measured
-    n, empty = len(difference), np.full(len(PERCENT), np.nan)
-    known = np.isfinite(difference).all(axis=0)
-    mean = np.where(known, difference.mean(axis=0), np.nan)
-    arrays = {"difference_mean": mean,
-              **{key: empty.copy() for key in ("difference_low", "difference_high", "t")}}
+    n, both = len(difference), np.isfinite(difference).all(axis=0)
+    mean = np.where(both, difference.mean(axis=0), np.nan)
+    arrays = {"difference_mean": mean, **{
+        key: np.full(len(PERCENT), np.nan) for key in ("difference_low", "difference_high", "t")}}
     table: dict[str, Any] = {
         "n": n, "method": None, "why": None, "compared_percent": None, "threshold": None, "regions": [], "share": None,
-        "mean_difference": float(mean[known].mean()) if known.any() else None,
-        "largest_difference": float(mean[known][np.argmax(np.abs(mean[known]))]) if known.any() else None}
+        "mean_difference": float(mean[both].mean()) if both.any() else None,
+        "largest_difference": float(mean[both][np.argmax(np.abs(mean[both]))]) if both.any() else None}
     if n < LEAST_WALKS:
         return table | {"why": f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"}, arrays
-    spread = np.where(known, difference.std(axis=0, ddof=1), 0.0)
-    used = longest_run(known & (spread > _FLAT * spread.max()))
+    sd = np.where(both, difference.std(axis=0, ddof=1), 0.0)
+    used = longest_run(both & (sd > _FLAT * sd.max()))
     if len(used) < _LEAST_POINTS:
         return table | {"why": "there are too few points at which all walks differ"}, arrays
-    own = difference[:, used]
+    own, first = difference[:, used], int(used[0])
     low, high = bootstrap_band(own, seed=seed)
     arrays["difference_low"][used], arrays["difference_high"][used] = low, high
-    arrays["t"][used] = own.mean(axis=0) / (spread[used] / np.sqrt(n))
-    first = int(used[0])
-    table |= {"compared_percent": [float(PERCENT[used[0]]), float(PERCENT[used[-1]])]}
+    arrays["t"][used] = own.mean(axis=0) / (sd[used] / np.sqrt(n))
+    table["compared_percent"] = [float(PERCENT[used[0]]), float(PERCENT[used[-1]])]
+    table["why"] = "spm1d is not installed"
     if spm_version() is not None:
         try:
             threshold, spans = _spm(ensemble.model[:, used], ensemble.measured[:, used])
+            return table | {"method": SPM, "why": None, "threshold": threshold} | _regions(spans, first, own), arrays
         except Exception as error:  # whatever the optional package dislikes, the bands remain
             raise_if_interrupted()
             table["why"] = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
-        else:
-            return table | {"method": SPM, "threshold": threshold} | _regions(spans, first, own), arrays
-    else:
-        table["why"] = "spm1d is not installed"
     bands: list[tuple[float, float, float | None]] = [
         (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))]
     return table | {"method": BOOTSTRAP} | _regions(bands, first, own), arrays
@@ -373,10 +322,8 @@ def differing_regions(ensemble: Ensemble, *, seed: tuple[int, ...]) -> tuple[dic
 
 def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int = RESAMPLES
                    ) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) ends of the percentile bootstrap interval (1 - ALPHA) of the mean of (n, k) samples, point by point.
-
-    With three samples they are the least and the largest of the three.
-    """
+    """(k,) ends of the percentile bootstrap interval (1 - ALPHA) of the mean of (n, k) samples, point by point; with
+    three samples they are the least and the largest of the three."""
     n = len(samples)
     counts = np.random.default_rng(list(seed)).multinomial(n, np.full(n, 1.0 / n), size=resamples)
     low, high = np.percentile(counts @ samples / n, [50.0 * ALPHA, 100.0 - 50.0 * ALPHA], axis=0)
