@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import html
 import re
+from types import SimpleNamespace
 
-from vsf_drake.report.page import Chapter, Column, Grid, ShownChapter
+from vsf_drake.report.page import Chapter, Column, ShownChapter
 
 
 class Shown(ShownChapter):
     """Fills the template in; figures are given to it but not drawn."""
 
     def __init__(self, chapter: Chapter) -> None:
-        self.grids: dict[str, Grid] = {}
+        self.grids: dict[str, SimpleNamespace] = {}
         self.alts: dict[str, str] = {}
         self.captions: dict[str, str] = {}
         self.figures = dict(chapter.figures)
@@ -21,7 +22,7 @@ class Shown(ShownChapter):
     def _table(self, name, rows=(), columns=(), caller=None):
         shown = super()._table(name, rows, columns, caller)
         assert name not in self.grids
-        self.grids[name] = Grid(name, [Column(*column) for column in columns], rows)
+        self.grids[name] = SimpleNamespace(name=name, columns=[Column(*column) for column in columns], rows=rows)
         self.captions[name] = _plain(re.search(r"<figcaption>(.*?)</figcaption>", shown, re.DOTALL)[1])
         return shown
 
