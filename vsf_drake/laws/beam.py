@@ -54,11 +54,7 @@ def lumped_stiffness(
     integral of M² / (E I), so second order in the element length except for the element under B.
 
     Args:
-        bending_stiffness: E I (N m²).
-        element_lengths: from A (or the end of the rigid part) to the toe (m).
-        support: distance l of B from A (m).
-        load_point: distance L_c of C from A (m).
-        rigid_length: length (m) of a rigid part between A and the first element.
+        element_lengths: from A, or the end of a rigid part of `rigid_length` (m) there, to the toe (m).
         fulcrum_stiffness, series_stiffness: as in `combined_stiffness` (N/m).
     """
     lengths = np.asarray(element_lengths, dtype=float)

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.laws._elementwise import Array, Values, positive_part, power
+from vsf_drake.laws._elementwise import Array, Values, power
 from vsf_drake.laws.compiled import compiled
 
 SAME_HEIGHT_M = 1e-9
 """Patches whose heights differ by no more are equally high: rounding must not choose between them."""
 SERIES_ITERATIONS = 10
-"""Newton steps of `foam_depth`: enough for exponents up to 20 and any ratio of the stiffnesses."""
+"""Newton steps of `foam_root`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
 
 @compiled
@@ -36,6 +36,25 @@ def patch_under(x, y, bounds, patches):
     return best, height
 
 
+@compiled
+def foam_root(depth, softness, exponent):
+    """d in [0, depth] with d + softness d**exponent = depth, of floats.
+
+    Increasing and convex in d for exponents >= 1, so Newton's method from above never passes the root. It begins at
+    the smaller of the depths that foam alone and ground alone would allow, where each term is within the depth.
+    """
+    if softness == 0.0 or depth <= 0.0:
+        return max(depth, 0.0)
+    d = min(depth, (depth / softness) ** (1.0 / exponent))
+    for _ in range(SERIES_ITERATIONS):
+        soft = softness * d**exponent
+        step = (d + soft - depth) / (1.0 + exponent * soft / d)
+        d -= step
+        if abs(step) < 1e-15 * depth:
+            break
+    return d
+
+
 def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance: Values) -> tuple[Array, Array]:
     """Share d of a penetration that the sphere's foam takes, the ground below taking the rest, and d's slope.
 
@@ -44,41 +63,18 @@ def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance
 
     Args:
         depth: (m) >= 0 of sphere and ground together. stiffness: N/m**exponent. compliance: m/N.
-
-    Returns:
-        d (m) and slope (1), of the common shape.
     """
-    depth = np.asarray(depth)
-    plain = [np.asarray(_values(x)) for x in (depth, stiffness, exponent, compliance)]
-    root = _series_root(*np.broadcast_arrays(*plain))
+    depth, softness = np.asarray(depth), np.asarray(compliance * stiffness)
+    root = np.vectorize(lambda *x: foam_root(*map(_plain, x)), otypes=[float])(depth, softness, exponent)
     touching = root > 0
     safe = np.where(touching, root, 1.0)
     # One Newton step from the root in the full scalars carries derivatives by every argument exactly.
-    soft = compliance * stiffness * power(safe, exponent)
+    soft = softness * power(safe, exponent)
     d = safe - (safe + soft - depth) / (1.0 + soft * exponent / safe)
     d = np.where(touching, d, 0.0 * d + 1.0)
-    slope = 1.0 / (1.0 + exponent * compliance * stiffness * power(d, exponent) / d)
+    slope = 1.0 / (1.0 + exponent * softness * power(d, exponent) / d)
     return np.where(touching, d, 0.0 * d), np.where(touching, slope, 0.0 * slope + 1.0)
 
 
-def _values(x: Values) -> Values:
-    x = np.asarray(x)
-    return np.vectorize(lambda v: v.value() if hasattr(v, "value") else float(v), otypes=[float])(x) \
-        if x.dtype == object else x
-
-
-def _series_root(depth: Array, stiffness: Array, exponent: Array, compliance: Array) -> Array:
-    """d in [0, depth] with d + compliance stiffness d**exponent = depth.
-
-    Increasing and convex in d for exponents >= 1, so Newton's method from above never passes the root. It begins at
-    the smaller of the depths that foam alone and ground alone would allow, where each term is within the depth.
-    """
-    softness = compliance * stiffness
-    depth = positive_part(depth)
-    alone = (depth / np.where(softness > 0, softness, 1.0)) ** (1.0 / exponent)
-    d: Array = np.where(softness > 0, np.minimum(depth, alone), depth)
-    for _ in range(SERIES_ITERATIONS):
-        soft = softness * d**exponent
-        slope = 1.0 + exponent * soft / np.where(d > 0, d, 1.0)
-        d = d - (d + soft - depth) / slope
-    return d
+def _plain(x: Values) -> float:
+    return float(x.value() if hasattr(x, "value") else x)

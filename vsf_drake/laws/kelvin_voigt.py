@@ -24,13 +24,9 @@ def smooth_step(u: Values) -> Array:
 def penetration_depth(height: Values, radius: Values) -> Array:
     """Depth max(0, radius - height) (m) of a sphere in the ground.
 
-    One-sided: a centre below the ground is still pushed up. The library instead takes the
-    distance |z|, so that its plane pushes a sphere that has passed through it out of the other
-    face; and it knows a plane depth, which here is part of `height`.
-
-    Args:
-        height: height (m) of the sphere's centre above the ground.
-        radius: sphere radius (m).
+    `height` is that of its centre above the ground (m). One-sided: a centre below the ground is still pushed up. The
+    library instead takes the distance |z|, so that its plane pushes a sphere that has passed through it out of the
+    other face; and it knows a plane depth, which here is part of `height`.
     """
     return positive_part(np.asarray(radius) - height)
 
@@ -41,26 +37,20 @@ def normal_force(
 ) -> Array:
     """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth / full_damping_depth).
 
-    Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in
-    the loading branch. Continuous in depth and depth rate; the gradient has a kink at depth rate
-    zero and, for exponent 1, at touch-down. Valid for exponents >= 1.
+    Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in the loading branch.
+    Continuous in depth and depth rate; the gradient has a kink at depth rate zero and, for exponent 1, at touch-down.
+    Valid for exponents >= 1.
 
     Args:
         depth: penetration (m), >= 0.
         depth_rate: its rate (m/s), positive while it grows; also when there is no contact.
-        stiffness: N/mⁿ with n = `exponent`.
-        exponent: n >= 1.
-        damping: N s/m, in full from `full_damping_depth` on.
-        full_damping_depth: m, > 0.
+        stiffness: N/mⁿ with n = `exponent`. damping: N s/m, in full from `full_damping_depth` (m, > 0) on.
         unloading: "continuous": stiffness · depthⁿ on both branches, as the library does.
             "printed": stiffness · depth while depth_rate < 0, as eq. (1) prints it. For n != 1
-            this jumps where the depth rate changes sign and mixes the units of the stiffness.
+            this jumps where the depth rate changes sign and mixes the units of the stiffness. Others: ValueError.
 
     Returns:
         Force (N), of the common shape of the arguments.
-
-    Raises:
-        ValueError: `unloading` is not one of the two.
     """
     if unloading not in UNLOADING_BRANCHES:
         raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")

@@ -22,11 +22,11 @@ changes sign. SI units throughout; x along the keel to the toe, forces on the ca
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Values = Any  # a float or an AutoDiffXd
+from vsf_drake.laws._elementwise import Values
 
 
 def lead_angle_tangent(lead: Values, mean_diameter: Values) -> Values:
@@ -47,8 +47,7 @@ def is_self_locking(tangent: Values, friction: Values) -> bool:
 def driving_efficiency(tangent: Values, friction: Values) -> Values:
     """Work on the load / work of the torque while the screw moves against the load, 1 without friction.
 
-    Raises:
-        ValueError: u tan(lambda) >= 1: no torque can turn such a screw.
+    ValueError for u tan(lambda) >= 1: no torque can turn such a screw.
     """
     if not friction * tangent < 1.0:
         raise ValueError(f"friction {friction} times the tangent {tangent} of the lead angle is 1 or more: "
@@ -74,8 +73,7 @@ def direction(speed: Values, creep_speed: Values) -> Values:
 def locked_creep_speed(tangent: Values, friction: Values, creep_speed: Values) -> Values:
     """Speed (m/s) that no axial load exceeds with the motor off: creep speed · artanh(1 / (1 - returning efficiency)).
 
-    Raises:
-        ValueError: the screw does not lock itself.
+    ValueError if the screw does not lock itself.
     """
     if not is_self_locking(tangent, friction):
         raise ValueError("the screw gives way under load: its friction is not above the tangent of its lead angle")
@@ -111,15 +109,11 @@ def stop_force(position: Values, velocity: Values, *, low: Values, high: Values,
 
 
 class CarriageMotion(NamedTuple):
-    """What `carriage_motion` finds.
+    """What `carriage_motion` finds."""
 
-    acceleration: of the carriage (m/s²). nut_force: the screw's force on the carriage (N).
-    thread_loss: force lost in the thread (N), in the direction of motion.
-    """
-
-    acceleration: Values
-    nut_force: Values
-    thread_loss: Values
+    acceleration: Values  # of the carriage (m/s²)
+    nut_force: Values  # of the screw on the carriage (N)
+    thread_loss: Values  # force lost in the thread (N), in the direction of motion
 
 
 def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_mass: Values, carriage_mass: Values,

@@ -51,12 +51,11 @@ def coefficient_per_speed(
     Below the threshold velocity it is formed without dividing by V, so that the gradient of mu(V) / V · slip at zero
     slip is finite: mu_static / threshold_velocity (1.5 times that if smooth).
     """
-    constants = {"mu_static": mu_static, "mu_kinetic": mu_kinetic, "threshold_velocity": threshold_velocity}
     u_squared = np.asarray(squared / (threshold_velocity * threshold_velocity))
     sticks = u_squared < 1.0
     speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
     law = smooth_friction_coefficient if smooth else friction_coefficient
-    ratio = law(speed, **constants) / speed
+    ratio = law(speed, mu_static=mu_static, mu_kinetic=mu_kinetic, threshold_velocity=threshold_velocity) / speed
     if smooth:
         ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
     return np.asarray(ratio)
@@ -72,12 +71,8 @@ def friction_force(
         slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the centre, relative to
             the ground.
         normal_force: (...) N, >= 0.
-        mu_static, mu_kinetic: coefficients.
         threshold_velocity: speed (m/s) at which the coefficient reaches mu_static, > 0.
         smooth: use `smooth_friction_coefficient`.
-
-    Returns:
-        (..., 2) force on the sphere (N).
     """
     slip = np.asarray(slip)
     x, y = slip[..., 0], slip[..., 1]

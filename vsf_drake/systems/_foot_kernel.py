@@ -20,7 +20,7 @@ import pydrake.math
 
 from vsf_drake.laws._elementwise import positive_part
 from vsf_drake.laws.compiled import compiled, internal
-from vsf_drake.laws.ground import SERIES_ITERATIONS, foam_depth, patch_under
+from vsf_drake.laws.ground import foam_depth, foam_root, patch_under
 from vsf_drake.laws.hunt_crossley import normal_force as hunt_crossley_force
 from vsf_drake.laws.kelvin_voigt import normal_force as kelvin_voigt_force
 from vsf_drake.laws.scalar import friction_per_speed, normal_force
@@ -58,27 +58,13 @@ def _rounded(x, width):
 
 
 @internal
-def _foam(depth, stiffness, exponent, compliance):
-    """Depth of the foam alone, and its share of the depth rate; see `laws.ground.foam_depth`."""
-    if compliance == 0.0 or depth <= 0.0:
-        return depth, 1.0
-    softness = compliance * stiffness
-    d = min(depth, (depth / softness) ** (1.0 / exponent)) if softness > 0.0 else depth
-    for _ in range(SERIES_ITERATIONS):
-        soft = softness * d**exponent
-        step = (d + soft - depth) / (1.0 + exponent * soft / d)
-        d -= step
-        if abs(step) < 1e-15 * depth:
-            break
-    return d, 1.0 / (1.0 + exponent * softness * d**exponent / d)
-
-
-@internal
 def _press(law, signed, rate, site, compliance, depth_width, rate_width):
     """Normal force (N) of one sphere."""
     depth = _rounded(signed, depth_width) if law == SMOOTH else max(signed, 0.0)
-    depth, share = _foam(depth, site[1], site[2], compliance)
-    rate = share * rate
+    if compliance > 0.0 and depth > 0.0:
+        softness = compliance * site[1]
+        depth = foam_root(depth, softness, site[2])
+        rate /= 1.0 + site[2] * softness * depth**site[2] / depth
     if law == SMOOTH:
         rate = _rounded(rate, rate_width)
     elif law == HUNT_CROSSLEY:
