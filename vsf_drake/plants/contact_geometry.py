@@ -47,7 +47,7 @@ from vsf_drake.ground import Ground, GroundPatch, check_ground, ground_arrays
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
 from vsf_drake.parameters import FootParameters, FrictionParameters
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, require
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
 REFERENCE_LOAD_N = 50.0
@@ -85,17 +85,11 @@ def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
 
 def pad_widths(sites: ContactSites) -> np.ndarray:
     """(N,) m, side of the square pad that with PRESSURE_PER_DEPTH is as stiff as its sphere."""
-    stiffness, _ = point_law(sites)
-    return np.sqrt(stiffness / PRESSURE_PER_DEPTH)
+    return np.sqrt(point_law(sites)[0] / PRESSURE_PER_DEPTH)
 
 
 def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str) -> None:
-    """Gives the foot its collision geometry for one of DRAKE_CONTACTS, before Finalize.
-
-    Raises:
-        InputError: see `check_scene_graph`.
-    """
-    check_scene_graph(plant, contact)
+    """Gives the foot its collision geometry for one of DRAKE_CONTACTS, before Finalize; see `check_scene_graph`."""
     sites, friction = foot.sites, foot.parameters.friction
     mu = CoulombFriction(friction.mu_static, min(friction.mu_kinetic, friction.mu_static))
     stiffness, rate = point_law(sites)
@@ -119,34 +113,27 @@ def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[GeometryId]:
 
 
 def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> None:
-    """Keeps parts of the foot from colliding with each other, in the SceneGraph that `plant` asks.
-
-    Raises:
-        InputError: the plant's geometry query is not connected.
-    """
-    port = plant.get_geometry_query_input_port()
-    for (system, index), (source, _) in builder.connection_map().items():
-        if system is plant and index == port.get_index():
-            source.collision_filter_manager().Apply(
-                CollisionFilterDeclaration().ExcludeWithin(GeometrySet(own_geometry(plant, foot))))
-            return
-    raise InputError("its geometry query is not connected", where="plant",
-                     right="Make plant and SceneGraph with AddMultibodyPlantSceneGraph(builder, time_step)")
+    """Keeps parts of the foot from colliding with each other, in the SceneGraph that `plant` asks."""
+    query = plant.get_geometry_query_input_port().get_index()
+    asked = [source for (system, index), (source, _) in builder.connection_map().items()
+             if system is plant and index == query]
+    require(asked, "its geometry query is not connected", "plant",
+            "Make plant and SceneGraph with AddMultibodyPlantSceneGraph(builder, time_step)")
+    asked[0].collision_filter_manager().Apply(
+        CollisionFilterDeclaration().ExcludeWithin(GeometrySet(own_geometry(plant, foot))))
 
 
 def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
     """Raises InputError unless `contact` is one of Drake's that `plant` can still be given geometry for."""
-    if contact not in DRAKE_CONTACTS:
-        raise InputError(f"{contact!r} takes no geometry", where="contact", right=f"One of {', '.join(DRAKE_CONTACTS)}")
-    if not plant.geometry_source_is_registered():
-        raise InputError(f"contact {contact} needs geometry, and the plant has no SceneGraph", where="plant",
-                         right="Make both with AddMultibodyPlantSceneGraph(builder, time_step)")
-    if plant.is_finalized():
-        raise InputError("the plant is finalized and takes no more geometry", where="plant",
-                         right="Call this before plant.Finalize()")
-    if contact == "hydroelastic" and plant.get_contact_model() == ContactModel.kPoint:
-        raise InputError("the plant's contact model is kPoint, which knows no pads", where="plant",
-                         right="Leave it at kHydroelasticWithFallback, or take contact drake_point")
+    require(contact in DRAKE_CONTACTS, f"{contact!r} takes no geometry", "contact",
+            f"One of {', '.join(DRAKE_CONTACTS)}")
+    require(plant.geometry_source_is_registered(), f"contact {contact} needs geometry, and the plant has no SceneGraph",
+            "plant", "Make both with AddMultibodyPlantSceneGraph(builder, time_step)")
+    require(not plant.is_finalized(), "the plant is finalized and takes no more geometry", "plant",
+            "Call this before plant.Finalize()")
+    require(contact != "hydroelastic" or plant.get_contact_model() != ContactModel.kPoint,
+            "the plant's contact model is kPoint, which knows no pads", "plant",
+            "Leave it at kHydroelasticWithFallback, or take contact drake_point")
 
 
 def _pad(width: float) -> Mesh:
@@ -188,18 +175,16 @@ def add_ground_geometry(
             is refused then.
 
     Raises:
-        InputError: see `check_ground`; the contact is none of Drake's; the plant has no SceneGraph, or a ground
-            already; two patches lie in one plane over one another; a patch has a stiffness of its own under
-            "hydroelastic"; a patch's friction cannot be had.
+        InputError: see `check_ground` and `check_scene_graph`; the plant has a ground already; two patches lie in one
+            plane over one another; a patch's stiffness or friction cannot be had.
     """
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)
     _check_apart(ground.patches)
     arrays = ground_arrays(ground, mu_static=foot.friction.mu_static, mu_kinetic=foot.friction.mu_kinetic)
     for i, patch in enumerate(ground.patches):
-        if patch.stiffness_n_per_m is not None and contact == "hydroelastic":
-            raise InputError("hydroelastic pads take the ground for rigid",
-                             where=f"patches[{i}].stiffness_n_per_m", right="Leave it out, or take contact drake_point")
+        require(patch.stiffness_n_per_m is None or contact != "hydroelastic", "hydroelastic pads take the ground for "
+                "rigid", f"patches[{i}].stiffness_n_per_m", "Leave it out, or take contact drake_point")
         properties = ProximityProperties()
         AddRigidHydroelasticProperties(1.0, properties)
         friction = _ground_friction(arrays["mu_static"][i], arrays["mu_kinetic"][i], foot.friction, i)
@@ -216,9 +201,8 @@ def _ground_friction(static: float, kinetic: float, foot: FrictionParameters, ro
     """What together with the foot's makes a patch's coefficients: Drake takes the harmonic mean."""
     made = []
     for name, mu, own in (("mu_static", static, foot.mu_static), ("mu_kinetic", min(kinetic, static), foot.mu_kinetic)):
-        if mu > 0.0 and 2.0 * own <= mu:
-            raise InputError(f"{mu:g} is twice the foot's {own:g} or more; Drake takes the harmonic mean",
-                             where=f"patches[{row}].{name}", right="Raise the foot's own coefficient")
+        require(mu == 0.0 or mu < 2.0 * own, f"{mu:g} is twice the foot's {own:g} or more; Drake takes the harmonic "
+                "mean", f"patches[{row}].{name}", "Raise the foot's own coefficient")
         made.append(mu * own / (2.0 * own - mu) if mu > 0.0 else 0.0)
     return CoulombFriction(max(made), made[1])
 
@@ -242,6 +226,5 @@ def _check_apart(patches: Sequence[GroundPatch]) -> None:
         for j, b in enumerate(patches[:i]):
             over = (min(a.to_x_m, b.to_x_m) > max(a.from_x_m, b.from_x_m)
                     and min(a.to_y_m, b.to_y_m) > max(a.from_y_m, b.from_y_m))
-            if over and planes[i] == planes[j]:
-                raise InputError(f"lies in the plane of patches[{j}] and over it, and Drake would add up both forces",
-                                 where=f"patches[{i}]", right="Give them bounds that do not overlap")
+            require(not over or planes[i] != planes[j], f"lies in the plane of patches[{j}] and over it, and Drake "
+                    "would add up both forces", f"patches[{i}]", "Give them bounds that do not overlap")

@@ -42,7 +42,7 @@ ET.register_namespace("drake", "http://drake.mit.edu")
 def foot_sdf(
     parameters: FootParameters, *, fulcrum_m: float | None = None, springs: bool = True, collision: bool = True
 ) -> str:
-    """The rigid foot with the springs in its keel as an SDFormat model named vsf, names as `add_foot` gives them.
+    """The rigid foot with the springs in its keel as an SDFormat model's text, named vsf; names are as of `add_foot`.
 
     Args:
         fulcrum_m: where the support stands (m from A), as a bushing, with the carriage fixed there; None leaves the
@@ -50,37 +50,22 @@ def foot_sdf(
         springs: whether the keel's springs and dampers are in its joints; if not, `find_foot` and `wire_foot` bring
             them, implicit ones in a plant with a time step.
         collision: whether the contact spheres are written as collision shapes.
-
-    Returns:
-        The file's text; numbers have 12 significant digits.
-
-    Raises:
-        InputError: the fulcrum is out of the carriage's reach; see `add_foot`.
     """
     return _written("foot.sdf.j2", parameters, fulcrum_m, springs=springs, collision=collision)
 
 
 def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
-    """The rigid foot with the springs in its keel and its support at `fulcrum_m` (m from A) as an MJCF model named vsf.
-
-    Names are as `add_foot` gives them; the mount M is a site.
-
-    Returns:
-        The file's text; numbers have 12 significant digits.
-
-    Raises:
-        InputError: the fulcrum is out of the carriage's reach; see `add_foot`.
-    """
+    """The rigid foot with the springs in its keel and its support at `fulcrum_m` (m from A) as an MJCF model's text,
+    named vsf. Names are as `add_foot` gives them; the mount M is a site."""
     return _written("foot.mjcf.j2", parameters, fulcrum_m, step_s=STEP_S, reach_m=REACH_M,
                     servo=2.0 * math.pi * CARRIAGE_SERVO_HZ)
 
 
 def _written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
-    foot, fulcrum = rigid_foot(parameters), parameters.fulcrum
-    handles = foot.handles
+    (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
-        more |= {"over": foot.keel[handles.keel_body_at(fulcrum_m)], "point": np.array([fulcrum_m, 0.0, 0.0]),
+        more |= {"over": links[1 + handles.keel_body_at(fulcrum_m)], "point": np.array([fulcrum_m, 0.0, 0.0]),
                  "support": {"stiffness": fulcrum.stiffness_n_per_m,
                              "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s}}
     environment = Environment(loader=PackageLoader("vsf_drake.plants"), undefined=StrictUndefined, trim_blocks=True,
@@ -90,7 +75,7 @@ def _written(template: str, parameters: FootParameters, fulcrum_m: float | None,
         "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
         "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3))}
     text = environment.get_template(template).render(
-        foot=foot, name=NAME, fulcrum_m=fulcrum_m, parameters=parameters, sites=handles.sites, axis=RIGHTWARD,
+        links=links, name=NAME, fulcrum_m=fulcrum_m, parameters=parameters, sites=handles.sites, axis=RIGHTWARD,
         hinges=list(zip(handles.keel_joint_names, handles.joint_stiffness, handles.joint_damping, strict=True)),
         slide=handles.carriage_joint_name, reach=[fulcrum.rearmost_m, fulcrum.foremost_m], mount=handles.mount.name(),
         X_KM=handles.mount.GetFixedPoseInBodyFrame(), **more)
@@ -134,35 +119,19 @@ class Pad:
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid body: p_KB (3,) m its place with all coordinates zero, p_BBcm (3,) m its centre of mass, moments (3, 3)
-    kg m^2 about that, in its own frame."""
+    """A rigid body."""
 
     name: str
     mass: float
-    p_BBcm: np.ndarray
-    moments: np.ndarray
-    p_KB: np.ndarray
+    p_BBcm: np.ndarray  # (3,) m, its centre of mass
+    moments: np.ndarray  # (3, 3) kg m^2 about that, in its own frame
+    p_KB: np.ndarray  # (3,) m, its place with all coordinates zero
     drawings: tuple[Drawing, ...]
     pads: tuple[Pad, ...]
 
 
-@dataclass(frozen=True)
-class RigidFoot:
-    """A foot to be written: frame, keel from A to the toe and carriage as links, and what it is in its plant."""
-
-    handles: FootHandles
-    frame: Link
-    keel: tuple[Link, ...]
-    carriage: Link
-
-    @property
-    def links(self) -> tuple[Link, ...]:
-        """All of them, parents before children."""
-        return (self.frame, *self.keel, self.carriage)
-
-
-def rigid_foot(parameters: FootParameters) -> RigidFoot:
-    """Reads the foot of `parameters` from a plant of its own; errors as of `add_foot`."""
+def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[Link]]:
+    """The foot of `parameters` in a plant of its own, and its links: frame, keel from A to the toe, carriage."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters, name=NAME)
@@ -171,9 +140,8 @@ def rigid_foot(parameters: FootParameters) -> RigidFoot:
     plant.Finalize()
     inspector = scene_graph.model_inspector()
     carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
-    frame, *keel, last = (_link(plant, inspector, body, start) for body, start in zip(
-        (foot.frame, *foot.keel, carriage), (0.0, *foot.keel_starts, 0.0), strict=True))
-    return RigidFoot(handles=foot, frame=frame, keel=tuple(keel), carriage=last)
+    bodies, starts = (foot.frame, *foot.keel, carriage), (0.0, *foot.keel_starts, 0.0)
+    return foot, [_link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)]
 
 
 def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float) -> Link:

@@ -39,20 +39,15 @@ from pydrake.systems.framework import Context
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_foot, check_fulcrum, secant_stiffness
-from vsf_drake.parameters import FootParameters, KeelParameters
-from vsf_drake.plants.contact_geometry import (
-    DRAKE_CONTACTS,
-    REFERENCE_LOAD_N,
-    add_contact_geometry,
-    check_scene_graph,
-)
+from vsf_drake.parameters import SIDES, FootParameters, KeelParameters
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_contact_geometry, check_scene_graph
 from vsf_drake.plants.foot_handles import (
     FULCRUM_M,
     ContactSites,
     FootHandles,
     check_context,
-    check_place,
-    checked_side,
+    check_type,
+    require,
     zone_sites,
 )
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
@@ -81,13 +76,8 @@ def sole_height(foot: FootParameters) -> float:
 def mount_pose(
     foot: FootParameters, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
 ) -> RigidTransform:
-    """X_KM, pose of the mount M in K.
-
-    Args:
-        height: how far (m) the foot is raised against the pylon, which shortens the prosthesis.
-        fore_aft: how far (m) the foot is shifted forward under the pylon.
-        alignment: how far (rad) the foot is turned toes-up against the pylon.
-    """
+    """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m), which shortens the
+    prosthesis, shifted forward under it by `fore_aft` (m) and turned toes-up by `alignment` (rad)."""
     p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
     return RigidTransform(RotationMatrix.MakeYRotation(alignment), p_KM)
 
@@ -95,11 +85,7 @@ def mount_pose(
 def set_mount(
     context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
 ) -> None:
-    """Changes position (m) and angle (rad) of the foot under its pylon in the plant's `context`; see `mount_pose`.
-
-    Raises:
-        InputError: the Context is not the plant's.
-    """
+    """Changes position and angle of the foot under its pylon in the plant's `context`; see `mount_pose`."""
     check_context(handles.mount.GetParentPlant(), context)
     pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment)
     handles.mount.SetPoseInParentFrame(context, pose)
@@ -116,15 +102,11 @@ def with_elements(foot: FootParameters, elements: int) -> FootParameters:
     """`foot` with each keel element cut into equal parts, `elements` in all.
 
     The beam stays the same: E I and damping time belong to the material, a part's joint is stiffer as it is shorter.
-
-    Raises:
-        InputError: `elements` is not a whole multiple of what the keel has.
     """
     lengths = foot.keel.element_lengths_m
     parts, rest = divmod(elements, len(lengths))
-    if rest or parts < 1:
-        raise InputError(f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
-                         where="elements", right=f"It must be a multiple of {len(lengths)}")
+    require(not rest and parts, f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
+            "elements", f"It must be a multiple of {len(lengths)}")
     finer = tuple(length / parts for length in lengths for _ in range(parts))
     return replace(foot, keel=replace(foot.keel, element_lengths_m=finer))
 
@@ -152,16 +134,13 @@ def add_foot(
     plant's actuation port counts these too: connect your controller to that of your own model instance.
 
     Raises:
-        InputError: the plant is finalised, the frame belongs to another plant, the name is taken, the parameters are
-            for the other side, there is no such contact, the plant cannot have it, or its time step is too long for
-            it; the carriage cannot reach the position; a parameter is out of range or the parts make no foot
-            (`model_file.check_foot`).
+        InputError: plant, frame, name, side, contact, time step, fulcrum position or parameters
+            (`model_file.check_foot`) do not go together, and why.
     """
-    check_place(plant, parent_frame, name)
+    _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
     check_foot(parameters)
-    if contact not in CONTACTS:
-        raise InputError(f"{contact!r} is not known", where="contact", right=f"Known are {', '.join(CONTACTS)}")
+    require(contact in CONTACTS, f"{contact!r} is not known", "contact", f"Known are {', '.join(CONTACTS)}")
     reach = parameters.fulcrum.rearmost_m, parameters.fulcrum.foremost_m
     fulcrum_m = float(np.clip(FULCRUM_M, *reach)) if fulcrum_m is None else check_fulcrum(fulcrum_m, parameters)
     if contact in DRAKE_CONTACTS:
@@ -187,8 +166,32 @@ def add_foot(
         sites=_foot_sites(parameters, frame, keel, starts), fulcrum_m=fulcrum_m)
     if contact in DRAKE_CONTACTS:
         add_contact_geometry(plant, foot, contact)
-    check_step(plant.time_step(), foot)
-    return replace(foot, support=add_implicit_device(plant, foot, fulcrum_m)) if plant.time_step() > 0.0 else foot
+    return with_implicit_device(plant, foot) if plant.time_step() > 0.0 else foot
+
+
+def _check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
+    check_type(plant, MultibodyPlant, "plant", "Give the MultibodyPlant itself, not a builder or a diagram")
+    check_type(parent_frame, Frame, "parent_frame", "Give a Frame: plant.GetFrameByName(name), or body.body_frame()")
+    require(isinstance(name, str) and name, f"{name!r} is no name", "name", "Give a text that is not empty")
+    require(not plant.is_finalized(), "is finalised, so nothing can be added to it", "plant",
+            "Call add_foot before plant.Finalize()")
+    try:
+        owned = plant.get_frame(parent_frame.index()) is parent_frame
+    except RuntimeError:
+        owned = False
+    require(owned, f"{parent_frame.name()!r} belongs to another plant", "parent_frame",
+            "Take a frame of the plant that the foot is added to")
+    require(not plant.HasModelInstanceNamed(name), f"the plant has a model instance {name!r} already", "name",
+            "Give every foot a name of its own")
+
+
+def checked_side(parameters: FootParameters, side: str | None) -> str:
+    """The foot's side, "either" where nobody said; raises InputError for parameters of the other one."""
+    check_type(parameters, FootParameters, "parameters", "Give FootParameters, such as load_model(path).foot")
+    require(side in (None, *SIDES), f"{side!r} is no side", "side", f"It is one of {', '.join(SIDES)}, or None")
+    require(side is None or parameters.side in ("either", side), f"the parameters are for the {parameters.side} side",
+            "side", "Use mirrored(parameters), or add the foot to the other leg")
+    return side or parameters.side
 
 
 def _add_keel(
@@ -286,26 +289,12 @@ def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
     return STICKING_STEPS[foot.contact] / time_step_s * np.array([body.default_mass() for body in foot.keel])
 
 
-def check_step(time_step_s: float, foot: FootHandles) -> None:
-    """Raises InputError if the foot's contact cannot be had in a plant with this time step."""
-    longest = largest_step(foot)
-    if time_step_s > longest:
-        raise InputError(
-            f"contact {foot.contact} is an explicit force in a plant with a time step, and {1e3 * time_step_s:g} ms is "
-            f"too long for this foot", where="time_step",
-            right=f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant")
-
-
-def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float) -> MultibodyConstraintId:
-    """Adds springs, carriage and support of `foot` to a plant with a time step, before Finalize.
-
-    Returns:
-        The support, which `place_fulcrum` moves.
-
-    Raises:
-        InputError: the carriage cannot reach `fulcrum_m` (m from A), or the plant's solver knows no constraints.
-    """
-    check_fulcrum(fulcrum_m, foot.parameters)
+def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandles:
+    """`foot` with springs, carriage and support in a plant with a time step, before Finalize, at its `fulcrum_m`."""
+    step, longest = plant.time_step(), largest_step(foot)
+    require(step <= longest, f"contact {foot.contact} is an explicit force in a plant with a time step, and "
+            f"{1e3 * step:g} ms is too long for this foot", "time_step",
+            f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant")
     mass = foot.parameters.fulcrum.carriage_mass_kg
     hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
     for name, stiffness, damping in (
@@ -313,12 +302,12 @@ def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: flo
         if stiffness > 0.0:
             actuator = plant.AddJointActuator(f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance))
             actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
-    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
-    rod = _rod(foot, fulcrum_m)
+    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(foot.fulcrum_m)
+    rod = _rod(foot, foot.fulcrum_m)
     try:
-        return plant.AddDistanceConstraint(
+        return replace(foot, support=plant.AddDistanceConstraint(
             plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
-            rod.stiffness(), rod.damping())
+            rod.stiffness(), rod.damping()))
     except RuntimeError as error:
         raise InputError(f"the plant takes no distance constraint: {error}", where="plant",
                          right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
@@ -326,11 +315,8 @@ def add_implicit_device(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: flo
 
 
 def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float) -> None:
-    """Puts the support of `foot` at `fulcrum_m` (m from A) in the plant's Context; the carriage stays where it is.
-
-    Raises:
-        InputError: the carriage cannot reach it, the plant has no time step, or the Context is not the plant's.
-    """
+    """Puts the support of `foot`, in a plant with a time step, at `fulcrum_m` (m from A) in the plant's Context; the
+    carriage stays where it is."""
     support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
     check_context(plant, plant_context)
     plant.SetDistanceConstraintParams(plant_context, support, rod)
@@ -338,9 +324,8 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
 
 def support_of(foot: FootHandles) -> MultibodyConstraintId:
     """The constraint that is the support of `foot`; raises InputError for a foot in a continuous plant."""
-    if foot.support is None:
-        raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
-                         right="There the support follows its port by itself: leave this call out")
+    require(foot.support is not None, f"the foot {foot.name!r} is in a continuous plant", "foot",
+            "There the support follows its port by itself: leave this call out")
     return foot.support
 
 

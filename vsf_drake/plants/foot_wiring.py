@@ -8,17 +8,9 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import (
-    Context,
-    DiagramBuilder,
-    EventStatus,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    PortDataType,
-)
+from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, LeafSystem, OutputPort
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
@@ -26,7 +18,7 @@ from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ActuatorParameters, FrictionParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
 from vsf_drake.plants.wiring import (
     SERVO_FREQUENCY,
     check_open,
@@ -49,20 +41,15 @@ DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
 class WiredFoot:
     """A foot with its forces in a diagram.
 
-    Attributes:
-        forces: the system that exerts them; its constants change in its Context. In a plant with a time step those of
-            springs, carriage and support belong to the plant, and here change nothing but what outputs tell.
-        reaction: what the ground does to a foot with contact of Drake's own; else None.
-        device: in a plant with a time step, the system that only tells what springs and support bear, for there the
-            plant exerts that; else None.
-        command: in a plant with a time step, what sends the carriage to the fulcrum position; else None.
+    `forces` exerts them; its constants change in its Context. In a plant with a time step those of springs, carriage
+    and support belong to the plant, and here change nothing but what outputs tell.
     """
 
     foot: FootHandles
     forces: FootForces
-    reaction: DrakeReaction | None = None
-    device: FootForces | None = None
-    command: FulcrumCommand | None = None
+    reaction: DrakeReaction | None = None  # what the ground does to a foot with contact of Drake's own
+    device: FootForces | None = None  # with a time step: tells what springs and support bear, which the plant exerts
+    command: FulcrumCommand | None = None  # with a time step: sends the carriage to the fulcrum position
 
     @property
     def fulcrum_position(self) -> InputPort:
@@ -73,18 +60,11 @@ class WiredFoot:
         return (self.command or self.forces).GetInputPort("fulcrum_position")
 
     def connect_fulcrum(self, builder: DiagramBuilder, port: OutputPort) -> None:
-        """Feeds the fulcrum position (1,) m from A out of `port`.
-
-        Raises:
-            InputError: `port` is no single number, or the position has a source already.
-        """
-        check_port(builder, port)
-        if port.get_data_type() != PortDataType.kVectorValued or port.size() != 1:
-            raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
-                             right="A fulcrum position is one number, m from the keel's posterior end A")
-        if builder.IsConnectedOrExported(self.fulcrum_position):
-            raise InputError("is connected or exported already", where=f"fulcrum_position of {self.foot.name!r}",
-                             right="Connect it once; what chooses between two sources is a system before it")
+        """Feeds the fulcrum position (1,) m from A out of `port`; it must have no source yet."""
+        check_port(builder, port, 1, "A fulcrum position is one number, m from the keel's posterior end A")
+        require(not builder.IsConnectedOrExported(self.fulcrum_position), "is connected or exported already",
+                f"fulcrum_position of {self.foot.name!r}",
+                "Connect it once; what chooses between two sources is a system before it")
         builder.Connect(port, self.fulcrum_position)
 
     def GetOutputPort(self, name: str) -> OutputPort:
@@ -92,9 +72,6 @@ class WiredFoot:
 
         Which system it belongs to depends on contact and time step: export it, or evaluate it with
         `port.Eval(port.get_system().GetMyContextFromRoot(root_context))`.
-
-        Raises:
-            InputError: there is none of that name.
         """
         # In a plant with a time step `forces` has outputs of springs and support, too, but `device` tells them.
         systems = (self.device, self.forces, self.reaction) if name in FORCES else (self.forces, self.reaction)
@@ -131,47 +108,43 @@ def wire_foot(
 
     Raises:
         InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
-            port of the plant is exported; ground or position cannot be, or there is no ground. Nothing has been added
-            then.
+            port of the plant is exported; ground or position cannot be. Nothing has been added then.
     """
     check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
-    _check_wiring(builder, plant, foot)
+    check_shareable(builder, plant)
+    require(plant.HasModelInstanceNamed(foot.name) and plant.get_body(foot.frame.index()) is foot.frame,
+            f"the foot {foot.name!r} is part of another plant", "foot",
+            "Wire it in the diagram of the plant that it was added to")
+    require(not builder.HasSubsystemNamed(f"{foot.name}_forces"), f"the foot {foot.name!r} is wired already", "foot",
+            "Keep what the first wire_foot returned; a second foot needs a name of its own")
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
     _check_suits(plant, foot, ground, fulcrum_m, own_ground)
-    law, device, contact = None, _device_constants(foot, fulcrum_m), {}
-    if foot.contact in CONTACT_LAWS:
-        law = foot.contact
+    law = foot.contact if foot.contact in CONTACT_LAWS else None
+    device, contact = _device_constants(foot, fulcrum_m), {}
+    if law:
         contact = _contact_constants(foot.sites, foot.parameters.friction, check_ground(ground or Ground()))
-    reaction = _add_reaction(builder, plant, foot) if foot.contact in DRAKE_CONTACTS else None
+    reaction = None if law else _add_reaction(builder, plant, foot)
     if foot.support is None:
-        forces = _add_forces(builder, plant, foot, "forces", law, device | contact)
-        _rest_on_fulcrum(plant, foot, fulcrum_m)
-        _apply(builder, plant, forces)
+        forces = _add_forces(builder, plant, foot, law, device | contact)
         return WiredFoot(foot=foot, forces=forces, reaction=reaction)
     joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
     command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
         num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
     builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
+    forces = None
     if law:
         without = dict.fromkeys(device, 0.0) | {"fulcrum_m": fulcrum_m}
-        forces = _add_forces(builder, plant, foot, "forces", law, without | contact,
-                             grip=grip_limit(foot, plant.time_step()))
-        _apply(builder, plant, forces)
-        told = _add_forces(builder, plant, foot, "device", None, device)
-    else:
-        forces = told = _add_forces(builder, plant, foot, "forces", None, device)
+        forces = _add_forces(builder, plant, foot, law, without | contact, grip=grip_limit(foot, plant.time_step()))
+    told = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
     builder.Connect(command.GetOutputPort("position"), told.GetInputPort("fulcrum_position"))
-    return WiredFoot(foot=foot, forces=forces, reaction=reaction, device=told, command=command)
+    return WiredFoot(foot=foot, forces=forces or told, reaction=reaction, device=told, command=command)
 
 
 def wire_unloaded_foot(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> FootForces:
     """Connects what acts on `foot`, in a continuous plant, but for contact and friction: nothing is under it."""
-    forces = _add_forces(builder, plant, foot, "forces", None, _device_constants(foot, foot.fulcrum_m))
-    _rest_on_fulcrum(plant, foot, foot.fulcrum_m)
-    _apply(builder, plant, forces)
-    return forces
+    return _add_forces(builder, plant, foot, None, _device_constants(foot, foot.fulcrum_m))
 
 
 def add_rigid_foot(
@@ -181,18 +154,12 @@ def add_rigid_foot(
     """Adds contact and friction of spheres on one rigid body, on `ground`, and applies them to `plant`.
 
     It is a `FootForces` whose keel has no stiffness, no support and no spheres, so that it exerts nothing there.
-
-    Raises:
-        ValueError: the sites are on several bodies.
     """
-    bodies = {int(index) for index in sites.body_indices}
-    if len(bodies) != 1:
-        raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
     no_keel = dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "carriage_gain", "carriage_rate_gain",
                              "fulcrum_m", "joint_stiffness", "joint_damping"), 0.0)
     forces = builder.AddNamedSystem(name, FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
-        velocity_indices=[0, 0], frame_body_index=BodyIndex(bodies.pop()), keel_starts=np.zeros(1),
+        velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
         site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
         constants=no_keel | _contact_constants(sites, friction, check_ground(ground))))
     connect_kinematics(builder, plant, [forces])
@@ -201,25 +168,24 @@ def add_rigid_foot(
 
 
 def _add_forces(
-    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, name: str, law: str | None,
-    constants: dict[str, Any], grip: np.ndarray | None = None
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, law: str | None, constants: dict[str, Any], *,
+    name: str = "forces", acts: bool = True, grip: np.ndarray | None = None
 ) -> FootForces:
-    names = (*foot.keel_joint_names, foot.carriage_joint_name)
-    joints = [plant.GetJointByName(joint, foot.instance) for joint in names]
+    *keel, slide = [plant.GetJointByName(joint, foot.instance)
+                    for joint in (*foot.keel_joint_names, foot.carriage_joint_name)]
     keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
     forces = builder.AddNamedSystem(f"{foot.name}_{name}", FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(),
-        position_indices=[joint.position_start() for joint in joints],
-        velocity_indices=[joint.velocity_start() for joint in joints], frame_body_index=foot.frame.index(),
+        position_indices=[joint.position_start() for joint in (*keel, slide)],
+        velocity_indices=[joint.velocity_start() for joint in (*keel, slide)], frame_body_index=foot.frame.index(),
         keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices]))
     connect_kinematics(builder, plant, [forces])
+    if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
+        slide.set_default_translation(constants["fulcrum_m"])
+    if acts:
+        _apply(builder, plant, forces)
     return forces
-
-
-def _rest_on_fulcrum(plant: MultibodyPlant, foot: FootHandles, fulcrum_m: float) -> None:
-    """Otherwise the servo would pull the carriage from A to the fulcrum in the first millisecond."""
-    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(fulcrum_m)
 
 
 def _apply(builder: DiagramBuilder, plant: MultibodyPlant, forces: FootForces) -> None:
@@ -235,41 +201,28 @@ def _add_reaction(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHand
     return reaction
 
 
-def _check_wiring(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> None:
-    if not plant.is_finalized():
-        raise InputError("is not finalised", where="plant", right="Call plant.Finalize() after the last add_foot")
-    check_shareable(builder, plant)
-    if not plant.HasModelInstanceNamed(foot.name) or plant.get_body(foot.frame.index()) is not foot.frame:
-        raise InputError(f"the foot {foot.name!r} is part of another plant", where="foot",
-                         right="Wire it in the diagram of the plant that it was added to")
-    if builder.HasSubsystemNamed(f"{foot.name}_forces"):
-        raise InputError(f"the foot {foot.name!r} is wired already", where="foot",
-                         right="Keep what the first wire_foot returned; a second foot needs a name of its own")
-
-
 def _check_suits(
     plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float, own_ground: bool
 ) -> None:
     """Raises InputError unless time step, ground and position go with the foot's contact and support."""
-    if plant.time_step() > 0.0 and foot.support is None:
-        raise InputError(f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it",
-                         where="plant", right="Add the foot with add_foot, or take a continuous plant")
-    if ground is not None and foot.contact in DRAKE_CONTACTS:
-        raise InputError(f"is geometry of the plant for contact {foot.contact}", where="ground",
-                         right="Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here")
-    if foot.support is not None and abs(fulcrum_m - foot.fulcrum_m) > 1e-9:
-        raise InputError(f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step",
-                         where="fulcrum_m", right=f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
+    require(plant.time_step() == 0.0 or foot.support is not None,
+            f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it", "plant",
+            "Add the foot with add_foot, or take a continuous plant")
+    require(ground is None or foot.contact not in DRAKE_CONTACTS,
+            f"is geometry of the plant for contact {foot.contact}", "ground",
+            "Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here")
+    require(foot.support is None or abs(fulcrum_m - foot.fulcrum_m) <= 1e-9,
+            f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step", "fulcrum_m",
+            f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
     if foot.contact not in DRAKE_CONTACTS:
-        if own_ground:
-            raise InputError(f"contact {foot.contact} meets no geometry", where="own_ground",
-                             right=f"Give its patches as ground, or take contact {' or '.join(DRAKE_CONTACTS)}")
-    elif not own_ground and not any(
-            plant.GetCollisionGeometriesForBody(body) for body in plant.GetBodiesWeldedTo(plant.world_body())
-            if body not in (foot.frame, *foot.keel)):
-        raise InputError(f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
-                         where="ground", right="Call add_ground_geometry(plant, ground) before plant.Finalize(), or "
-                         "say wire_foot(..., own_ground=True) if it is to meet a ground of yours that moves, or none")
+        require(not own_ground, f"contact {foot.contact} meets no geometry", "own_ground",
+                f"Give its patches as ground, or take contact {' or '.join(DRAKE_CONTACTS)}")
+        return
+    fixed = [body for body in plant.GetBodiesWeldedTo(plant.world_body()) if body not in (foot.frame, *foot.keel)]
+    require(own_ground or any(plant.GetCollisionGeometriesForBody(body) for body in fixed),
+            f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through", "ground",
+            "Call add_ground_geometry(plant, ground) before plant.Finalize(), or say wire_foot(..., own_ground=True) "
+            "if it is to meet a ground of yours that moves, or none")
 
 
 def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:
@@ -293,17 +246,14 @@ def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground
 
 
 def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
-    """Makes the supports of `feet` follow their fulcrum positions: sets the simulator's monitor.
+    """Makes the supports of `feet`, in a plant with a time step, follow their fulcrum positions: sets the simulator's
+    monitor.
 
-    In a plant with a time step a support has its place in the Context, so somebody must move it between steps. A
-    monitor of your own goes on working if it is set before this: it is called first, and what it returns counts.
-
-    Raises:
-        InputError: a foot is not what `wire_foot` returned, or not in a plant with a time step.
+    A support has its place in the Context there, so somebody must move it between steps. A monitor of your own goes on
+    working if it is set before this: it is called first, and what it returns counts.
     """
     for wired in feet:
-        if not hasattr(wired, "command"):
-            raise InputError(f"is a {type(wired).__name__}", where="feet", right="Give what wire_foot returned")
+        require(hasattr(wired, "command"), f"is a {type(wired).__name__}", "feet", "Give what wire_foot returned")
         support_of(wired.foot)
     earlier = simulator.get_monitor()
 
@@ -337,16 +287,12 @@ PERIOD_S = 5e-3
 
 @dataclass(frozen=True)
 class FulcrumDrive:
-    """What `add_fulcrum_drive` put into the diagram; nothing of it is exported.
-
-    Attributes:
-        shank: the sensor, None if the controller does without.
-    """
+    """What `add_fulcrum_drive` put into the diagram; nothing of it is exported."""
 
     actuator: FulcrumActuator
     controller: SwingController
     recorder: AdjustmentRecorder
-    shank: ShankAngle | None
+    shank: ShankAngle | None  # the sensor, where the controller needs one
 
     @property
     def desired_position(self) -> InputPort:
@@ -354,20 +300,13 @@ class FulcrumDrive:
         return self.controller.GetInputPort("desired_position")
 
     def GetOutputPort(self, name: str) -> OutputPort:
-        """An output of actuator, controller, recorder or sensor by its name; these differ.
-
-        Raises:
-            InputError: there is none of that name.
-        """
+        """An output of actuator, controller, recorder or sensor by its name; these differ."""
         return _output((self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
 
     def SetPosition(self, root_context: Context, position: float) -> None:
         """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram.
 
         Give the plant's carriage joint the same position: it is left where it is, and its servo would pull it there.
-
-        Raises:
-            InputError: it is outside the travel.
         """
         self.actuator.SetPosition(self.actuator.GetMyMutableContextFromRoot(root_context), position)
         discrete = self.controller.GetMyMutableContextFromRoot(root_context).get_mutable_discrete_state_vector()
@@ -404,21 +343,17 @@ def add_fulcrum_drive(
     check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
     check_type(parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's")
     grf = grf or wired.GetOutputPort("grf")
-    check_port(builder, grf)
-    if grf.size() != 3:
-        raise InputError(f"has {grf.size()} elements", where=f"port {grf.get_name()!r}",
-                         right="The ground reaction force is one vector of 3, N, z_W up")
-    if builder.IsConnectedOrExported(wired.fulcrum_position):
-        raise InputError("is connected or exported already", where=f"{foot.name}'s fulcrum_position",
-                         right="A fulcrum has one master: leave the port free, and give the drive a desired position")
+    check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
+    require(not builder.IsConnectedOrExported(wired.fulcrum_position), "is connected or exported already",
+            f"{foot.name}'s fulcrum_position",
+            "A fulcrum has one master: leave the port free, and give the drive a desired position")
     if initial_m is None:
         initial_m = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_default_translation()
     fulcrum = foot.parameters.fulcrum
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
-    actuator = FulcrumActuator(
+    actuator = builder.AddNamedSystem(f"{foot.name}_actuator", FulcrumActuator(
         parameters=parameters, carriage_mass=fulcrum.carriage_mass_kg, rearmost=fulcrum.rearmost_m,
-        foremost=fulcrum.foremost_m, initial_position=initial_m)
-    builder.AddNamedSystem(f"{foot.name}_actuator", actuator)
+        foremost=fulcrum.foremost_m, initial_position=initial_m))
     builder.AddNamedSystem(f"{foot.name}_swing_controller", controller)
     recorder = builder.AddNamedSystem(f"{foot.name}_adjustments", AdjustmentRecorder(period=period_s))
     sensor = None

@@ -23,12 +23,11 @@ from pydrake.multibody.tree import (
     RigidBody,
 )
 
-from vsf_drake.errors import InputError
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, Pad, pad_of, rigid_foot
-from vsf_drake.plants.foot import CONTACTS, add_foot, add_implicit_device, check_step
-from vsf_drake.plants.foot_handles import FootHandles, checked_side
+from vsf_drake.plants.foot import CONTACTS, add_foot, checked_side, with_implicit_device
+from vsf_drake.plants.foot_handles import FootHandles, require
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 AGREEMENT = 1e-9
@@ -52,20 +51,17 @@ def find_foot(
     `joint_damping` in the handles, so that `wire_foot` adds none and the output joint_moment of `FootForces` is zero
     there. A file without springs leaves them to `wire_foot`, in whose Context they can be changed. A plant with a time
     step needs this to be called before Finalize, because the carriage's hold, the support and springs that the file
-    lacks become a part of it (see `foot`).
-
-    So does contact: the laws of `FootForces` and Drake's own contact of the file's collision spheres cannot both act.
+    lacks become a part of it (see `foot`). Contact counts once, too: the laws of `FootForces` and Drake's own contact
+    of the file's collision spheres cannot both act.
 
     Args:
         instance: the model instance or its name.
-        parameters: of the foot that was exported.
-        side: see `add_foot`.
-        contact: see `add_foot`; of Drake's own, a file's collision spheres are made for "drake_point".
+        side, contact: see `add_foot`; of Drake's own, a file's collision spheres are made for "drake_point".
         fulcrum_m: see `add_foot`; by default the carriage's default position (default_joint_positions of the model
             directives), if that is within reach. It becomes the carriage's default.
-        scene_graph: needed for a law of `FootForces` where the plant has collision spheres, which are then taken out
-            of it (they lose their proximity role). Before the diagram's Context is made. With "drake_point" it lets the
-            spheres be held against the parameters too.
+        scene_graph: before the diagram's Context is made; needed for a law of `FootForces` where the plant has
+            collision spheres, which are then taken out of it (they lose their proximity role). With "drake_point" it
+            lets the spheres be held against the parameters too.
 
     Raises:
         InputError: there is no such instance or it is no exported foot; it differs from the parameters, and how; it
@@ -94,12 +90,21 @@ def find_foot(
         frame=bodies[reference.frame.index()], mount=mount, keel=[bodies[body.index()] for body in reference.keel],
         joint_stiffness=stiffness, joint_damping=damping, sites=sites, fulcrum_m=_fulcrum(slide, reference, fulcrum_m))
     foot = replace(foot, contact=_contact(plant, foot, contact, scene_graph))
-    return foot if plant.time_step() == 0.0 else _with_implicit_device(plant, foot, reference)
+    if plant.time_step() == 0.0:
+        return foot
+    in_plant = (foot.joint_stiffness == 0.0) & (reference.joint_stiffness > 0.0)
+    longest = LONGEST_STEP * parameters.keel.damping_time_s
+    require(not np.any(in_plant) or plant.time_step() < longest,
+            f"springs of the plant's joints diverge at time steps of {1e3 * plant.time_step():g} ms", name,
+            f"Take less than {1e3 * longest:g} ms, or export the foot with --no-springs (foot_sdf(..., springs=False))")
+    require(not plant.is_finalized(),
+            "the plant has a time step and is finalised, so springs and support cannot be added", name,
+            "Call find_foot before plant.Finalize()")
+    return with_implicit_device(plant, foot)
 
 
-def _require(holds: bool | np.bool_, otherwise: str, where: str, right: str = _AGAIN) -> None:
-    if not holds:
-        raise InputError(otherwise, where=where, right=right)
+def _require(holds: object, otherwise: str, where: str, right: str = _AGAIN) -> None:
+    require(holds, otherwise, where, right)
 
 
 def _close(found: object, expected: object, size: float = 1.0) -> bool:
@@ -115,9 +120,8 @@ def _require_pose(found: RigidTransform, expected: RigidTransform, where: str) -
 def _named_instance(plant: MultibodyPlant, instance: ModelInstanceIndex | str) -> tuple[str, ModelInstanceIndex]:
     names = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(plant.num_model_instances())]
     known = instance if isinstance(instance, str) else dict(enumerate(names)).get(int(instance))
-    if known not in names:
-        raise InputError(f"the plant has no model instance {instance!r}", where="instance",
-                         right=f"It has {', '.join(names[2:]) or 'none'}")
+    require(known in names, f"the plant has no model instance {instance!r}", "instance",
+            f"It has {', '.join(names[2:]) or 'none'}")
     return known, plant.GetModelInstanceByName(known)
 
 
@@ -186,26 +190,9 @@ def _fulcrum(slide: PrismaticJoint, reference: FootHandles, asked: float | None)
     return float(at)
 
 
-def _with_implicit_device(plant: MultibodyPlant, foot: FootHandles, reference: FootHandles) -> FootHandles:
-    """What `add_foot` does in a plant with a time step."""
-    in_plant = (foot.joint_stiffness == 0.0) & (reference.joint_stiffness > 0.0)
-    time_step, longest = plant.time_step(), LONGEST_STEP * foot.parameters.keel.damping_time_s
-    _require(not np.any(in_plant) or time_step < longest,
-             f"springs of the plant's joints diverge at time steps of {1e3 * time_step:g} ms", foot.name,
-             f"Take less than {1e3 * longest:g} ms, or export the foot with --no-springs "
-             "(foot_sdf(..., springs=False))")
-    _require(not plant.is_finalized(),
-             "the plant has a time step and is finalised, so springs and support cannot be added", foot.name,
-             "Call find_foot before plant.Finalize()")
-    check_step(time_step, foot)
-    return replace(foot, support=add_implicit_device(plant, foot, foot.fulcrum_m))
-
-
 def _contact(plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph: SceneGraph | None) -> str:
-    """`contact`, after a check that it goes with the collision spheres that the plant has of the foot.
-
-    For a law of `FootForces` they are taken out of `scene_graph`.
-    """
+    """`contact`, after a check that it goes with the collision spheres that the plant has of the foot, which for a law
+    of `FootForces` are taken out of `scene_graph`."""
     where = f"{foot.name}: contact"
     _require(contact in CONTACTS, f"{contact!r} is not known", "contact", f"Known are {', '.join(CONTACTS)}")
     spheres = own_geometry(plant, foot)
@@ -222,7 +209,7 @@ def _contact(plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph
         return contact
     _require(contact == "drake_point", f"{contact!r} is not what the file's collision spheres are made for", where,
              "Use add_foot for it, or \"drake_point\"")
-    pads = {pad.name: pad for link in rigid_foot(foot.parameters).links for pad in link.pads}
+    pads = {pad.name: pad for link in rigid_foot(foot.parameters)[1] for pad in link.pads}
     _require(len(spheres) == len(pads),
              f"the plant has {len(spheres)} collision spheres of the foot, the parameters {len(pads)}", where,
              "Register the plant with a SceneGraph before parsing (AddMultibodyPlantSceneGraph), and export the foot "

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSy
 from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
-from vsf_drake.plants.foot_handles import check_type
+from vsf_drake.plants.foot_handles import check_type, require
 from vsf_drake.systems.joint_forces import GaitDriver
 
 SERVO_FREQUENCY = 2 * np.pi * 600.0
@@ -64,11 +64,9 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
     check_shareable(builder, plant)
     check_port(builder, port)
     vector = port.get_data_type() == PortDataType.kVectorValued
-    if vector or not isinstance(port.Allocate(), Value[list[ExternallyAppliedSpatialForce]]):
-        raise InputError(f"is a vector of {port.size()}" if vector else "is no list of spatial forces",
-                         where=f"port {port.get_name()!r}",
-                         right="Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to "
-                               "share_generalized_forces")
+    require(not vector and isinstance(port.Allocate(), Value[list[ExternallyAppliedSpatialForce]]),
+            f"is a vector of {port.size()}" if vector else "is no list of spatial forces", f"port {port.get_name()!r}",
+            "Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to share_generalized_forces")
     _share(builder, port, plant.get_applied_spatial_force_input_port(),
            lambda: ExternallyAppliedSpatialForceMultiplexer(2))
 
@@ -77,48 +75,44 @@ def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, por
     """Applies the generalized force in `port` (num_velocities,) to `plant`, added to what is applied there already.
 
     Raises:
-        InputError: the plant's port is exported as an input of the diagram, `port` has another size or is of no system
-            in `builder`, or it acts on the plant already.
+        InputError: as `share_spatial_forces`, or `port` has another size.
     """
     check_shareable(builder, plant)
-    check_port(builder, port)
-    if port.get_data_type() != PortDataType.kVectorValued or port.size() != plant.num_velocities():
-        raise InputError(f"has {port.size()} elements", where=f"port {port.get_name()!r}",
-                         right=f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
+    check_port(builder, port, plant.num_velocities(),
+               f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
     _share(builder, port, plant.get_applied_generalized_force_input_port(), lambda: Adder(2, plant.num_velocities()))
 
 
 def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
     """Raises InputError unless `builder` holds the plant and nothing but systems acts on its two force ports."""
     check_open(builder)
-    if not any(system is plant for system in builder.GetSystems()):
-        raise InputError("is not in this builder", where="plant",
-                         right="Add it first: builder.AddSystem(plant), or AddMultibodyPlantSceneGraph(builder, ...)")
-    if not plant.is_finalized():
-        raise InputError("is not finalised", where="plant", right="Call plant.Finalize() first")
+    require(any(system is plant for system in builder.GetSystems()), "is not in this builder", "plant",
+            "Add it first: builder.AddSystem(plant), or AddMultibodyPlantSceneGraph(builder, ...)")
+    require(plant.is_finalized(), "is not finalised", "plant", "Call plant.Finalize() first, after the last add_foot")
     sources = _sources(builder)
     for target in (plant.get_applied_spatial_force_input_port(), plant.get_applied_generalized_force_input_port()):
-        if (plant, int(target.get_index())) not in sources and builder.IsConnectedOrExported(target):
-            raise InputError("is an input of the diagram, so nothing else can act there",
-                             where=f"the plant's {target.get_name()}",
-                             right="Export the input of a PassThrough instead, and give its output to "
-                                   "share_spatial_forces or share_generalized_forces")
+        require((plant, int(target.get_index())) in sources or not builder.IsConnectedOrExported(target),
+                "is an input of the diagram, so nothing else can act there", f"the plant's {target.get_name()}",
+                "Export the input of a PassThrough instead, and give its output to share_spatial_forces or "
+                "share_generalized_forces")
 
 
 def check_open(builder: DiagramBuilder) -> None:
     """Raises InputError unless `builder` is a DiagramBuilder that has not built yet."""
     check_type(builder, DiagramBuilder, "builder", "Give the DiagramBuilder that the plant was added to")
-    if builder.already_built():
-        raise InputError("has built its diagram already", where="builder", right="Do this before builder.Build()")
+    require(not builder.already_built(), "has built its diagram already", "builder", "Do this before builder.Build()")
 
 
-def check_port(builder: DiagramBuilder, port: OutputPort) -> None:
-    """Raises InputError unless `port` is an output of a system in `builder`."""
+def check_port(builder: DiagramBuilder, port: OutputPort, size: int | None = None, right: str = "") -> None:
+    """Raises InputError unless `port` is an output of a system in `builder`, and a vector of that size if given."""
     check_open(builder)
     check_type(port, OutputPort, "port", "Give an output port: system.GetOutputPort(name)")
-    if not any(system is port.get_system() for system in builder.GetSystems()):
-        raise InputError(f"is of {port.get_system().get_name()!r}, which is not in this builder",
-                         where=f"port {port.get_name()!r}", right="Add its system to the builder of the plant")
+    where = f"port {port.get_name()!r}"
+    require(any(system is port.get_system() for system in builder.GetSystems()),
+            f"is of {port.get_system().get_name()!r}, which is not in this builder", where,
+            "Add its system to the builder of the plant")
+    require(size is None or (port.get_data_type() == PortDataType.kVectorValued and port.size() == size),
+            f"has {port.size()} elements", where, right)
 
 
 def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, int]]:
@@ -132,10 +126,9 @@ def _share(builder: DiagramBuilder, port: OutputPort, target: InputPort, both: C
     waiting = [where]
     while waiting:  # through all unions, for the port may be one of the summands already
         system, index = sources.get(waiting.pop(), (None, 0))
-        if (system, index) == (port.get_system(), int(port.get_index())):
-            raise InputError(f"acts on the plant already, by its {target.get_name()}",
-                             where=f"port {port.get_name()!r}",
-                             right="Share it once; the ports of a foot are shared by wire_foot")
+        require((system, index) != (port.get_system(), int(port.get_index())),
+                f"acts on the plant already, by its {target.get_name()}", f"port {port.get_name()!r}",
+                "Share it once; the ports of a foot are shared by wire_foot")
         if isinstance(system, (Adder, ExternallyAppliedSpatialForceMultiplexer)):
             waiting += [(system, i) for i in range(system.num_input_ports())]
     if where not in sources:
