@@ -9,15 +9,16 @@ import jinja2
 
 
 @cache
-def _environment() -> jinja2.Environment:
-    found = jinja2.Environment(loader=jinja2.PackageLoader("vsf_drake.analysis", "wording"), trim_blocks=True,
-                               lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+def text_templates(package: str, folder: str) -> jinja2.Environment:
+    """The plain-text templates of a folder; their filter `form` is Python's `format`."""
+    found = jinja2.Environment(loader=jinja2.PackageLoader(package, folder), trim_blocks=True, lstrip_blocks=True,
+                               undefined=jinja2.StrictUndefined)
     found.filters["form"] = format
     return found
 
 
 def say(template: str, part: str = "", /, **numbers: Any) -> list[str]:
     """The paragraphs that `wording/TEMPLATE.txt.j2`, or its macro `part`, makes of numbers, each on one line."""
-    found = _environment().get_template(f"{template}.txt.j2")
+    found = text_templates("vsf_drake.analysis", "wording").get_template(f"{template}.txt.j2")
     text = str(getattr(found.module, part)(**numbers)) if part else found.render(numbers)
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]

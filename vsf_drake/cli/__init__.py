@@ -57,7 +57,7 @@ def _ended(signals: _Signals) -> int | str | None:
 
 def _run() -> None:
     """Loads the commands here, where a signal already finds its answer, and runs the one that is asked for."""
-    from vsf_drake.cli import device, fit, recordings, simulate, study, sweep, tune  # noqa: F401
+    from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
     from vsf_drake.cli.app import app
 
     app()

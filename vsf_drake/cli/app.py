@@ -10,6 +10,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
 from vsf_drake import __version__
 from vsf_drake.errors import InputError
@@ -24,12 +25,8 @@ errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 INTERRUPTED = 130
 """What Typer ends with after Ctrl-C."""
 
-
-def path(given: str) -> Path:
-    """A path that a user gave, with ~ expanded. Raises InputError for what cannot be one."""
-    return user_path(given)
-
-
+path = user_path
+"""A path that a user gave, with ~ expanded."""
 Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
 OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(parser=path, help="Model file (YAML) instead of the nominal one.")]
@@ -58,6 +55,30 @@ def interrupted(line: str) -> NoReturn:
     """Ends the command after an interrupt, saying what is left."""
     errors.print(f"interrupted{line}", soft_wrap=True)
     raise SystemExit(INTERRUPTED) from KeyboardInterrupt()
+
+
+def print_text(template: str, /, **facts: Any) -> None:
+    """Prints what `templates/TEMPLATE.txt.j2` makes of a command's results, line by line; "! " makes one stand out.
+
+    A table is `{% call table("heading", ..., title="") %}`, a line a row, with │ between its cells.
+    """
+    from vsf_drake.analysis.sentences import text_templates
+
+    tables: list[Table] = []
+
+    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True) -> str:
+        tables.append(Table(*headings, title=title or None, show_header=heading))
+        for line in filter(str.strip, caller().split("\n")):
+            cells = line.removeprefix("! ").split("│")
+            tables[-1].add_row(*map(str.strip, cells), style="bold yellow" if line.startswith("! ") else None)
+        return f"\f{len(tables) - 1}\n"
+
+    text = text_templates("vsf_drake.cli", "templates").get_template(f"{template}.txt.j2").render(facts, table=table)
+    for line in filter(None, text.split("\n")):
+        if line.startswith("\f"):
+            console.print(tables[int(line[1:])])
+        else:
+            say(line, "bold yellow" if line.startswith("! ") else "")
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> Any:

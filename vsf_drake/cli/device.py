@@ -1,16 +1,29 @@
-"""`vsf-drake bench`, `export`, `show` and `stand`: the foot, or a person on it, without a recording."""
+"""`vsf-drake bench`, `export`, `show`, `stand` and `simulate`: one foot, or one person on it."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
-from vsf_drake.cli.app import Contact, Model, Out, app, console, contact_hash, model_of, path, progress, say, warn
+from vsf_drake.cli.app import (
+    Contact,
+    Model,
+    Out,
+    app,
+    check_contact_use,
+    console,
+    contact_hash,
+    model_of,
+    path,
+    print_text,
+    progress,
+    read_trials,
+    say,
+)
 from vsf_drake.errors import InputError
 
 
@@ -37,27 +50,10 @@ def bench(
         result = run_bench(pressed, fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
                            speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f),
                            inputs=contact_hash(contact))
-    print_bench(write_bench(result, out))
+    print_text("bench", **write_bench(result, out))
     if contact:
         say(f"the foot has the fitted contact of {contact}")
     say(f"written to {out}")
-
-
-def print_bench(table: dict[str, Any]) -> None:
-    """The table of settings, and how long it took."""
-    grid = Table("fulcrum (mm)", "stiffness (N/mm)", "published", "mid-range (mm)", "load (N)", title="Bench")
-    for row in table["settings"]:
-        published = row["published_n_per_mm"]
-        grid.add_row(f"{row['fulcrum_mm']:.0f}", f"{row['stiffness_n_per_mm']:.2f}",
-                     "prediction" if published is None else f"{published:.1f}",
-                     f"{row['mid_range_displacement_mm']:.2f}", f"{row['max_load_n']:.0f}")
-    if table["heel_stiffness_n_per_mm"] is not None:
-        published = f"{table['heel_published_n_per_mm']:.1f}"
-        grid.add_row("heel", f"{table['heel_stiffness_n_per_mm']:.2f}", published, "", "")
-    console.print(grid)
-    refined = f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""
-    say(f"{table['simulated_s']:.0f} s simulated in {table['wall_s']:.2f} s (compilation, {table['compile_s']:.1f} s, "
-        f"apart), {table['unconverged_steps']} steps unconverged{refined}")
 
 
 @app.command()
@@ -182,31 +178,31 @@ def stand(
         note = (f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
                 "offsets and joint angles belongs to its recordings and is left out.")
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
-    _print_standing(write_standing(standing, out))
+    print_text("standing", **write_standing(standing, out))
     say(f"written to {out}")
 
 
-def _print_standing(table: dict[str, Any]) -> None:
-    """The table of forces and drift, the verdict and what it took."""
-    grid = Table("", "value", title=Text(f"{table['subject']}, standing {table['duration_s']:g} s"), show_header=False)
-    angles, legs = table["pelvis_deg"], table["leg_length_mm"]
-    for row in (
-        ("weight (N)", f"{table['weight_n']:.2f}"),
-        ("mean vertical force (N)", f"{table['mean_vertical_n']:.2f} ({table['weight_error']:+.3%})"),
-        ("under the prosthetic foot", f"{table['prosthetic_share']:.1%}"),
-        ("under the intact foot", f"{table['intact_share']:.1%}"),
-        ("drift of the pelvis (mm)", f"{table['drift_mm']:.3f}"),
-        ("turn of the pelvis (degrees)", f"{table['turn_deg']:.3f}"),
-        ("pelvis tilt, list (degrees)", f"{angles['tilt']:.2f}, {angles['list']:.2f}"),
-        ("leg, prosthetic and intact (mm)", f"{legs['prosthetic']:.1f}, {legs['intact']:.1f}"),
-        ("free", ", ".join(table["free"])),
-        ("held with (N m)", ", ".join(f"{key} {value:.1f}" for key, value in table["held_nm"].items()) or "nothing"),
-        ("unconverged steps", str(table["unconverged_steps"])),
-        *([("steps cut into smaller ones", str(table["refined_steps"]))] if table["refined_steps"] else []),
-    ):
-        grid.add_row(*row)
-    console.print(grid)
-    if not table["stands"]:
-        warn("This person does not stand still on the model: see drift, force and notes.")
-    for note in table["notes"]:
-        say(f"- {note}")
+@app.command()
+def simulate(
+    trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
+    out: Out,
+    contact: Contact = None,
+    fit_offsets: Annotated[bool, typer.Option(
+        "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
+    step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
+    replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
+) -> None:
+    """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.analysis.validation.study import walk_trial
+    from vsf_drake.report.outputs import WALK, write_walk
+
+    check_contact_use(contact, fit_offsets=fit_offsets)
+    WALK.check(out)
+    [recorded] = read_trials([trial], contact)
+    with progress() as show:
+        walk = walk_trial(recorded, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
+    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
+    print_text("walk", **metrics, alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
+               offsets_are="with those of the fitted contact" if contact else "not fitted")
+    say(f"written to {out}")

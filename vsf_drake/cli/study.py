@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, progress, say, warn
+from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, print_text, progress, say, warn
 from vsf_drake.errors import InputError, SimulationError
 
 MOST_ISO_FORCE_N = 10_000.0
@@ -71,7 +70,7 @@ def validate(
     except KeyboardInterrupt:
         interrupted(f"; finished sections are in {out / UNFINISHED}: the same command goes on from them")
     SectionStore(out / UNFINISHED, "").remove(NAMES)
-    _print_summary(written)
+    print_text("summary", **written)
     say(f"written to {out}; open {PAGE} first")
     unread = [*(f"{label}: {why}" for label, why in study.failed), *filter(None, [study.bench_problem])]
     failed = [f"the section {name} failed: {one.failure}" for name, one in finished.items() if one.section is None]
@@ -79,22 +78,6 @@ def validate(
         fail(line)
     if unread or failed:
         sys.exit(InputError.exit_code if unread else SimulationError.exit_code)
-
-
-def _print_summary(content: dict[str, Any]) -> None:
-    """The summary's rows, then what is missing or doubtful."""
-    grid = Table("", "here", "paper", "asked", "met")
-    for row in content["summary"]:
-        met = {True: "yes", False: "NO", None: ""}[row["met"]]
-        here = "not known" if row["shown"] is None else f"{row['shown']} {row['unit']}".strip()
-        cells = (row["what"], here, row["paper"] or "", row["asked"] or "", met)
-        grid.add_row(*cells, style="bold yellow" if row["met"] is False else None)
-    console.print(grid)
-    for note in content["notes"]:
-        warn(note)
-    for trial in content["trials"]:
-        if trial["doubts"]:
-            warn(f"{trial['label']}: {trial['doubts']}")
 
 
 @app.command()

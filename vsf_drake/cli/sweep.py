@@ -21,10 +21,10 @@ from vsf_drake.cli.app import (
     check_contact_use,
     contact_hash,
     interrupted,
+    print_text,
     progress,
     read_trials,
     say,
-    warn,
 )
 from vsf_drake.errors import InputError, SimulationError
 
@@ -116,7 +116,7 @@ def sweep(
                                       show=lambda f: show("comparing", f))
     except KeyboardInterrupt:
         interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
-    _print_sweep(table)
+    print_text("sweep", **table)
     write_sweep_figure(rows, table, out, varied)
     say(f"written to {out}")
     if table["failed"] == table["walks"]:
@@ -189,26 +189,6 @@ def _print_variables(trials: Sequence[Any]) -> None:
         for row in rows:
             cells = [row[0].ljust(wide[0]), row[1].ljust(wide[1]), *(row[i].rjust(wide[i]) for i in (2, 3, 4)), row[5]]
             typer.echo("  ".join(cells).rstrip())
-
-
-def _print_sweep(table: dict[str, Any]) -> None:
-    """What came out, in a few lines."""
-    say(f"{table['walks']} walks, {table['failed']} failed")
-    for trial in table["trials"]:
-        best = trial["smallest_error"]
-        if best is not None:
-            varied = ", ".join(f"{name} {value:g}" for name, value in best["at"].items())
-            say(f"{trial['name']}: resultant force within {best['grf_rmse_bw']:.3f} BW at best, at {varied}")
-        elif trial["finished"]:
-            say(f"{trial['name']}: no walk has a stance to compare")
-    refined = f", {table['refined_steps']} cut into smaller ones" if table["refined_steps"] else ""
-    say(f"{table['unconverged_steps']} steps unconverged{refined}")
-    if table["with_notes"]:
-        say(f"! notes on {table['with_notes']} of {table['walks']} walks, perhaps doubts: see sweep.csv")
-    for failure in table["failures"][:3]:
-        warn(failure)
-    if table["failed"] > 3:
-        warn(f"and {table['failed'] - 3} more: see sweep.csv")
 
 
 # What a user may vary in a sweep, from the words of the command line to numbers.
