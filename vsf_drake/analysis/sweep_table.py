@@ -1,8 +1,8 @@
-"""The table of a sweep: what each of its walks says of the force plate, one row a walk."""
+"""The table of a sweep: what each of its walks says of the force plate, one row a walk, and what they say together."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +10,10 @@ import numpy as np
 
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.schema import to_plain
+from vsf_drake.simulation.many.cases import software
 from vsf_drake.simulation.many.run import WalkOutcome
+from vsf_drake.simulation.variables import Variable
 
 SCORES = {
     "grf_rmse_bw": ("body weights", "RMS error of the resultant force, both low-passed at 40 Hz, stances ± 0.25 s"),
@@ -24,12 +27,9 @@ SCORES = {
 
 
 def as_walk(outcome: WalkOutcome) -> Any:
-    """A walk of a sweep as `compare` and `walk_metrics` read it, from `time_s`, `grf_W` and `cop_W` alone.
+    """A finished walk of a sweep as `compare` and `walk_metrics` read it, from `time_s`, `grf_W` and `cop_W` alone.
 
     The pelvis, whose path gives the walking direction, must be prescribed: its history is that of the recording.
-
-    Raises:
-        VsfError: the walk failed.
     """
     trial, time = outcome.case.trial, outcome.arrays["time_s"]
 
@@ -46,43 +46,74 @@ def as_walk(outcome: WalkOutcome) -> Any:
 
 
 def scores(outcome: WalkOutcome) -> dict[str, Any]:
-    """SCORES of a finished walk; None for what cannot be known.
+    """SCORES of a finished walk; None for what cannot be known."""
+    return _scores(walk_metrics(as_walk(outcome), outcome.case.trial.prosthetic_plate))
 
-    Raises:
-        VsfError: the walk failed.
+
+def sweep_table(
+    outcomes: Sequence[WalkOutcome], trials: Mapping[str, Trial], *, variables: Mapping[str, Variable], fulcrum: bool,
+    plan: Mapping[str, Any], show: Callable[[float], None]
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """What sweep.json holds, and the rows of sweep.csv.
+
+    Args:
+        outcomes: of walks of the `trials`, which are given by the names that the table shall have.
+        variables: that were varied; fulcrum: whether it was.
+        plan: what was asked for. show: called with the finished fraction.
     """
-    metrics = walk_metrics(as_walk(outcome), outcome.case.trial.prosthetic_plate)
+    rows: list[dict[str, Any]] = []
+    peaks, name_of = dict[str, float | None](), {id(trial): name for name, trial in trials.items()}
+    for i, outcome in enumerate(outcomes):
+        case, failure, found = outcome.case, outcome.failure or "", dict[str, Any]()
+        name = name_of[id(case.trial)]
+        if outcome.ok:
+            try:
+                metrics = walk_metrics(as_walk(outcome), case.trial.prosthetic_plate)
+                found = _scores(metrics)
+                peaks.setdefault(name, _peak(metrics, "measured_peaks_bw"))
+            except ValueError as error:  # no instant in common with the plate
+                failure = str(error)
+        at = case.trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
+        rows.append({
+            "trial": name, "fulcrum_mm": round(1e3 * float(at), 9),  # type: ignore[arg-type]
+            **{key: case.values[key] for key in variables}, **{key: found.get(key) for key in SCORES},
+            "failure": " ".join(failure.split()),
+            "notes": " | ".join(" ".join(note.split()) for note in outcome.notes)})
+        show((i + 1) / len(outcomes))
+    varied = [*(["fulcrum_mm"] if fulcrum else []), *variables]
+    failures = [row["failure"] for row in rows if row["failure"]]
+    told = []
+    for name, trial in trials.items():
+        own = [row for row in rows if row["trial"] == name and row["grf_rmse_bw"] is not None]
+        # where the foot of the model stood on the ground in a measured stance
+        stood = [row for row in own if row["cop_rmse_fl"] is not None and row["peak_vertical_bw"]]
+        best = min(stood, key=lambda row: row["grf_rmse_bw"], default=None)
+        told.append({
+            "name": name, "file": str(trial.path), "synthetic": trial.synthetic, "inputs": trial.inputs,
+            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 9), "window_s": [trial.start_s, trial.end_s],
+            "mass_kg": trial.subject.mass_kg, "measured_peak_vertical_bw": peaks.get(name), "notes": list(trial.notes),
+            "finished": len(own), "smallest_error": None if best is None else {
+                "grf_rmse_bw": best["grf_rmse_bw"], "at": {key: best[key] for key in varied}}})
+    return {
+        "kind": "sweep", "walks": len(rows), "failed": len(failures), "failures": failures,
+        "with_notes": sum(bool(outcome.notes) for outcome in outcomes),
+        "notes": [{"row": i + 1, "notes": outcome.notes} for i, outcome in enumerate(outcomes) if outcome.notes],
+        "unconverged_steps": sum(row["unconverged_steps"] or 0 for row in rows),
+        "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
+        "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": {
+            "trial": {"meaning": "name of the trial"},
+            "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum from the keel's posterior end"},
+            **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
+                      "in_the_model": v.default} for name, v in variables.items()},
+            **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
+            "failure": {"meaning": "why there are no scores; empty if there are"},
+            "notes": {"meaning": "doubts about the walk, with | between them"}},
+        "trials": told}, rows
+
+
+def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
     found = {name: metrics[name] for name in SCORES if name in metrics}
     return {**found, "peak_vertical_bw": _peak(metrics, "model_peaks_bw")}
-
-
-def measured_peak_bw(outcomes: Iterable[WalkOutcome], trial: Trial) -> float | None:
-    """Largest measured vertical force in the stances of `trial` (body weights); None if no walk of it finished."""
-    for outcome in outcomes:
-        if outcome.ok and outcome.case.trial is trial:
-            return _peak(walk_metrics(as_walk(outcome), trial.prosthetic_plate), "measured_peaks_bw")
-    return None
-
-
-def sweep_row(outcome: WalkOutcome, trial_name: str, names: Sequence[str]) -> dict[str, Any]:
-    """One row: trial, fulcrum (mm), the values of the variables `names`, SCORES, why it failed, and its notes."""
-    case, failure = outcome.case, outcome.failure or ""
-    fulcrum = case.trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
-    found: Mapping[str, Any] = {}
-    if outcome.ok:
-        try:
-            found = scores(outcome)
-        except ValueError as error:  # no instant in common with the plate
-            failure = str(error)
-    return {"trial": trial_name, "fulcrum_mm": round(1e3 * float(fulcrum), 9),  # type: ignore[arg-type]
-            **{name: case.values[name] for name in names},
-            **{name: found.get(name) for name in SCORES}, "failure": " ".join(failure.split()),
-            "notes": " | ".join(" ".join(note.split()) for note in outcome.notes)}
-
-
-def has_stance(row: Mapping[str, Any]) -> bool:
-    """Whether the walk of `row` finished and the foot of the model stood on the ground in a measured stance."""
-    return row["grf_rmse_bw"] is not None and row["cop_rmse_fl"] is not None and bool(row["peak_vertical_bw"])
 
 
 def _peak(metrics: Mapping[str, Any], side: str) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -70,6 +71,7 @@ def sweep(
     check_contact_use(contact, fit_offsets=fit_offsets)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.offsets import fit_offsets as offsets_of
+    from vsf_drake.analysis.sweep_table import sweep_table
     from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
     from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
     from vsf_drake.simulation.walk import MAX_STEP_S
@@ -112,12 +114,13 @@ def sweep(
     try:
         outcomes = simulate_many(cases, workers=workers, cache=out / "cache", progress=True)
         with progress() as show:
-            table, rows = write_sweep(outcomes, loaded, out, variables=varied, fulcrum=bool(positions), plan=plan,
+            table, rows = sweep_table(outcomes, loaded, variables=varied, fulcrum=bool(positions), plan=plan,
                                       show=lambda f: show("comparing", f))
+            table = write_sweep(table, rows, out)
     except KeyboardInterrupt:
         interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
     print_text("sweep", **table)
-    write_sweep_figure(rows, table, out, varied)
+    write_sweep_figure(table, rows, out)
     say(f"written to {out}")
     if table["failed"] == table["walks"]:
         sys.exit(SimulationError.exit_code)
@@ -159,16 +162,11 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
 
 
 def _within_reach(variables: dict[str, Any], trials: Sequence[Any], positions: Sequence[float]) -> dict[str, Any]:
-    """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from each position (mm).
-
-    Raises:
-        InputError: only a shift of zero does.
-    """
-    reach = [(support.rearmost_m - at, support.foremost_m - at) for trial in trials
-             for support in (trial.model.foot.fulcrum,)
-             for at in ([1e-3 * mm for mm in positions] or [trial.fulcrum_m])]
-    low = min(0.0, round(max(rear for rear, _ in reach), 12))
-    high = max(0.0, round(min(fore for _, fore in reach), 12))
+    """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from each position (mm)."""
+    places = [(trial.model.foot.fulcrum, at) for trial in trials
+              for at in ([1e-3 * mm for mm in positions] or [trial.fulcrum_m])]
+    low = min(0.0, round(max(support.rearmost_m - at for support, at in places), 12))
+    high = max(0.0, round(min(support.foremost_m - at for support, at in places), 12))
     if low == high:
         raise InputError("the fulcrum positions leave it no room in the carriage's reach", where=f"--vary {SHIFT}",
                          right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail")
@@ -184,11 +182,11 @@ def _print_variables(trials: Sequence[Any]) -> None:
         rows = [("variable", "unit", "value", "low", "high", ""),
                 *((v.name, v.unit, f"{v.default:.6g}", f"{v.low:.6g}", f"{v.high:.6g}",
                    "added to what is there" if v.added else "") for v in _within_reach(own, [trial], ()).values())]
-        wide = [max(len(row[i]) for row in rows) for i in range(5)]
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
         typer.echo(f"# {trial.name}, fulcrum at {1e3 * trial.fulcrum_m:g} mm")
         for row in rows:
-            cells = [row[0].ljust(wide[0]), row[1].ljust(wide[1]), *(row[i].rjust(wide[i]) for i in (2, 3, 4)), row[5]]
-            typer.echo("  ".join(cells).rstrip())
+            typer.echo("  ".join(f"{cell:{side}{size}}" for cell, side, size in
+                                 zip(row, "<<>>><", wide, strict=True)).rstrip())
 
 
 # What a user may vary in a sweep, from the words of the command line to numbers.
@@ -204,14 +202,9 @@ class Axis:
 
 
 def axis(text: str, *, sampled: bool) -> Axis:
-    """`NAME=LOW:HIGH:COUNT`, `NAME=A,B,C`, `NAME=A`; for a sample `NAME` or `NAME=LOW:HIGH`.
-
-    Raises:
-        InputError: it is none of these.
-    """
-    name, given, spec = text.partition("=")
-    name = name.strip()
-    where = f"--vary {name}"
+    """`NAME=LOW:HIGH:COUNT`, `NAME=A,B,C`, `NAME=A`; for a sample `NAME` or `NAME=LOW:HIGH`."""
+    name, given, spec = (part.strip() for part in text.partition("="))
+    where, ends = f"--vary {name}", spec.split(":")
     if sampled and not given:
         return Axis(name)
     if not given:
@@ -219,7 +212,6 @@ def axis(text: str, *, sampled: bool) -> Axis:
                          right=f"Give {name}=LOW:HIGH:COUNT or {name}=A,B,C; with --sample the name is enough")
     if not sampled:
         return Axis(name, values_of(spec, where))
-    ends = spec.split(":")
     if len(ends) != 2:
         raise InputError(f"{spec!r} are no bounds", where=where,
                          right=f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample")
@@ -227,11 +219,7 @@ def axis(text: str, *, sampled: bool) -> Axis:
 
 
 def values_of(text: str, where: str) -> tuple[float, ...]:
-    """`66:151:5`, `66,87,108` or `66` as numbers.
-
-    Raises:
-        InputError: it is none of these.
-    """
+    """`66:151:5`, `66,87,108` or `66` as numbers."""
     if ":" not in text:
         found = tuple(_number(part, where) for part in text.split(","))
         if len(set(found)) != len(found):
@@ -241,10 +229,9 @@ def values_of(text: str, where: str) -> tuple[float, ...]:
     if len(parts) != 3:
         raise InputError(f"{text!r} is no range", where=where, right="Give LOW:HIGH:COUNT, or values with commas")
     low, high = _rising(parts[:2], where)
-    try:
-        count = int(parts[2])
-    except ValueError:
-        raise InputError(f"{parts[2]!r} is no count", where=where, right="It must be a whole number") from None
+    if not re.fullmatch(r"\s*[-+]?[0-9]{1,99}\s*", parts[2]):
+        raise InputError(f"{parts[2]!r} is no count", where=where, right="It must be a whole number")
+    count = int(parts[2])
     if not 2 <= count <= MOST:
         raise InputError(f"{count} values are no range", where=where,
                          right=f"COUNT must be between 2 and {MOST}; give a single value alone")
