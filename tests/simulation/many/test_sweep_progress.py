@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from vsf_drake.simulation.many import SweepProgress, processes, simulate_many
-from vsf_drake.simulation.many.processes import LINE_EVERY_S, Lines
+from vsf_drake.simulation.many.processes import LINE_EVERY_S, sparse_lines
 
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
 
@@ -26,7 +26,7 @@ def test_without_a_simulation_there_is_no_rate_and_at_the_end_no_time_left():
 
 def test_lines_are_sparse_and_the_last_one_is_never_left_out():
     now, lines = [0.0], []
-    show = Lines(lines.append, clock=lambda: now[0])
+    show = sparse_lines(lines.append, clock=lambda: now[0])
     for done in range(101):
         now[0] = 1.0 * done
         show(replace(HALF, done=done))

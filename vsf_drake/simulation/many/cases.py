@@ -9,7 +9,7 @@ import json
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,16 +87,6 @@ class Task:
     parts: dict[str, Any] = field(default_factory=dict)  # by key, what the worker has asked for
 
 
-class SampledFulcrum:
-    """A moving fulcrum as numbers: linear between the instants at which it was taken, exact on them."""
-
-    def __init__(self, time_s: np.ndarray, position_m: np.ndarray) -> None:
-        self.time_s, self.position_m = time_s, position_m
-
-    def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        return np.interp(time_s, self.time_s, self.position_m)
-
-
 class Planner:
     """Turns cases into tasks; hashes each person and each recording once, however many cases share it."""
 
@@ -123,18 +113,16 @@ class Planner:
         fulcrum: Any = trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
         position, arrays = fulcrum_on_grid(fulcrum, moments), {}
         if callable(fulcrum):
-            options = plain | {"fulcrum_m": SampledFulcrum(moments, position)}
+            # linear between the instants at which it was taken, exact on them
+            options = plain | {"fulcrum_m": partial(np.interp, xp=moments, fp=position)}
             arrays = {"time_s": moments, "position_m": position}
         else:
             options = plain = plain | {"fulcrum_m": float(position[0])}
         person = self._key((id(trial.subject), id(trial.model), free), (trial.subject, trial.model, free), _person_key)
         motion = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
         made_by = software()
-        try:
-            key = digest({"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
-                          "keep": sorted(self.keep), "software": made_by}, arrays)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"holds what is not a finite number ({error})", where="offsets") from None
+        key = _finite_digest("offsets", {"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
+                                         "keep": sorted(self.keep), "software": made_by}, arrays)
         return Task(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
                     software=made_by)
 
@@ -157,15 +145,18 @@ def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
 
 
 def _person_key(part: tuple) -> str:
-    subject, model, free = part
-    try:
-        return digest({"subject": to_plain(subject), "model": to_plain(model), "free": list(free)})
-    except (TypeError, ValueError) as error:
-        raise InputError(f"holds what is not a finite number ({error})", where="subject or model") from None
+    return _finite_digest("subject or model", dict(zip(("subject", "model", "free"), to_plain(part), strict=True)))
 
 
 def _motion_key(trajectory: Any) -> str:
     return digest(list(trajectory.names), {"time_s": trajectory.time_s, "values": trajectory.values})
+
+
+def _finite_digest(where: str, plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
+    try:
+        return digest(plain, arrays)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"holds what is not a finite number ({error})", where=where) from None
 
 
 def _scaled(value: Any, unit: str) -> str:
@@ -240,14 +231,7 @@ def sample_values(
     The range of each variable is cut into `count` equal slices and each slice is met once. Where the lower bound is
     above zero the logarithm is cut, because such bounds are ratios.
 
-    Args:
-        variables: a walker's, by name.
-        count: how many sets of values, at least 1.
-        seed: 0 or more; the same seed gives the same sets.
-
-    Raises:
-        InputError: a name is not one of `variables` or given twice, nothing is asked for, or `count` or `seed`
-            is no such number.
+    Gives `count` sets of values, the same ones for the same seed; `variables` are a walker's.
     """
     if isinstance(names, str):
         raise InputError(f"{names!r} is one name, not a sequence of names", where="names", right=f"Give [{names!r}]")

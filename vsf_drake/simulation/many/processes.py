@@ -32,7 +32,9 @@ import vsf_drake
 from vsf_drake.errors import InputError, VsfError
 from vsf_drake.simulation.variables import check_whole
 
-READY = "ready"
+IN_FLIGHT = 256
+"""Tasks that an executor of unknown size is given at a time."""
+LINE_EVERY_S = 30.0
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
                                       "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
 _CODE = """\
@@ -45,7 +47,7 @@ import vsf_drake.systems  # first: for each of its templates Drake looks through
 from vsf_drake.simulation.many.processes import serve
 serve({descriptor})
 """
-_STARTS = 2
+_READY, _STARTS = "ready", 2
 
 
 class WorkerLostError(VsfError):
@@ -68,7 +70,7 @@ class ProcessWorkers(Executor):
     def __init__(self, workers: int, *, here: bool = False) -> None:
         workers = check_whole(workers, "workers", 1)
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
-        self._places: queue.SimpleQueue[_Process | _Here | None] = queue.SimpleQueue()
+        self._places: queue.SimpleQueue[_Process | Callable[[_Job], _Reply] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._alive: set[_Process] = set()
         self._closed = self._lost = False
@@ -76,7 +78,7 @@ class ProcessWorkers(Executor):
             self._places.put(None)
         if here:
             self.start()
-            self._places.put(_Here())
+            self._places.put(_here)
 
     def start(self) -> None:
         """Starts all processes now, and returns at once: they get ready while the caller prepares its work."""
@@ -98,20 +100,20 @@ class ProcessWorkers(Executor):
             self._end(process)
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
 
-    def _open(self, place: _Process | _Here | None) -> None:
+    def _open(self, place: _Process | None) -> None:
         """Fills an empty place. If that fails, the next task tries again, and says so."""
         try:
             place = place or self._start()
         finally:
             self._places.put(place)
 
-    def _call(self, job: tuple[Any, ...]) -> Any:
+    def _call(self, job: _Job) -> Any:
         place = self._places.get()
         try:
-            if place is None or (self._lost and isinstance(place, _Here)):
+            if place is None or (self._lost and place is _here):
                 place = None
                 place = self._start()
-            returned, result = place.call(job)
+            returned, result = place(job)
         except (EOFError, ConnectionError):
             assert isinstance(place, _Process)
             self._lost = True
@@ -132,7 +134,7 @@ class ProcessWorkers(Executor):
                 process = _Process()
                 self._alive.add(process)
             with contextlib.suppress(EOFError, ConnectionError):
-                if process.pipe.recv() == READY:
+                if process.pipe.recv() == _READY:
                     return process
             cause = self._end(process)
         raise WorkerStartError(f"the worker process {cause} before it took any work: see what it printed above")
@@ -146,8 +148,19 @@ class ProcessWorkers(Executor):
         return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
+_Job = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
+_Reply = tuple[bool, Any]
+"""Whether a job returned, and what; else the exception as text."""
+
+
+def _here(job: _Job) -> _Reply:
+    """This process in the place of another. What a task raises is the task's, as in any executor."""
+    fn, args, kwargs = job
+    return True, fn(*args, **kwargs)
+
+
 class _Process:
-    """One interpreter and the pipe to it."""
+    """One interpreter and the pipe to it; called with a job, EOFError or ConnectionError if it has ended."""
 
     def __init__(self) -> None:
         self.pipe, theirs = Pipe()
@@ -157,20 +170,10 @@ class _Process:
                 [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL, env=os.environ | _ONE_THREAD)
 
-    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
-        """Whether the job returned, and what, else the exception as text; EOFError or ConnectionError if it ended."""
+    def __call__(self, job: _Job) -> _Reply:
         self.pipe.send(job)
-        reply: tuple[bool, Any] = self.pipe.recv()
+        reply: _Reply = self.pipe.recv()
         return reply
-
-
-class _Here:
-    """This process in the place of another. What a task raises is the task's, as in any executor."""
-
-    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
-        """As `_Process.call`."""
-        fn, args, kwargs = job
-        return True, fn(*args, **kwargs)
 
 
 def _path() -> list[str]:
@@ -185,27 +188,15 @@ def _path() -> list[str]:
     return [*([] if own in others else [own]), *map(os.path.abspath, others), *last]
 
 
-class _Here:
-    """This process in the place of another. What a task raises is the task's, as in any executor."""
-
-    def call(self, job: tuple[Any, ...]) -> tuple[bool, Any]:
-        """As `_Process.call`."""
-        fn, args, kwargs = job
-        return True, fn(*args, **kwargs)
-
-
 def serve(descriptor: int) -> None:
     """The life of a worker process: takes jobs from the pipe until its other end is closed, by will or by death."""
-    from vsf_drake.simulation.many import run  # noqa: F401, PLC0415 (all that takes time, before it is ready)
-
     gc.enable()
     with Connection(descriptor) as pipe, contextlib.suppress(EOFError, ConnectionError):
-        pipe.send(READY)
+        pipe.send(_READY)
         while True:
             pickled = pipe.recv_bytes()
             try:
-                fn, args, kwargs = pickle.loads(pickled)
-                reply = True, fn(*args, **kwargs)
+                reply = _here(pickle.loads(pickled))
             except Exception as error:  # the executor's caller shall know, and this process go on
                 reply = False, f"{type(error).__name__}: {error}"
             pipe.send(reply)
@@ -214,15 +205,10 @@ def serve(descriptor: int) -> None:
 # Which executor a sweep runs on, and how many tasks it is given at a time.
 
 
-IN_FLIGHT = 256
-"""Tasks that an executor of unknown size is given at a time."""
-
-
-class InProcess(Executor):
-    """Runs each task where and when it is submitted."""
+class _InProcess(Executor):
+    """Runs each task where and when it is submitted, and raises there what it raises."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """A future that is done. An exception of the task is raised here."""
         future: Future[Any] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
@@ -258,7 +244,7 @@ def chosen(workers: int | None, executor: Any, tasks: int) -> Iterator[tuple[Any
         return
     count = min(cores() if workers is None else workers, tasks)
     if count <= 1:
-        yield InProcess(), 1
+        yield _InProcess(), 1
         return
     own = ProcessWorkers(count, here=True)
     try:
@@ -273,9 +259,6 @@ def cores() -> int:
 
 
 # How far a sweep is: for a callback, a bar on a terminal, or now and then a line in a file.
-
-
-LINE_EVERY_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -303,10 +286,11 @@ class SweepProgress:
         return None if rate is None else (self.total - self.done) / rate
 
     def __str__(self) -> str:
-        rate = "" if self.rate_per_s is None else f", {self.rate_per_s:.1f} walks/s"
-        left = "" if not self.left_s else f", {_clock(self.left_s)} left"
-        failed = f", {self.failed} failed" if self.failed else ""
         cached = f" ({self.from_cache} from the cache)" if self.from_cache else ""
+        failed = f", {self.failed} failed" if self.failed else ""
+        rate = "" if self.rate_per_s is None else f", {self.rate_per_s:.1f} walks/s"
+        clock = str(timedelta(seconds=round(self.left_s or 0.0))).removeprefix("0:").removeprefix("0")
+        left = f", {clock} left" if self.left_s else ""
         return f"{self.done} of {self.total} walks{cached}{failed}{rate}{left}"
 
 
@@ -324,21 +308,21 @@ def reporting(progress: bool | Report | None) -> Iterator[Report]:
         with _bar() as show:
             yield show
     else:
-        yield Lines(lambda line: print(line, file=sys.stderr, flush=True))
+        yield sparse_lines(lambda line: print(line, file=sys.stderr, flush=True))
 
 
-class Lines:
-    """A line at the start, at the end, and every LINE_EVERY_S in between."""
+def sparse_lines(write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> Report:
+    """Writes a line at the start, at the end, and every LINE_EVERY_S in between."""
+    last = float("-inf")
 
-    def __init__(self, write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
-        self._write, self._clock = write, clock
-        self._last: float | None = None
+    def show(state: SweepProgress) -> None:
+        nonlocal last
+        now = clock()
+        if state.done == state.total or now - last >= LINE_EVERY_S:
+            last = now
+            write(str(state))
 
-    def __call__(self, state: SweepProgress) -> None:
-        now = self._clock()
-        if self._last is None or state.done == state.total or now - self._last >= LINE_EVERY_S:
-            self._last = now
-            self._write(str(state))
+    return show
 
 
 @contextmanager
@@ -356,7 +340,3 @@ def _bar() -> Iterator[Report]:
             bar.update(task, total=state.total, completed=state.done, rate=words)
 
         yield show
-
-
-def _clock(seconds: float) -> str:
-    return str(timedelta(seconds=round(seconds))).removeprefix("0:").removeprefix("0")

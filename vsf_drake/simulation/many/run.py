@@ -69,18 +69,25 @@ def simulate_many(
             trial no `Trial`, or the disk is full (what is in the cache stays good).
         WorkerStartError: worker processes cannot be started.
     """
-    count = checked(workers, executor)
+    count, cases, kept = checked(workers, executor), list(cases), check_keep(keep)
+    for i, case in enumerate(cases):
+        if not isinstance(case, WalkCase):
+            raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
+        if not all(hasattr(case.trial, name) for name in TRIAL):
+            raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
+                             right="Give what load_trial() returns")
     with reporting(progress) as report:
-        sweep = _Sweep(list(cases), check_keep(keep), report)
+        sweep, planner = _Sweep(cases, report), Planner(kept)
         store = None if cache is None else WalkCache(cache)
-        todo = sweep.plan(store)
+        todo = sweep.plan(planner, store)
         with (chosen(count, executor, len(todo)) as (pool, most),
-              closing(dispatch(todo, sweep.parts, pool, most)) as replies):
+              closing(_dispatch(todo, planner.parts, pool, most)) as replies):
             for task, reply in replies:
                 if store is not None:
                     store.write(task, reply)
-                sweep.settle(task, reply)
-    return sweep.outcomes
+                sweep.settle(task.key, reply)
+                sweep.tell()
+    return [sweep.found[i] for i in range(len(cases))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,34 +130,22 @@ class WalkOutcome:
 class _Sweep:
     """The bookkeeping: which member waits for which task, and what is known already."""
 
-    def __init__(self, cases: list[WalkCase], keep: tuple[str, ...], report: Report) -> None:
-        for i, case in enumerate(cases):
-            if not isinstance(case, WalkCase):
-                raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
-            if not all(hasattr(case.trial, name) for name in TRIAL):
-                raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
-                                 right="Give what load_trial() returns")
-        self._cases, self._report, self._planner = cases, report, Planner(keep)
-        self.parts = self._planner.parts
-        self._found: dict[int, WalkOutcome] = {}
+    def __init__(self, cases: list[WalkCase], report: Report) -> None:
+        self._cases, self._report = cases, report
+        self.found: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
         self._damage: dict[str, str] = {}
         self._started = time.monotonic()
 
-    @property
-    def outcomes(self) -> list[WalkOutcome]:
-        """One for each case, once all are settled."""
-        return [self._found[i] for i in range(len(self._cases))]
-
-    def plan(self, store: WalkCache | None) -> list[Task]:
+    def plan(self, planner: Planner, store: WalkCache | None) -> list[Task]:
         """The tasks that have to be run: each once, without those that the cache has."""
         tasks: dict[str, Task] = {}
         for i, case in enumerate(self._cases):
             try:
-                task = self._planner.task(case)
+                task = planner.task(case)
             except Exception as error:  # whatever a case holds, it concerns this member only
                 raise_if_interrupted()
-                self._found[i] = _outcome(case, Reply(Kind.REFUSED, _said(error)))
+                self._place([i], Reply(Kind.REFUSED, _said(error)))
             else:
                 self._members.setdefault(task.key, []).append(i)
                 tasks[task.key] = task
@@ -160,37 +155,35 @@ class _Sweep:
             if reply is None:
                 todo.append(task)
             else:
-                self._place(key, reply, from_cache=True)
+                self._place(self._members[key], reply, from_cache=True)
         self._started = time.monotonic()
-        self._tell()
+        self.tell()
         return todo
 
-    def settle(self, task: Task, reply: Reply) -> None:
-        """Takes in what a worker answered."""
-        damage = self._damage[task.key]
-        self._place(task.key, replace(reply, notes=(*reply.notes, damage)) if damage else reply)
-        self._tell()
+    def settle(self, key: str, reply: Reply) -> None:
+        """Takes in what a worker answered to the task `key`."""
+        damage = self._damage[key]
+        self._place(self._members[key], replace(reply, notes=(*reply.notes, damage)) if damage else reply)
 
-    def _place(self, key: str, reply: Reply, *, from_cache: bool = False) -> None:
-        for array in reply.arrays.values():
-            array.setflags(write=False)
-        for i in self._members[key]:
-            self._found[i] = _outcome(self._cases[i], reply, from_cache)
-
-    def _tell(self) -> None:
-        found = self._found.values()
+    def tell(self) -> None:
+        """Reports how far the sweep is."""
+        found = self.found.values()
         refused = len(self._cases) - sum(map(len, self._members.values()))
         cached = sum(outcome.from_cache for outcome in found)
         self._report(SweepProgress(
             total=len(self._cases), done=len(found), failed=sum(not outcome.ok for outcome in found),
             from_cache=cached, simulated=len(found) - cached - refused, elapsed_s=time.monotonic() - self._started))
 
-
-def _outcome(case: WalkCase, reply: Reply, from_cache: bool = False) -> WalkOutcome:
-    failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"
-    return WalkOutcome(case=case, failure=failure, unconverged_steps=reply.unconverged_steps,
-                       refined_steps=reply.refined_steps, wall_s=reply.wall_s, from_cache=from_cache,
-                       columns=reply.columns, notes=reply.notes, _arrays=reply.arrays)
+    def _place(self, members: list[int], reply: Reply, *, from_cache: bool = False) -> None:
+        for array in reply.arrays.values():
+            array.setflags(write=False)
+        for i in members:
+            case = self._cases[i]
+            failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"
+            self.found[i] = WalkOutcome(
+                case=case, failure=failure, unconverged_steps=reply.unconverged_steps,
+                refined_steps=reply.refined_steps, wall_s=reply.wall_s, from_cache=from_cache, columns=reply.columns,
+                notes=reply.notes, _arrays=reply.arrays)
 
 
 def _said(error: Exception) -> str:
@@ -206,6 +199,11 @@ def _said(error: Exception) -> str:
 
 MOST_PARTS = 256
 """Persons and recordings that a process remembers; it asks again for an older one."""
+_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
+"""In place of a trial: what a result says of its origin, which is not brought back."""
+_lock = threading.Lock()
+_parts: OrderedDict[str, Any] = OrderedDict()
+_idle: dict[str, list[Walker]] = {}
 
 
 class Kind(enum.Enum):
@@ -232,36 +230,25 @@ class Reply:
     notes: tuple[str, ...] = ()
 
 
-_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
-"""In place of a trial: what a result says of its origin, which is not brought back."""
-_lock = threading.Lock()
-_parts: OrderedDict[str, Any] = OrderedDict()
-_idle: dict[str, list[Walker]] = {}
-
-
 def run_task(task: Task) -> Reply:
     """Walks, and answers in any case: only an interruption or the end of the process leaves it without a reply."""
     try:
-        return _answer(task)
+        found = software()
+        if task.software != found:
+            differ = [f"{name} {found.get(name)} instead of {value}" for name, value in task.software.items()
+                      if found.get(name) != value]
+            return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
+        person, motion = _known(task, task.person), _known(task, task.motion)
+        if person is None or motion is None:
+            return Reply(Kind.MISSING)
+        with _walker(task.person, person) as walker:
+            return _walked(walker, motion, task)
     except Exception as error:  # whatever it is, it concerns this member only
         kind = (Kind.FAILED if isinstance(error, SimulationError)
                 else Kind.MACHINE if isinstance(error, (MemoryError, OSError)) else Kind.REFUSED)
         if kind is Kind.REFUSED:
             raise_if_interrupted()
         return Reply(kind, _said(error))
-
-
-def _answer(task: Task) -> Reply:
-    found = software()
-    if task.software != found:
-        differ = [f"{name} {found.get(name)} instead of {value}" for name, value in task.software.items()
-                  if found.get(name) != value]
-        return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
-    person, motion = _known(task, task.person), _known(task, task.motion)
-    if person is None or motion is None:
-        return Reply(Kind.MISSING)
-    with _walker(task.person, person) as walker:
-        return _walked(walker, motion, task)
 
 
 def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
@@ -273,8 +260,8 @@ def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
         if not name.endswith("cop_W") and not np.isfinite(array).all():  # a foot in the air has no centre of pressure
             row = int(np.argwhere(~np.isfinite(array))[0][0])
             raise SimulationError(f"{name} is not a finite number", time_s=float(result.time_s[row]))
-    named = {name: ARRAYS[name].get("columns") for name in task.keep}
-    columns = {name: tuple(getattr(result, field)) for name, field in named.items() if isinstance(field, str)}
+    columns = {name: tuple(getattr(result, named)) for name in task.keep
+               if isinstance(named := ARRAYS[name].get("columns"), str)}
     return Reply(Kind.DONE, arrays=arrays, columns=columns, unconverged_steps=result.unconverged_steps,
                  refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
 
@@ -317,11 +304,12 @@ LOOK_EVERY_S = 0.2
 """How often to look for tasks that were cancelled from outside: nobody tells."""
 
 
-def dispatch(tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int) -> Iterator[tuple[Task, Reply]]:
-    """Yields each task with its reply, in the order in which they finish.
+def _dispatch(
+    tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int
+) -> Iterator[tuple[Task, Reply]]:
+    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others.
 
-    Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task. `most`
-    tasks are kept submitted. Close it (it is a generator) to call off what has not been started.
+    Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task.
     """
     queue = deque(tasks)
     tried: dict[str, int] = {}
@@ -422,13 +410,15 @@ class WalkCache:
                              right="Make room and run the same again: it goes on from what is there") from None
 
 
+_PLAIN = ("text", "unconverged_steps", "refined_steps", "wall_s", "notes", "columns")
+"""What an entry says of a `Reply` beside its kind and arrays."""
+
+
 def _encoded(task: Task, reply: Reply) -> bytes:
+    options = {name: value for name, value in task.options.items() if not callable(value)}
     about: dict[str, Any] = {
-        "key": task.key, "kind": reply.kind.value, "failure": reply.text, "columns": to_plain(reply.columns),
-        "unconverged_steps": reply.unconverged_steps, "refined_steps": reply.refined_steps, "wall_s": reply.wall_s,
-        "notes": list(reply.notes),
-        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep),
-                      **to_plain({name: value for name, value in task.options.items() if not callable(value)})},
+        "key": task.key, "kind": reply.kind.value, **{name: to_plain(getattr(reply, name)) for name in _PLAIN},
+        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep), **to_plain(options)},
         "software": task.software}
     about["content_sha256"] = digest(about, reply.arrays)
     buffer = io.BytesIO()
@@ -444,7 +434,5 @@ def _decoded(path: Path, key: str) -> Reply:
     expected = about.pop("content_sha256")
     if digest(about, arrays) != expected or about["key"] != key:
         raise ValueError("its SHA-256 differs")
-    return Reply(Kind(about["kind"]), text=about["failure"], arrays=arrays,
-                 columns={name: tuple(names) for name, names in about["columns"].items()},
-                 unconverged_steps=about["unconverged_steps"], refined_steps=about["refined_steps"],
-                 wall_s=about["wall_s"], notes=tuple(about["notes"]))
+    about |= {"notes": tuple(about["notes"]), "columns": {name: tuple(of) for name, of in about["columns"].items()}}
+    return Reply(Kind(about["kind"]), arrays=arrays, **{name: about[name] for name in _PLAIN})

@@ -49,7 +49,7 @@ def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support
     tangent.Gv[:] = 0.0
     tangent.B[:] = 0.0
     tangent.E[:] = 0.0
-    _rows(h, tree, split, ways, room, tangent)
+    _rows(h, tree.bodies, ways, room, tangent)
     _springs(h, forces, split, ways, q0, v, tangent)
     if forces.fulcrum[0] > 0.0:
         add_support_tangent(h, forces, split, ways, room, tangent, support)
@@ -104,86 +104,54 @@ def _coriolis(tree, split, motion, tangent):
 
 
 @internal
-def way_wrenches(b, S, rate, second, end, composite, f, coriolis, shift, K, loaded):
-    """What a unit of a way of body b changes in the wrench that a joint must give which carries it.
-
-    Takes the arrays that it needs one by one: a call passes each field of a tuple of arrays.
-
-    Returns:
-        By displacement; by the velocity at the start, acceleration apart; by acceleration; by the end velocity, contact
-        alone.
-    """
-    by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, second), 1.0)
-    by_q = plus(by_q, cross_force(S, six(f, b)), 1.0)
-    by_end = REST
-    if loaded[b]:
-        by_q = plus(by_q, times(shift, b, S), -1.0)
-        by_q = plus(by_q, times(K, b, end), 1.0)
-        by_end = times(K, b, S)
-    by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
-    return by_q, by_v, inertia_times(composite, b, S), by_end
-
-
-@internal
-def row_wrenches(b, S, composite, F, coriolis, shift, K, loaded):
-    """What rates, accelerations, displacements and end velocities of ways that carry the joint S of body b meet there.
-
-    The power of these wrenches on a way's `rate`, `second`, S and `end` is what it changes in the joint's load.
-    """
-    by_shift, by_end = REST, REST
-    if loaded[b]:
-        by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(F, b)), 1.0)
-        by_end = transposed_times(K, b, S)
-    return transposed_times(coriolis, b, S), inertia_times(composite, b, S), by_shift, by_end
-
-
-@internal
-def _rows(h, tree, split, ways, room, tangent):
+def _rows(h, bodies, ways, room, tangent):
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E."""
-    motion, contact, free, bodies = room.motion, room.contact, split.free, tree.bodies
-    nf, P = free.shape[0], ways.unit.shape[1]
+    motion, contact, rows = room.motion, room.contact, ways.rows
+    composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
     for j in range(ways.body.shape[0]):
-        # What a way changes in the wrench that a joint below it must give, where that joint carries it.
         carried = False
-        for i in range(nf):
+        for i in range(rows.shape[0]):
             carried |= ways.relation[i, j] == CARRIED
         if not carried:
             continue
-        by_q, by_v, momentum, by_end_v = way_wrenches(
-            ways.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.second, j), six(tangent.end, j),
-            motion.composite, motion.f, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
-        if ways.moves[j]:
-            by_v, by_end_v = plus(by_v, momentum, -1.0 / h), plus(momentum, by_end_v, h)
-        for i in range(nf):
+        # What a way changes in the wrench that a joint below it must give, where that joint carries it: by
+        # displacement, by velocity, by acceleration, and in contact by the end velocity.
+        b, S, rate, end = ways.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
+        by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, six(tangent.second, j)), 1.0)
+        by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
+        by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
+        momentum, by_end = inertia_times(composite, b, S), REST
+        if contact.loaded[b]:
+            by_q = plus(by_q, times(shift, b, S), -1.0)
+            by_q = plus(by_q, times(K, b, end), 1.0)
+            by_end = times(K, b, S)
+        for i in range(rows.shape[0]):
             if ways.relation[i, j] == CARRIED:
-                S_i = six(motion.S, free[i])
+                S_i = six(motion.S, rows[i])
+                mass = dot(S_i, momentum)
                 tangent.Gq[i, j] = dot(S_i, by_q)
-                if j < nf:
-                    tangent.Gv[i, j] = dot(S_i, by_v)
-                elif ways.moves[j]:
-                    tangent.Gv[i, j], tangent.B[i, j] = dot(S_i, by_v), dot(S_i, by_end_v)
-    for i in range(nf):
-        b, S = bodies[free[i]], six(motion.S, free[i])
-        by_rate, by_second, by_shift, by_end = row_wrenches(
-            b, S, motion.composite, contact.F, tangent.coriolis, tangent.shift, contact.K, contact.loaded)
-        loaded = contact.loaded[b]
+                tangent.Gv[i, j] = dot(S_i, by_v) - mass / h
+                tangent.B[i, j] = mass + h * dot(S_i, by_end)
+    for i in range(rows.shape[0]):
+        # A way that carries the row's joint turns that too: its rates, accelerations, displacements and end velocities
+        # meet there what the joint's own motion would be met by.
+        c = rows[i]
+        b, S = bodies[c], six(motion.S, c)
+        by_rate, by_second = transposed_times(coriolis, b, S), inertia_times(composite, b, S)
+        by_shift, by_end = REST, REST
+        if contact.loaded[b]:
+            by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
+            by_end = transposed_times(K, b, S)
         for j in range(ways.body.shape[0]):
             if ways.relation[i, j] == CARRIES:
                 S_j, rate = six(tangent.S, j), six(tangent.rate, j)
-                value = dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
-                if loaded:
-                    value += dot(by_end, six(tangent.end, j)) - dot(by_shift, S_j)
-                tangent.Gq[i, j] = value
-                if j < nf:
-                    tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate)
-                elif ways.moves[j]:
-                    mass = dot(by_second, S_j)
-                    tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass / h
-                    tangent.B[i, j] = mass + h * dot(by_end, S_j)
-        for j in range(nf):
-            tangent.Gv[i, j] -= room.M[i, j] / h
+                mass = dot(by_second, S_j)
+                tangent.Gq[i, j] = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
+                                    + dot(by_end, six(tangent.end, j)) - dot(by_shift, S_j))
+                tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass / h
+                tangent.B[i, j] = mass + h * dot(by_end, S_j)
         if tangent.touched[b]:
-            for p in range(P):
+            for p in range(tangent.E.shape[1]):
                 tangent.E[i, p] -= dot(S, six(tangent.dF[b], p))
 
 
@@ -232,11 +200,10 @@ def add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
         tangent.touched[b] = False
         tangent.out_shift[b, :, :] = 0.0
         tangent.out_K[b, :, :] = 0.0
+        tangent.dF[b, :, :] = 0.0
     tangent.touched[0] = False
     for k in range(moving.shape[0]):
-        b = links[moving[k], 2]
-        tangent.shift[b, :, :] = 0.0
-        tangent.dF[b, :, :] = 0.0
+        tangent.shift[links[moving[k], 2], :, :] = 0.0
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if split.site_moves[s] and sites[s, 1] > 0.0:
@@ -251,13 +218,13 @@ def add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
             for j in range(6):
                 tangent.out_shift[parent, i, j] += tangent.out_shift[b, i, j]
                 tangent.out_K[parent, i, j] += tangent.out_K[b, i, j]
+        for p in range(tangent.dF.shape[1]):
+            for i in range(6):
+                tangent.dF[parent, p, i] += tangent.dF[b, p, i]
         if split.body_moves[parent]:
             for i in range(6):
                 for j in range(6):
                     tangent.shift[parent, i, j] += tangent.shift[b, i, j]
-            for p in range(tangent.dF.shape[1]):
-                for i in range(6):
-                    tangent.dF[parent, p, i] += tangent.dF[b, p, i]
 
 
 @internal

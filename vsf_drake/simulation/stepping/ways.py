@@ -26,13 +26,12 @@ class Ways(NamedTuple):
     body: np.ndarray  # (C,) what moves, and parent (C,): relative to which body
     parent: np.ndarray
     mount: np.ndarray  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
-    relation: np.ndarray  # (f, C) whether the way carries the free coordinate (or is it), is carried by it, or neither
-    carries: np.ndarray  # (C, B) whether the way moves the body
+    rows: np.ndarray  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
+    relation: np.ndarray  # (r, C) whether the way carries the row's coordinate (or is it), is carried by it, or neither
     unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
     start: np.ndarray  # (C + 1,) of the way's entries in the next two
     parameter: np.ndarray  # (N,) which displaces the way
     course: np.ndarray  # (N,) its column in `path`, or -1
-    moves: np.ndarray  # (C,) whether a course moves the way
     path: np.ndarray  # (n + 1, K) displacement by a unit of each course on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
     slide: np.ndarray  # (P,) of the fulcrum along the keel
@@ -49,7 +48,7 @@ class Ways(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """Work space and state of the sensitivities: B bodies, f free coordinates, C ways, P parameters."""
+    """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C ways, P parameters."""
 
     S: np.ndarray  # (C, 6) motion of a unit of each way
     rate: np.ndarray  # (C, 6) what its parent's motion adds to the velocity of what it carries, at the step's start
@@ -62,77 +61,67 @@ class Tangent(NamedTuple):
     touched: np.ndarray  # (B,) whether the body, or one that it carries, has a loaded site
     dF: np.ndarray  # (B, P, 6) what parameters change directly in the wrenches
     dT: np.ndarray  # (P, 6) and in the measured one
-    Gq: np.ndarray  # (f, C) derivatives of the residual / h by displacement
-    Gv: np.ndarray  # (f, C) by the initial velocity; 0 for ways that are prescribed and do not move
-    E: np.ndarray  # (f, P) by parameters
-    B: np.ndarray  # (f, C) of the residual by the end velocity of prescribed ways that move, else 0
+    Gq: np.ndarray  # (r, C) derivatives of the residual / h by displacement
+    Gv: np.ndarray  # (r, C) by the initial velocity
+    E: np.ndarray  # (r, P) by parameters
+    B: np.ndarray  # (r, C) of the residual by the end velocity, springs and support apart
     q: np.ndarray  # (C, P) sensitivities of the state
     v: np.ndarray
-    v_end: np.ndarray  # (C, P) of the end velocity of prescribed ways
+    v_end: np.ndarray  # (C, P) of the velocity at the step's end
     torque: np.ndarray  # (f, P) of the applied torques
     rhs: np.ndarray  # (f, P)
     d_row: np.ndarray  # (n,) room for the support's power on the keel's coordinates
-    own: np.ndarray  # (B, P, 6) what the ways of a body change in the wrench under it
-    below: np.ndarray  # (B, P, 6) and what those beyond it do
 
 
 def make_ways(
-    tree: Tree, forces: Forces, split: Split, edits: Sequence[Edit], *, measured: np.ndarray
+    tree: Tree, forces: Forces, split: Split, edits: Sequence[Edit], *, measured: np.ndarray, loads: bool = False
 ) -> Ways:
     """The ways of a run split like `split`, for the parameters that `edits` describe.
 
-    Args:
-        measured: (S,) bool, the sites whose resultant wrench is asked for.
-
-    Raises:
-        ValueError: an edit shifts a coordinate that is not prescribed.
+    `measured` (S,) bool are the sites whose resultant wrench is asked for; with `loads` the equations of prescribed
+    coordinates are differentiated too. ValueError if an edit shifts a coordinate that is not prescribed.
     """
     parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
     parent_of[tree.links[:, 2]] = tree.links[:, 1]
     carriers = np.eye(len(parent_of), dtype=np.bool_)  # whether the second body carries the first, or is it
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
-    bodies = tree.coordinate_bodies
-    columns = [(int(c), int(bodies[c]), np.zeros(6)) for c in split.free]
+    way_of = {int(c): way for way, c in enumerate(split.free)}  # by coordinate, or -1 - axis of the mount
     units: list[tuple[int, int, float]] = []
-    shared: dict[int, int] = {}
     for p, edit in enumerate(edits):
-        for motion, amount in zip(_mount_motions(tree, forces.frame_body), edit.mount, strict=True):
-            if amount:
-                units.append((len(columns), p, float(amount)))
-                columns.append((-1, int(forces.frame_body), motion))
-        names = [(edit.coordinate, 1.0 if edit.course is None else float(edit.course[0]))] if edit.coordinate else []
-        names += [("fulcrum", edit.fulcrum_shift)] if edit.fulcrum_shift else []
-        for name, amount in names:
-            c = tree.index(name)
-            if split.place[c] >= 0:
-                raise ValueError(f"{name} is free: it has no shift")
-            if c not in shared:
-                shared[c] = len(columns)
-                columns.append((c, int(bodies[c]), np.zeros(6)))
-            units.append((shared[c], p, amount))
+        shifts = {-1 - axis: amount for axis, amount in enumerate(edit.mount)}
+        if edit.coordinate is not None:
+            shifts[tree.index(edit.coordinate)] = 1.0 if edit.course is None else edit.course[0]
+        if edit.fulcrum_shift:
+            shifts[tree.index("fulcrum")] = edit.fulcrum_shift
+        for c, amount in shifts.items():
+            if c >= 0 and split.place[c] >= 0:
+                raise ValueError(f"{tree.coordinate_names[c]} is free: it has no shift")
+            if amount or c >= 0:
+                units.append((way_of.setdefault(c, len(way_of)), p, float(amount)))
     units.sort(key=lambda entry: entry[0])
-    body, rows = np.array([b for _, b, _ in columns], dtype=np.int64), bodies[split.free]
-    carries, carried = np.ascontiguousarray(carriers[:, body].T), carriers[body]
-    unit = np.zeros((len(columns), len(edits)))
+    coordinate = np.array(list(way_of), dtype=np.int64)
+    rows = np.concatenate([split.free, split.prescribed]) if loads else split.free
+    of_mount, joints = coordinate < 0, tree.coordinate_bodies[rows]
+    body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
+    mount = np.zeros((len(coordinate), 6))
+    mount[of_mount] = _mount_motions(tree, forces.frame_body)[-1 - coordinate[of_mount]]
+    unit = np.zeros((len(coordinate), len(edits)))
     for way, p, amount in units:
         unit[way, p] = amount
     courses = [p for p, edit in enumerate(edits) if edit.course is not None]
     course = np.array([courses.index(p) if p in courses else -1 for _, p, _ in units], dtype=np.int64)
     ways = np.array([way for way, _, _ in units], dtype=np.int64)
-    moves = np.zeros(len(columns), dtype=np.bool_)
-    moves[ways[course >= 0]] = True
     entries = sorted((int(s), p, int(column), float(edit.sites[s, column])) for p, edit in enumerate(edits)
                      if edit.sites is not None for s, column in np.argwhere(edit.sites))
     springs = [(p, int(row), edit.springs[row, :3]) for p, edit in enumerate(edits) if edit.springs is not None
                for row in np.flatnonzero(edit.springs.any(axis=1))]
     return Ways(
-        coordinate=np.array([c for c, _, _ in columns], dtype=np.int64), body=body, parent=parent_of[body],
-        mount=np.array([motion for _, _, motion in columns]).reshape(-1, 6),
-        relation=np.where(carries[:, rows].T, CARRIES, np.where(carried[:, rows].T, CARRIED, UNRELATED)), unit=unit,
-        carries=carries,
-        start=np.searchsorted(ways, np.arange(len(columns) + 1)).astype(np.int64),
-        parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course, moves=moves,
+        coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
+        relation=np.where(carriers[joints][:, body], CARRIES,
+                          np.where(carriers[body][:, joints].T, CARRIED, UNRELATED)),
+        start=np.searchsorted(ways, np.arange(len(coordinate) + 1)).astype(np.int64),
+        parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course,
         path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
         else np.zeros((0, 0)),
         path_rate=np.array([edits[p].course_rate for p in courses], dtype=float),
@@ -150,30 +139,25 @@ def make_ways(
 
 def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
     """Room for these ways; the state's sensitivities are those of a start where only prescribed ways change."""
-    B, f, (C, P) = len(tree.body_names), len(split.free), ways.unit.shape
-    v, way = np.zeros((C, P)), np.repeat(np.arange(C), np.diff(ways.start))
-    moving = ways.course >= 0
+    B, f, r, (C, P) = len(tree.body_names), len(split.free), len(ways.rows), ways.unit.shape
+    v, way, moving = np.zeros((C, P)), np.repeat(np.arange(C), np.diff(ways.start)), ways.course >= 0
     v[way[moving], ways.parameter[moving]] = ways.path_rate[ways.course[moving]]
-    return Tangent(
-        **{name: np.zeros((C, 6)) for name in ("S", "rate", "second", "end")},
-        **{name: np.zeros((B, 6, 6)) for name in ("coriolis", "shift", "out_shift", "out_K")},
-        touched=np.zeros(B, dtype=np.bool_), dF=np.zeros((B, P, 6)), dT=np.zeros((P, 6)), Gq=np.zeros((f, C)),
-        Gv=np.zeros((f, C)), E=np.zeros((f, P)), B=np.zeros((f, C)), q=ways.unit.copy(), v=v, v_end=np.zeros((C, P)),
-        torque=np.zeros((f, P)), rhs=np.zeros((f, P)), d_row=np.zeros(len(split.place)),
-        own=np.zeros((B, P, 6)), below=np.zeros((B, P, 6)))
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
+        **dict.fromkeys(("coriolis", "shift", "out_shift", "out_K"), (B, 6, 6)), "dF": (B, P, 6), "dT": (P, 6),
+        **dict.fromkeys(("Gq", "Gv", "B"), (r, C)), "E": (r, P), "v_end": (C, P), "torque": (f, P), "rhs": (f, P),
+        "d_row": (len(split.place),)}
+    return Tangent(touched=np.zeros(B, dtype=np.bool_), q=ways.unit.copy(), v=v,
+                   **{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
-def _mount_motions(tree: Tree, frame_body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Height, fore-aft and alignment of `plants.foot.mount_pose` as motions of the foot's frame K, about and in K.
-
-    The foot goes up along z_K, forward along x_K, and turns about the mount's own origin, toes up about -y_K.
-    """
+def _mount_motions(tree: Tree, frame_body: int) -> np.ndarray:
+    """(3, 6) height, fore-aft and alignment of `plants.foot.mount_pose` as motions of the foot's frame K, about and in
+    K. The foot goes up along z_K, forward along x_K, and turns about the mount's own origin, toes up about -y_K."""
     link = tree.frames[np.flatnonzero(tree.links[:, 2] == frame_body)[0]]
-    R_MK, p_MK = link[12:21].reshape(3, 3), link[21:24]
-    p_KM, toes_up = -R_MK.T @ p_MK, np.array([0.0, -1.0, 0.0])
-    none = np.zeros(3)
-    return (np.concatenate([none, [0.0, 0.0, 1.0]]), np.concatenate([none, [1.0, 0.0, 0.0]]),
-            np.concatenate([toes_up, -np.cross(toes_up, p_KM)]))
+    p_KM, toes_up = -link[12:21].reshape(3, 3).T @ link[21:24], np.array([0.0, -1.0, 0.0])
+    return np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+                     [*toes_up, *-np.cross(toes_up, p_KM)]])
 
 
 # How a parameter enters the arrays that a run works on.
