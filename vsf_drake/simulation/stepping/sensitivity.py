@@ -32,19 +32,17 @@ from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways, make_ways, t
 def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, record):
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
 
-    Args:
-        k, share: its end on the grid of the run, `share` of the way from instant k to the next. part: its own share.
-        q0: (n,) coordinates at the start of the step. v: (n,) velocities at its end.
-        record: of the run, a `stepper.Record`, which holds what the step left of sites and support.
+    It ends `share` of the way from instant k of the run's grid to the next, and is `part` of that way; q0 (n,) are the
+    coordinates at its start, v (n,) the velocities at its end. `record` holds what it left of sites and support.
     """
     nf, (C, P), rhs, end = split.free.shape[0], ways.unit.shape, tangent.rhs, tangent.v_end
     tangent_matrix(h, tree, forces, split, room, EXACT, record.sites[k])
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, record.sites[k], record.fulcrum[k])
-    for j in range(nf, C):
-        for e in range(ways.start[j], ways.start[j + 1]):
-            if ways.course[e] >= 0:  # goes straight over the step, as in `stepper.piece`
-                p = ways.parameter[e]
-                end[j, p] = (_along(ways, k, share, ways.course[e]) - tangent.q[j, p]) / h
+    for e in range(ways.course_way.shape[0]):  # a course goes straight over the step, as in `stepper.piece`
+        j, p, there = ways.course_way[e], ways.course_parameter[e], ways.path[k + 1, e]
+        if share < 1.0:
+            there = ways.path[k, e] + share * (there - ways.path[k, e])
+        end[j, p] = (there - tangent.q[j, p]) / h
     for i in range(nf):
         for p in range(P):
             rhs[i, p] = h * (tangent.torque[i, p] - tangent.E[i, p])
@@ -81,13 +79,6 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
         for p in range(P):
             tangent.v[j, p] = end[j, p]
             tangent.q[j, p] += h * end[j, p]
-
-
-@internal
-def _along(ways, k, share, course):
-    if share == 1.0:
-        return ways.path[k + 1, course]
-    return ways.path[k, course] + share * (ways.path[k + 1, course] - ways.path[k, course])
 
 
 @internal

@@ -29,9 +29,8 @@ class Ways(NamedTuple):
     rows: np.ndarray  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
     relation: np.ndarray  # (r, C) whether the way carries the row's coordinate (or is it), is carried by it, or neither
     unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
-    start: np.ndarray  # (C + 1,) of the way's entries in the next two
-    parameter: np.ndarray  # (N,) which displaces the way
-    course: np.ndarray  # (N,) its column in `path`, or -1
+    course_way: np.ndarray  # (K,) which way a course displaces, and which parameter it is
+    course_parameter: np.ndarray
     path: np.ndarray  # (n + 1, K) displacement by a unit of each course on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
     slide: np.ndarray  # (P,) of the fulcrum along the keel
@@ -87,9 +86,10 @@ def make_ways(
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
     way_of = {int(c): way for way, c in enumerate(split.free)}  # by coordinate, or -1 - axis of the mount
-    units: list[tuple[int, int, float]] = []
+    units: dict[tuple[int, int], float] = {}  # displacement by way and parameter
+    courses: list[tuple[int, int]] = []  # way and parameter
     for p, edit in enumerate(edits):
-        shifts = {-1 - axis: amount for axis, amount in enumerate(edit.mount)}
+        shifts = {-1 - axis: amount for axis, amount in enumerate(edit.mount) if amount}
         if edit.coordinate is not None:
             shifts[tree.index(edit.coordinate)] = 1.0 if edit.course is None else edit.course[0]
         if edit.fulcrum_shift:
@@ -97,21 +97,17 @@ def make_ways(
         for c, amount in shifts.items():
             if c >= 0 and split.place[c] >= 0:
                 raise ValueError(f"{tree.coordinate_names[c]} is free: it has no shift")
-            if amount or c >= 0:
-                units.append((way_of.setdefault(c, len(way_of)), p, float(amount)))
-    units.sort(key=lambda entry: entry[0])
+            units[way_of.setdefault(c, len(way_of)), p] = float(amount)
+        if edit.course is not None:
+            courses.append((way_of[tree.index(edit.coordinate or "")], p))
     coordinate = np.array(list(way_of), dtype=np.int64)
     rows = np.concatenate([split.free, split.prescribed]) if loads else split.free
     of_mount, joints = coordinate < 0, tree.coordinate_bodies[rows]
     body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
-    mount = np.zeros((len(coordinate), 6))
+    mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(edits)))
     mount[of_mount] = _mount_motions(tree, forces.frame_body)[-1 - coordinate[of_mount]]
-    unit = np.zeros((len(coordinate), len(edits)))
-    for way, p, amount in units:
-        unit[way, p] = amount
-    courses = [p for p, edit in enumerate(edits) if edit.course is not None]
-    course = np.array([courses.index(p) if p in courses else -1 for _, p, _ in units], dtype=np.int64)
-    ways = np.array([way for way, _, _ in units], dtype=np.int64)
+    for place, amount in units.items():
+        unit[place] = amount
     entries = sorted((int(s), p, int(column), float(edit.sites[s, column])) for p, edit in enumerate(edits)
                      if edit.sites is not None for s, column in np.argwhere(edit.sites))
     springs = [(p, int(row), edit.springs[row, :3]) for p, edit in enumerate(edits) if edit.springs is not None
@@ -120,11 +116,11 @@ def make_ways(
         coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
         relation=np.where(carriers[joints][:, body], CARRIES,
                           np.where(carriers[body][:, joints].T, CARRIED, UNRELATED)),
-        start=np.searchsorted(ways, np.arange(len(coordinate) + 1)).astype(np.int64),
-        parameter=np.array([p for _, p, _ in units], dtype=np.int64), course=course,
-        path=np.ascontiguousarray(np.array([edits[p].course for p in courses], dtype=float).T) if courses
+        course_way=np.array([way for way, _ in courses], dtype=np.int64),
+        course_parameter=np.array([p for _, p in courses], dtype=np.int64),
+        path=np.ascontiguousarray(np.array([edits[p].course for _, p in courses], dtype=float).T) if courses
         else np.zeros((0, 0)),
-        path_rate=np.array([edits[p].course_rate for p in courses], dtype=float),
+        path_rate=np.array([edits[p].course_rate for _, p in courses], dtype=float),
         slide=np.array([edit.fulcrum_shift for edit in edits]), slides=any(edit.fulcrum_shift for edit in edits),
         edit_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
         edit_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
@@ -140,8 +136,8 @@ def make_ways(
 def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
     """Room for these ways; the state's sensitivities are those of a start where only prescribed ways change."""
     B, f, r, (C, P) = len(tree.body_names), len(split.free), len(ways.rows), ways.unit.shape
-    v, way, moving = np.zeros((C, P)), np.repeat(np.arange(C), np.diff(ways.start)), ways.course >= 0
-    v[way[moving], ways.parameter[moving]] = ways.path_rate[ways.course[moving]]
+    v = np.zeros((C, P))
+    v[ways.course_way, ways.course_parameter] = ways.path_rate
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
         **dict.fromkeys(("coriolis", "shift", "out_shift", "out_K"), (B, 6, 6)), "dF": (B, P, 6), "dT": (P, 6),
