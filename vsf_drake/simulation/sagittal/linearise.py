@@ -61,48 +61,39 @@ def linearise(
     model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
     smoothing: Smoothing
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (m, N) of the outputs at real arrays (n, N), and (m, 52, N) derivatives by what is given, in order.
-
-    Arguments and outputs are those of `SagittalModel.evaluate`.
-    """
+    """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, 52, N) derivatives by what is given, in
+    order."""
     n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
+    y = model.evaluate(q, v, a, w, u, p, smoothing)
+    by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
     motion = model.motion(q, v, a, w, u, p)
     joints = _joints(dynamics, motion)
     spheres = touch(model.spheres, motion, model.ground)
     feet = ground_changes(model.spheres, model.feet, dynamics.carries, spheres, p[1], smoothing)
     taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
-    y = np.zeros((len(model.outputs), q.shape[1]))
-    by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
     # Balance of pelvis, socket and keel, then torques.
-    rows = np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])
-    links = dynamics.link[rows]
-    y[:n + k] = dynamics.joint_forces(motion, taken)[rows]
+    links = dynamics.link[np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])]
     load = by[:n + k]
     place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1], links)
     at.fill(load, place, rate)
     load[:, at.a:at.w] = acceleration[:, at.of_q]
     load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S[:, links], feet[0].by_heel[:, links])
-    balance, torque, ground = slice(3, 3 + k), slice(3 + k, n + k), 2 * n + k - 3
-    energy, by_energy = _add_support(model, w, u, p, y[balance], by[balance], at)
-    spring, by_spring = _add_springs(model, w, u, p, energy, by_energy, at)
-    y[balance] -= spring
-    by[balance] -= by_spring
-    powers = n + k + np.arange(n - 3)
-    y[powers], by[powers] = y[torque] * v[3:], by[torque] * v[3:, None]
+    torque, powers, ground = slice(3 + k, n + k), n + k + np.arange(n - 3), 2 * n + k - 3
+    power, stored, soles = ground + 9, ground + 10, ground + 11
+    by[stored] = _add_support(model, w, u, p, by[3:3 + k], at)
+    by_spring = _add_springs(model, w, u, p, by[stored], at)
+    by[3:3 + k] -= by_spring
+    by[powers] = by[torque] * v[3:, None]
     by[powers, at.v + np.arange(3, n)] += y[torque]
-    for foot in feet:
+    for i, foot in enumerate(feet):
         change = np.zeros((3, *by.shape[1:]))
         at.fill(change, _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]), _of(foot.by_twist, motion.S))
         change[:, at.heel] = foot.by_heel[:, 0]
-        # The first link carries everything.
-        y[ground:ground + 3], by[ground:ground + 3] = foot.wrench[[1, 2, 0], 0], change[[1, 2, 0]]
-        ground += 3
-    y[ground:ground + 3], by[ground:ground + 3] = spring[:3], by_spring[:3]
-    power, stored, soles = ground + 3, ground + 4, ground + 5
-    y[power], by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground - 6:ground - 3], at)
-    y[stored], by[stored] = energy, by_energy
+        by[ground + 3 * i:ground + 3 * i + 3] = change[[1, 2, 0]]
+    by[ground + 6:power] = by_spring[:3]
+    by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground:ground + 3], at)
     for i, foot in enumerate(model.feet):
-        y[soles + i], part = sole(spheres.depth[foot])
+        part = sole(spheres.depth[foot])[1]
         onto = dynamics.carries[:, model.spheres.link[foot]]
         lift = np.stack([onto @ (-part * spheres.x[foot]), np.zeros_like(motion.x), onto @ part])
         at.fill(by[soles + i:soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
@@ -133,13 +124,15 @@ def _load_change(
         return inertia_times(J, np.stack([Hx, Hz]), mass, m)
 
     # Relative to a link that moves, its ground's wrench changes by so much less as it would by being taken along.
-    place = ground.by_place - _taking_along(ground.wrench)
+    unit = np.broadcast_to(np.eye(3)[:, :, None, None], ground.by_place.shape)
+    place = ground.by_place - _cross_force(unit, ground.wrench[:, None])
     B = np.stack([b0, b1, b2])
     # What a joint that carries all of another one feels of that; what one that is carried feels.
-    below = cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
+    below = _cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
     below_rate = 2.0 * inertia(D) + B * S[0] - _of(ground.by_twist, S)
     own, here = inertia(S), S[:, rows]
-    left = np.concatenate([own, -_on(S, place), -_on(S, ground.by_twist)])[:, rows]
+    onto_place, onto_twist = (np.einsum("cln,cdln->dln", S, matrix) for matrix in (place, ground.by_twist))
+    left = np.concatenate([own, -onto_place, -onto_twist])[:, rows]
     through = dynamics.carries[rows].astype(bool)
     above = (through & (rows[:, None] != np.arange(L)))[:, :, None]
     under = dynamics.carries.T[rows].astype(bool)[:, :, None]
@@ -155,70 +148,57 @@ def _load_change(
 
 
 def _add_support(
-    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, load: np.ndarray, by_load: np.ndarray,
-    at: _Columns
-) -> tuple[np.ndarray, np.ndarray]:
-    """Adds what joints give against the support to (k, N) and (k, 52, N); (N,) its energy, (52, N) the derivatives."""
+    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_load: np.ndarray, at: _Columns
+) -> np.ndarray:
+    """Adds to (k, 52, N) what joints give against the support; (52, N) derivatives of its energy."""
     count = len(model.support.starts)
-    first = len(w) - count
-    keel, position = slice(first, None), p[0] + model.shift
-    force, energy, slope = model.support.load(w[keel], u[keel], position)
-    wide = np.repeat(w[keel][:, None], count + 1, 1).astype(complex)
-    wide[np.arange(count), np.arange(count)] += 1j * IMAGINARY_STEP
-    positions = np.repeat(position[None], count + 1, 0).astype(complex)
+    first, each = len(w) - count, np.arange(count)
+    turned, rates = (np.repeat(x[first:, None], count + 1, 1).astype(complex) for x in (w, u))
+    positions = np.repeat((p[0] + model.shift)[None], count + 1, 0).astype(complex)
+    turned[each, each] += 1j * IMAGINARY_STEP
     positions[count] += 1j * IMAGINARY_STEP
-    bent, stored, _ = model.support.load(wide, np.repeat(u[keel][:, None], count + 1, 1), positions)
-    bent, stored = bent.imag / IMAGINARY_STEP, stored.imag / IMAGINARY_STEP
-    load[first:] += force
+    load, energy, slope = model.support.load(turned, rates, positions)
+    bent, stored, slope = load.imag / IMAGINARY_STEP, energy.imag / IMAGINARY_STEP, slope[:, 0].real
     rows = by_load[first:]
     rows[:, at.w + first:at.u] += bent[:, :count]
     rows[:, at.u + first:at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
     rows[:, at.fulcrum] += bent[:, count]
     by = np.zeros(by_load.shape[1:])
     by[at.w + first:at.u], by[at.fulcrum] = stored[:count], stored[count]
-    return energy, by
+    return by
 
 
 def _add_springs(
-    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, energy: np.ndarray, by_energy: np.ndarray,
-    at: _Columns
-) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (k, N) and (k, 52, N) their derivatives; adds the springs' energy."""
+    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_energy: np.ndarray, at: _Columns
+) -> np.ndarray:
+    """(k, 52, N) derivatives of the springs' forces; adds those of their energy."""
     h, each = IMAGINARY_STEP, np.arange(len(w))
-    steps = np.zeros((3, 1, 3, 1), dtype=complex)
-    steps[[0, 1, 2], 0, [0, 1, 2]] = 1j * h
-    scale = model.spring_scale(p[3] + steps[2, 0])
-    force, stored = spring_forces(model.springs, w[:, None] + steps[0], u[:, None] + steps[1], scale)
+    steps = 1j * h * np.eye(3)[:, None, :, None]
+    force, stored = spring_forces(
+        model.springs, w[:, None] + steps[0], u[:, None] + steps[1], model.spring_scale(p[3] + steps[2, 0]))
     by = np.zeros((len(w), *by_energy.shape))
     by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = np.moveaxis(force.imag / h, 1, 0)
     by_energy[at.w:at.u] += stored[:, 0].imag / h
     by_energy[at.thickness] += stored[:, 2].imag.sum(0) / h
-    energy += stored[:, 0].real.sum(0)
-    return force[:, 0].real, by
+    return by
 
 
 def _power_below(
     model: SagittalModel, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], wrench: np.ndarray,
     by_wrench: np.ndarray, at: _Columns
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of the ground's `wrench` (3, N) at the shank's twist, and its derivatives; `by_wrench`: of fx, fz, my."""
+) -> np.ndarray:
+    """(52, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my."""
     V, S = motion.V[:, model.shank], motion.S
     carries = model.dynamics.carries[:, model.shank, None]
-    by = np.zeros(by_wrench.shape[1:])[None]
+    by = np.zeros((1, *by_wrench.shape[1:]))
     at.fill(by, *(np.einsum("cn,cln->ln", wrench, m * carries)[None] for m in (
         cross(S, V[:, None]) + joints[0], S)))
-    return (wrench * V).sum(0), by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench)
+    return by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench)
 
 
-def cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
+def _cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Change of a wrench f that is taken along by a displacement m; (3, ...)."""
     return np.stack([m[2] * f[1] - m[1] * f[2], m[0] * f[2], -m[0] * f[1]])
-
-
-def _taking_along(f: np.ndarray) -> np.ndarray:
-    """`cross_force` of f as a matrix (3, 3, ...) on m."""
-    nil = np.zeros_like(f[0])
-    return np.stack([np.stack([nil, -f[2], f[1]]), np.stack([f[2], nil, nil]), np.stack([-f[1], nil, nil])])
 
 
 def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
@@ -229,11 +209,6 @@ def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
 def _times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(j, k, N) products of (c, j, N) and (c, k, N)."""
     return np.einsum("cjn,ckn->jkn", left, right)
-
-
-def _on(m: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """(3, L, N) times matrices (3, 3, L, N)."""
-    return np.einsum("cln,cdln->dln", m, matrix)
 
 
 # How the ground's wrench on a foot changes with the motion of the foot's links.
