@@ -17,7 +17,7 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.visuals import add_foot_visuals
-from vsf_drake.simulation.bench_stiffness import KeelStatics
+from vsf_drake.simulation.bench import keel_shape
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -136,8 +136,7 @@ def test_small_loads_meet_the_stiffness_of_the_chain(fulcrum_m):
 def test_large_loads_lift_the_toe_as_on_the_bench(fulcrum_m):
     """Between them is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
     loads = np.array([200.0, 600.0])
-    known, _ = KeelStatics(NOMINAL, loads, 0.5).press(
-        fulcrum_m, NOMINAL.keel.flexural_modulus_pa, NOMINAL.fulcrum.stiffness_n_per_m)
+    known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
     model = compiled(NOMINAL, fulcrum_m)
     np.testing.assert_allclose([rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4)
 

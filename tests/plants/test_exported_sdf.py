@@ -32,7 +32,7 @@ from vsf_drake.plants import add_foot
 from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.solids import box
-from vsf_drake.simulation.bench_stiffness import KeelStatics
+from vsf_drake.simulation.bench import keel_shape
 
 NOMINAL = FootParameters()
 UNUSUAL = replace(
@@ -169,8 +169,7 @@ def test_large_loads_lift_the_toe_as_on_the_bench(fulcrum_m, apart):
     """The bushing leans by half the angle of the keel over the fulcrum, 0.1 rad at 600 N and 66 mm, and its force along
     z falls with the square of it."""
     loads = np.array([200.0, 600.0])
-    known, _ = KeelStatics(NOMINAL, loads, 0.5).press(
-        fulcrum_m, NOMINAL.keel.flexural_modulus_pa, NOMINAL.fulcrum.stiffness_n_per_m)
+    known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
     np.testing.assert_allclose([rise_in_drake(plant, NOMINAL, load) for load in loads], known, rtol=apart)
 

@@ -169,7 +169,7 @@ def run_bench(
 #
 # whose minimum is the shape. Its Hessian is exact, so Newton's method takes a handful of iterations; the load is
 # put on in steps that are halved where it fails. Large deflections are included; damping, inertia and weight are not.
-# `bench_stiffness` finds the same rest by advancing the bench, with derivatives by the foot's parameters.
+# By a parameter p of the energy the angles change as the balance has it, E'' dq/dp = -d/dp E'.
 
 
 FIRST_STEP_N = 100.0
@@ -190,6 +190,9 @@ class KeelShape:
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
     support_force_n: float
     """On the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up."""
+    rise_by: np.ndarray
+    """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the fulcrum's stiffness (m^2/N).
+    """
 
 
 def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> KeelShape:
@@ -205,11 +208,11 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
     stiffness = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
     lengths_P, lengths_C = _behind(foot, fulcrum_m), _behind(foot, foot.load_point_m)
     support = foot.fulcrum.stiffness_n_per_m
-    q, share = np.zeros(len(lengths_P)), 0.0
+    q, hessian, share = np.zeros(len(lengths_P)), stiffness, 0.0
     step = min(1.0, FIRST_STEP_N / max(abs(load_n), 1e-300))
     while share < 1.0:
         tried = min(share + step, 1.0)
-        moved = _balance(q, tried * load_n, stiffness, support, lengths_P, lengths_C)
+        moved, hessian = _balance(q, tried * load_n, stiffness, support, lengths_P, lengths_C)
         if moved is None:
             step *= 0.5
             if step < LEAST_STEP:
@@ -219,7 +222,10 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
             q, share = moved, tried
     inclined = np.cumsum(q)
     point = np.array([lengths_C @ np.cos(inclined), lengths_C @ np.sin(inclined)])
-    return KeelShape(angles=q, load_point_K=point, support_force_n=float(-support * lengths_P @ np.sin(inclined)))
+    z_P, by_P, _ = _height(lengths_P, inclined)
+    moments = np.column_stack([stiffness @ q / foot.keel.flexural_modulus_pa, z_P * by_P])
+    return KeelShape(angles=q, load_point_K=point, support_force_n=-support * z_P,
+                     rise_by=-_height(lengths_C, inclined)[1] @ np.linalg.solve(hessian, moments))
 
 
 def _behind(foot: FootParameters, x: float) -> np.ndarray:
@@ -230,8 +236,8 @@ def _behind(foot: FootParameters, x: float) -> np.ndarray:
 
 
 def _balance(q: np.ndarray, load: float, stiffness: np.ndarray, support: float, lengths_P: np.ndarray,
-             lengths_C: np.ndarray) -> np.ndarray | None:
-    """The stable equilibrium that Newton's method reaches from `q`; None where it reaches none."""
+             lengths_C: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and the Hessian."""
     enough = BALANCED * (abs(load) * float(lengths_C.sum()) + 1e-6)
     for _ in range(ITERATIONS):
         inclined = np.cumsum(q)
@@ -242,13 +248,13 @@ def _balance(q: np.ndarray, load: float, stiffness: np.ndarray, support: float, 
         try:
             np.linalg.cholesky(hessian)
         except np.linalg.LinAlgError:
-            return None
+            return None, hessian
         if np.abs(moment).max() <= enough:
-            return q
+            return q, hessian
         q = q - np.linalg.solve(hessian, moment)
         if not np.abs(q).max() < np.pi:
-            return None
-    return None
+            return None, hessian
+    return None, hessian
 
 
 def _height(lengths: np.ndarray, inclined: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keel_at_rest
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -9,7 +10,6 @@ from scipy.optimize import root
 
 from vsf_drake.analysis.tuning.level2.stride import quasi_static_motion
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
-from vsf_drake.simulation.bench_stiffness import KeelStatics
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing, Spheres, normal, touch
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import SagittalModel
@@ -74,8 +74,7 @@ def rise_under(model, load, fulcrum):
 def test_forefoot_bends_as_on_the_bench(walker, fulcrum):
     """The stepper's keel under the same loads; the fulcrum is further than its blending from any joint."""
     foot = walker("right").model.foot
-    known, _ = KeelStatics(foot, LOADS, 0.5).press(
-        fulcrum, foot.keel.flexural_modulus_pa, foot.fulcrum.stiffness_n_per_m)
+    known = keel_at_rest.rises(foot, LOADS, fulcrum)
     model = on_the_bench(walker("right"))
     np.testing.assert_allclose([rise_under(model, load, fulcrum) for load in LOADS], known, rtol=1e-7)
 

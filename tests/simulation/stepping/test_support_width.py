@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+import keel_at_rest
 import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.bench_stiffness import KeelStatics
 from vsf_drake.simulation.walk import Walker
 
 FOOT = FootParameters()
@@ -71,11 +69,8 @@ def test_keel_gives_way_next_to_a_joint_as_castigliano_has_it(place):
     the joint has the share 0 or 1 without a width. 1 N keeps the keel straight.
     """
     load, fulcrum, share = 1.0, JOINT_M + place * WIDTH_M, 0.5 * (1.0 + place)
-    keel, support = KeelStatics(FOOT, np.array([0.5 * load, load]), 0.5), FOOT.fulcrum.stiffness_n_per_m
     modulus, reach = FOOT.keel.flexural_modulus_pa, FOOT.load_point_m
-    sharp = keel.press(fulcrum, modulus, support)[0][1]
-    keel.mechanism = replace(keel.mechanism, support_width=WIDTH_M)
-    wide = keel.press(fulcrum, modulus, support)[0][1]
+    sharp, wide = (keel_at_rest.rises(FOOT, np.array([load]), fulcrum, width)[0] for width in (0.0, WIDTH_M))
     stiffness = modulus * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m) / FOOT.keel.element_lengths_m[2]
     m_wide, m_sharp = (load * (reach - JOINT_M) - s * load * reach / fulcrum * (fulcrum - JOINT_M)
                        for s in (share * share * (3.0 - 2.0 * share), float(place >= 0.0)))

@@ -10,7 +10,7 @@ carry one, forces over those that it carries (Featherstone, Rigid Body Dynamics 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
@@ -34,30 +34,17 @@ class PlanarMotion:
 
 
 class PlanarDynamics:
-    """A tree whose every link has a coordinate of its own.
-
-    Attributes:
-        carries: (L, L), [i, j] is 1 where link i carries link j, or is it. coordinate: (L,) of the links.
-        link: (L,) of the coordinates. mass: (L,) kg.
-    """
+    """A tree whose every link has a coordinate of its own."""
 
     def __init__(self, tree: PlanarTree) -> None:
-        links, count = tree.links, len(tree.links)
         self.gravity = tree.gravity
-        self.carries = np.eye(count)
-        for j, link in enumerate(links):
+        (self.parent, self.coordinate, self._turn, self._direction, self._offset, self._angle, self.mass, self._moment,
+         self._inertia) = (np.array(column).T for column in zip(*map(astuple, tree.links), strict=True))
+        self.link = np.argsort(self.coordinate)  # (L,) of the coordinates
+        self.carries = np.eye(len(tree.links))  # (L, L), [i, j] is 1 where link i carries link j, or is it
+        for j, link in enumerate(tree.links):
             if link.parent >= 0:
                 self.carries[:, j] += self.carries[:, link.parent]
-        self.parent = np.array([link.parent for link in links])
-        self.coordinate = np.array([link.coordinate for link in links])
-        self.link = np.argsort(self.coordinate)
-        self.mass = np.array([link.mass for link in links])
-        self._turn = np.array([link.turn for link in links])
-        self._direction = np.array([link.direction for link in links]).T
-        self._offset = np.array([link.offset for link in links]).T
-        self._angle = np.array([link.angle for link in links])
-        self._moment = np.array([link.moment for link in links]).T
-        self._inertia = np.array([link.inertia for link in links])
 
     def move(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> PlanarMotion:
         """Motion at coordinates, rates and accelerations (L, ...)."""
@@ -166,14 +153,10 @@ def turned(x: np.ndarray, z: np.ndarray, angle: float) -> tuple[np.ndarray, np.n
 
 
 def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = None) -> PlanarTree:
-    """The sagittal tree with the coordinates `names`, in that order; all others at zero.
+    """The sagittal tree with the coordinates `names`, in that order; all others at zero. InputError if it is not plane.
 
-    Args:
-        turning_weld: a body whose weld turns too, clockwise seen from the left (about -y, at the frame on the child),
-            as one more coordinate after `names`.
-
-    Raises:
-        InputError: a fixed frame between two bodies is turned out of the plane, or a coordinate is not in it.
+    The weld of the body `turning_weld` turns too, clockwise seen from the left (about -y, at the frame on the child),
+    as one more coordinate after `names`.
     """
     missing = [name for name in names if name not in tree.coordinate_names]
     if missing:
@@ -189,12 +172,11 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
         if kind == WELD and tree.body_names[child] == turning_weld:
             new = Link(on, len(names), -1.0, np.zeros(2), place, turn)
         elif kind != WELD and int(coordinate) in wanted:
-            axis, own = frame[24:27], wanted[int(coordinate)]
-            inside = axis[1] if kind == REVOLUTE else np.hypot(axis[0], axis[2])
-            if abs(inside) < IN_PLANE:
+            axis, revolute = frame[24:27], kind == REVOLUTE
+            if abs(axis[1] if revolute else np.hypot(axis[0], axis[2])) < IN_PLANE:
                 raise InputError(f"{name} does not move in the sagittal plane", where="sagittal model")
-            new = (Link(on, own, float(np.sign(axis[1])), np.zeros(2), place, turn) if kind == REVOLUTE
-                   else Link(on, own, 0.0, axis[[0, 2]], place, turn))
+            new = Link(on, wanted[int(coordinate)], float(np.sign(axis[1])) if revolute else 0.0,
+                       np.zeros(2) if revolute else axis[[0, 2]], place, turn)
         if new is not None:
             links.append(new)
             on, place, turn = len(links) - 1, np.zeros(2), 0.0
