@@ -18,8 +18,7 @@ from vsf_drake.analysis.recording.force_checks import (
     depth,
     drift,
     foot_checks,
-    height,
-    height_between,
+    heights,
     slip,
     sole_angle,
     touch_down,
@@ -154,7 +153,7 @@ def test_drift_is_the_rise_through_foot_flat(rate, mark):
 
 def test_height_is_that_of_the_flat_sole():
     foot = made_foot(sole_m=-0.012)
-    check = height(foot, [flat(foot)])
+    [check] = heights(foot, [flat(foot)])
     assert check.value == pytest.approx(-12.0, abs=1.0)  # the rolling at both ends lifts the middle a little
     assert check.mark == "doubtful"
     assert "below the floor" in check.sentence
@@ -165,7 +164,7 @@ def test_stances_at_different_heights_are_told_apart():
     rows = flat(foot)
     foot.heel_W[rows[len(rows) // 2 :], 2] += 0.006
     foot.toe_W[rows[len(rows) // 2 :], 2] += 0.006
-    check = height_between(foot, [rows[: len(rows) // 2], rows[len(rows) // 2 :]])
+    _, check = heights(foot, [rows[: len(rows) // 2], rows[len(rows) // 2 :]])
     assert check.value == pytest.approx(6.0, abs=1e-6)
     assert check.mark == "doubtful"
 
@@ -175,7 +174,7 @@ def test_clearance_is_the_lowest_point_in_mid_swing(lift, mark):
     foot = made_foot()
     swing = foot.rows(STANCE.end_s, 1.9)
     foot.lowest_m[swing] = lift + 0.02 * np.abs(TIME[swing] - 1.55)
-    [check] = clearance(foot, [STANCE, Stance(1.9, 2.6)])
+    check = clearance(foot, [STANCE, Stance(1.9, 2.6)])
     assert check.value == pytest.approx(1e3 * lift, abs=0.5)
     assert check.mark == mark
 

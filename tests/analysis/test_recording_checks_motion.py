@@ -7,17 +7,15 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.recording.check import Check, grade, worst
+from vsf_drake.analysis.recording import Check, grade, worst
 from vsf_drake.analysis.recording.motion_checks import (
-    cluster_motion,
     filtered_before,
     gaps_filled,
     high_content,
-    joint_gaps,
     knee_axis,
     leg_lengths,
-    residuals,
     smoothness,
+    spread,
     walking,
     zeroed,
 )
@@ -43,12 +41,12 @@ def walking_angles() -> dict[str, np.ndarray]:
 
 
 def test_angles_of_a_person_are_not_called_zeroed():
-    assert zeroed(TIME, walking_angles(), None, FAST).mark == "good"
+    assert zeroed(walking_angles(), None, FAST).mark == "good"
 
 
 def test_angles_from_which_standing_was_subtracted_are_found():
     angles = {name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()}
-    check = zeroed(TIME, angles, None, FAST)
+    check = zeroed(angles, None, FAST)
     assert check.mark != "good"
     assert "zeroed" in check.sentence
 
@@ -76,7 +74,7 @@ def test_knee_that_hardly_bends_or_has_one_axis_says_nothing_bad():
 
 def test_angles_that_begin_at_exactly_zero_are_found():
     angles = {name: values - values[0] for name, values in walking_angles().items()}
-    check = zeroed(TIME, angles, None, FAST)
+    check = zeroed(angles, None, FAST)
     assert check.mark == "unusable"
     assert "exactly zero" in check.sentence
 
@@ -87,13 +85,13 @@ def test_quiet_standing_at_zero_before_the_walk_is_found():
     speed[:40] = 0.0
     for values in angles.values():
         values[:40] = np.radians(0.05)
-    assert zeroed(TIME, angles, None, speed).mark == "unusable"
+    assert zeroed(angles, None, speed).mark == "unusable"
 
 
 def test_standing_trial_with_angles_of_its_own_is_good_and_one_of_zeros_is_not():
     standing = {name: np.radians(value) for name, value in STANDING.items()}
-    assert zeroed(TIME, walking_angles(), standing, FAST).mark == "good"
-    assert zeroed(TIME, walking_angles(), dict.fromkeys(standing, 0.0), FAST).mark == "doubtful"
+    assert zeroed(walking_angles(), standing, FAST).mark == "good"
+    assert zeroed(walking_angles(), dict.fromkeys(standing, 0.0), FAST).mark == "doubtful"
 
 
 def test_shaking_angles_are_not_smooth():
@@ -134,18 +132,18 @@ def test_jump_of_the_pelvis_is_found_with_its_time():
 
 
 def test_worst_marker_is_named_with_its_residual():
-    check = residuals({"RKNE": 0.004, "LTIB": 0.025})
+    check = spread("residuals", {"RKNE": 0.004, "LTIB": 0.025})
     assert (check.mark, check.value) == ("unusable", pytest.approx(25.0))
     assert "LTIB 25.0" in check.sentence
-    assert residuals({"RKNE": 0.004}).mark == "good"
-    assert residuals({}) is None
+    assert spread("residuals", {"RKNE": 0.004}).mark == "good"
+    assert spread("residuals", {}) is None
 
 
 def test_other_persons_standing_trial_shows_in_joints():
-    check = joint_gaps({"knee_right": 0.04, "hip_left": 0.005})
+    check = spread("joint_gaps", {"knee_right": 0.04, "hip_left": 0.005})
     assert check.mark == "unusable"
     assert "standing trial of another person" in check.sentence
-    assert cluster_motion({"thigh_right": 0.009}).mark == "doubtful"
+    assert spread("cluster_motion", {"thigh_right": 0.009}).mark == "doubtful"
 
 
 def test_longest_gap_is_named():

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.recording.check import Check, expected_error, overall
+from vsf_drake.analysis.recording import Check, expected_error, overall
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.analysis.validation.study import embedded_contact, walk_trial
 from vsf_drake.contact_file import load_contact

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.analysis.inverse_kinematics import refined
-from vsf_drake.analysis.recording.check import FITTED_HIP_BW_PER_DEG, Check
-from vsf_drake.analysis.recording.examine import examine, weighed
-from vsf_drake.analysis.recording.foot import Examined
+from vsf_drake.analysis.recording import FITTED_HIP_BW_PER_DEG, Check
+from vsf_drake.analysis.recording.examine import Examined, examine, weighed
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256, user_path
 from vsf_drake.model_file import check_fulcrum

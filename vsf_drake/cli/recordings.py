@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.analysis.recording.check import EXPECTED
+from vsf_drake.analysis.recording import EXPECTED
 from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, console, fail, path, progress, read_trials, say
 from vsf_drake.errors import InputError
 

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.recording.check import EXPECTED, GOOD_BW, MARKS, costs, expected_error
-from vsf_drake.analysis.recording.examine import mass_budget, overall_mark, person_table, trial_table
-from vsf_drake.analysis.recording.foot import Examined, FootMotion, flat_phase
+from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, expected_error
+from vsf_drake.analysis.recording.examine import Examined, mass_budget, overall_mark, person_table, trial_table
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase
 from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
 from vsf_drake.motion.events import Stance
@@ -107,7 +107,7 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
     if person is not None:
         about = {"subject": person.trial.subject, "subject_numbers": to_plain(person.trial.subject),
                  "budget": mass_budget(person.trial), "translations": PELVIS_TRANSLATIONS,
-                 "calibration": None if person.markers is None else person.markers.calibration}
+                 "calibration": person.trial.calibration}
     figures = [[figure for make in _FIGURES if (figure := make(item)) is not None] for item in items]
     return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
                   trials=items, bad=bad, errors=[expected_error(item.checks) for item in items], figures=figures,
@@ -137,7 +137,7 @@ def angle_figure(item: Examined) -> Figure:
     A stance that the record cuts is laid out as if it lasted as long as the complete ones.
     """
     names, time, values = _coordinates(item)
-    standing = item.markers.calibration.angles_rad if item.markers else {}
+    standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
     with style():
         figure = new_figure(11.0, 5.4)
         for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
@@ -181,7 +181,7 @@ def floor_figure(item: Examined) -> Figure:
     with style():
         figure = new_figure(11.0, 3.4)
         axes = figure.subplots()
-        for plate in item.markers.recording.plates if item.markers else ():
+        for plate in item.trial.recording.plates if item.trial.recording else ():
             if plate.corners_m is not None:
                 ring = np.vstack([plate.corners_m, plate.corners_m[:1]])
                 axes.plot(ring[:, 0], ring[:, 1], color="0.7", linewidth=1.0)
@@ -220,9 +220,9 @@ def height_figure(item: Examined) -> Figure:
 
 def residual_figure(item: Examined) -> Figure | None:
     """Distance of each marker from its segment; None without markers."""
-    if item.markers is None or not item.markers.tracked.residual_rms_m:
+    if item.trial.tracked is None or not item.trial.tracked.residual_rms_m:
         return None
-    residual = sorted(item.markers.tracked.residual_rms_m.items(), key=lambda pair: pair[1])
+    residual = sorted(item.trial.tracked.residual_rms_m.items(), key=lambda pair: pair[1])
     sizes = np.array([1e3 * value for _, value in residual])
     with style():
         figure = new_figure(11.0, 0.6 + 0.17 * len(residual))
@@ -259,8 +259,8 @@ def _outline(axes: Axes, foot: FootMotion, stance: Stance) -> None:
 
 def _coordinates(item: Examined) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, times and values; from the markers where there are any, since these know both ankles."""
-    if item.markers is not None:
-        tracked = item.markers.tracked
+    tracked = item.trial.tracked
+    if tracked is not None:
         return tuple(tracked.names), tracked.time_s, tracked.values
     motion = item.trial.trajectory
     return motion.names, motion.time_s, motion.values

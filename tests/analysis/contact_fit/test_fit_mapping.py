@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.mapping import TrialMap, curve_coefficients
 from vsf_drake.analysis.contact_fit.parameters import (
     ANGLES,
     CURVE_COEFFICIENTS,
@@ -13,6 +12,8 @@ from vsf_drake.analysis.contact_fit.parameters import (
     REFERENCE_DEPTH_M,
     FitParameter,
     FitParameters,
+    TrialMap,
+    curve_coefficients,
     standard_parameters,
 )
 from vsf_drake.errors import InputError

@@ -55,18 +55,13 @@ class ContactFitOptions:
         only_ends: options on which the way of the search does not depend, so that an interrupted one may change them.
         series: what is compared; the force components and the fore-aft centre of pressure by default, because the
             resultant alone accepts nonsense.
-        noise: how wrong that is expected to be.
-        starts: searches, the first from the parameters' own start, the others from the best of `screened` samples.
-        screened: Latin hypercube samples of the prior that are tried for each further start.
-        seed: of the samples.
+        starts: searches, the first from the parameters' own start, the others from the best of `screened` Latin
+            hypercube samples of the prior.
         solver: "gauss_newton" (bounded trust region, scipy), "snopt" or "ipopt" (Drake, exact gradients), "nlopt"
             (global: DIRECT and then a local search, Drake).
         iterations: most evaluations of a search; for "nlopt" of its global part.
         tolerance: a search has converged when a step betters the cost by less than this part of it.
         step_s: of the walks during the search. report_step_s: of those that are reported.
-
-    Raises:
-        InputError: an option is none of what it may be.
     """
 
     strategy: ClassVar[str] = JOINT
@@ -109,9 +104,6 @@ class PaperOptions:
         restarts: how often a run that did not converge is begun again from its result.
         friction: whether the friction coefficients are varied as well; the paper's were given.
         workers: threads; they do not change the result.
-
-    Raises:
-        InputError: a number is out of range.
     """
 
     strategy: ClassVar[str] = PAPER

@@ -53,25 +53,19 @@ class PaperState:
     """Where a search has got to after an iteration; it goes on from here to the same end.
 
     Attributes:
-        stiffness: N/mm, of the initial guess.
-        initial_objective_n2, objective_n2: N², of the initial guess and of the best scenario.
-        best: (P) the best scenario, in the units of `PaperSpace`.
         history: of each iteration its number (from 1), the objective of the best scenario so far (N²) and the largest
             change of a parameter of it, over the distance of its bounds.
-        instants: how many differences are summed in the objective.
-        simulations, failed_simulations: walks so far, those for the initial guess included.
-        wall_s: so far, over all parts of an interrupted search.
     """
 
-    stiffness: float
+    stiffness: float  # N/mm, of the initial guess
     initial_objective_n2: float
-    objective_n2: float
-    best: tuple[float, ...]
+    objective_n2: float  # of the best scenario
+    best: tuple[float, ...]  # (P,) in the units of `PaperSpace`
     history: tuple[tuple[int, float, float], ...] = ()
-    instants: int
-    simulations: int
+    instants: int  # how many differences are summed in the objective
+    simulations: int  # those for the initial guess included
     failed_simulations: int
-    wall_s: float
+    wall_s: float  # over all parts of an interrupted search
 
     def rms_n(self, objective_n2: float) -> float:
         """An objective as root mean square difference."""
@@ -80,17 +74,12 @@ class PaperState:
 
 @dataclass(frozen=True, kw_only=True)
 class PaperEnd:
-    """How the search ended.
-
-    Attributes:
-        values, initial_values: of variables of a walk (SI), of the best scenario and of the initial guess.
-        converged: whether by its own tolerances. stopped_by: why it ended, in words.
-    """
+    """How the search ended; values of variables of a walk (SI) for the best scenario and the initial guess."""
 
     state: PaperState
     values: dict[str, float]
     initial_values: dict[str, float]
-    converged: bool
+    converged: bool  # by its own tolerances
     stopped_by: str
 
 
@@ -98,12 +87,7 @@ def search_like_the_paper(
     fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
     checkpoint: Callable[[dict[str, Any]], None] | None = None
 ) -> PaperEnd:
-    """Searches for one trial's contact, as the paper did, or for that of several; see `solution.solve`.
-
-    Raises:
-        InputError: the foot cannot carry the person, or `resume` belongs to another fit.
-        SimulationError: every walk of an iteration fails.
-    """
+    """Searches for one trial's contact, as the paper did, or for that of several; see `solution.solve`."""
     options = fit.options
     assert isinstance(options, PaperOptions)
     state = _initial(fit, options) if resume is None else read_state(fit.resumed(resume))
@@ -135,14 +119,8 @@ def iterate(
     state: PaperState, space: PaperSpace, score: Callable[[Sequence[Mapping[str, float]]], Sequence[Score]],
     options: PaperOptions
 ) -> PaperState:
-    """One iteration: scenarios are drawn round the best so far and scored, and the best seen is carried on.
-
-    Args:
-        score: of scenarios, each the values of variables of a walk.
-
-    Raises:
-        SimulationError: every scenario fails.
-    """
+    """One iteration: scenarios (values of variables of a walk) are drawn round the best so far and scored, and the best
+    seen is carried on. Raises SimulationError if every scenario fails."""
     iteration, centre = len(state.history) + 1, np.array(state.best)
     drawn = space.sample(centre, count=options.scenarios, spread=options.spread,
                          random=np.random.default_rng([options.seed, iteration]))
@@ -186,8 +164,7 @@ def verdict(state: PaperState, options: PaperOptions) -> tuple[bool, str] | None
 
 @dataclass(frozen=True)
 class Score:
-    """What one scenario came to: its objective (infinite if a walk failed), the walks that were run, and the error of
-    the last of them if it failed."""
+    """What one scenario came to: an infinite objective if a walk failed, the last of those that were run."""
 
     objective_n2: float
     simulations: int
@@ -213,34 +190,33 @@ def _score(fit: ContactFit, values: Mapping[str, float]) -> Score:
             c, _, _ = fit.walk(trial, values, step_s=fit.options.step_s)
         except SimulationError as error:
             return Score(np.inf, i, error)
-        total += float(np.sum(_differences(c) ** 2))
+        model, measured = (np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured))
+        total += float(np.sum((model - measured) ** 2))
     return Score(total, len(fit.trials))
-
-
-def _differences(c: Comparison) -> np.ndarray:
-    """(k,) N, resultant of the model less the plate's at the scored instants."""
-    return np.linalg.norm(c.model[c.scored], axis=1) - np.linalg.norm(c.measured[c.scored], axis=1)
 
 
 def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
     """The initial guess: its stiffness is raised in steps until the model's vertical force, taken over all measured
     stances, is on average at least the plates'. A walk that fails does not carry."""
+    def surplus_n(c: Comparison) -> float:
+        rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
+        return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
+
     began, stiffness, steps, failures = time.perf_counter(), SOFTEST_N_PER_MM, 0, []
     while stiffness <= STIFFEST_N_PER_MM:
         space = paper_space(fit.walker.variables, stiffness, options)
         values, steps = space.values(space.start), steps + 1
         try:
             found = [fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials]
-        except SimulationError as error:
-            failures.append(error)
-        else:
-            if sum(map(_surplus_n, found)) >= 0.0:
+            if sum(map(surplus_n, found)) >= 0.0:
                 first = _score(fit, values)
                 return PaperState(
                     stiffness=stiffness, initial_objective_n2=first.objective_n2, objective_n2=first.objective_n2,
                     best=tuple(map(float, space.start)), instants=sum(int(c.scored.sum()) for c in found),
                     simulations=(steps + 1) * len(fit.trials), failed_simulations=len(failures),
                     wall_s=time.perf_counter() - began)
+        except SimulationError as error:
+            failures.append(error)
         stiffness *= RAISE
     if len(failures) == steps:
         raise failures[-1]
@@ -248,11 +224,6 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         f"the prosthetic foot does not carry the recorded load with spheres of up to {STIFFEST_N_PER_MM:g} N/mm",
         file=fit.trials[0].path, where="offsets",
         right="Check the height of the prosthesis, and that kinematics and forces share time and frame")
-
-
-def _surplus_n(c: Comparison) -> float:
-    rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
-    return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
 
 
 # What is varied, in the paper's units, and how scenarios are drawn.
@@ -269,12 +240,7 @@ def _surplus_n(c: Comparison) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PaperSpace:
-    """The parameters of one search.
-
-    Attributes:
-        names: (P) of variables of a walk.
-        start, low, high: (P,) initial guess and bounds, in the units above.
-    """
+    """The parameters of one search: variables of a walk, initial guess and bounds (P,), in the units above."""
 
     names: tuple[str, ...]
     start: np.ndarray
@@ -283,15 +249,14 @@ class PaperSpace:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """The values of a walk's variables (SI) at x (P,)."""
-        own = dict(zip(self.names, map(float, x), strict=True))
-        found = dict(own)
-        for name, value in own.items():
+        found = dict(zip(self.names, map(float, x), strict=True))
+        for name in self.names:
             if name.endswith(".stiffness"):
-                found[name] = value * _MM_PER_M ** own[name.removesuffix("stiffness") + "exponent"]
+                found[name] *= _MM_PER_M ** found[name.removesuffix("stiffness") + "exponent"]
             elif name.endswith(".damping"):
-                found[name] = value * _MM_PER_M
+                found[name] *= _MM_PER_M
             elif name.endswith(".full_damping_depth"):
-                found[name] = value / _MM_PER_M
+                found[name] /= _MM_PER_M
         return found
 
     def change(self, x: np.ndarray, other: np.ndarray) -> float:
@@ -301,11 +266,9 @@ class PaperSpace:
     def sample(self, centre: np.ndarray, *, count: int, spread: float, random: np.random.Generator) -> np.ndarray:
         """(count, P) scenarios: a Latin hypercube of normal distributions round `centre`, cut off at the bounds.
 
-        Each parameter's distribution is cut into `count` slices of equal probability and each slice is met once (McKay,
-        Beckman & Conover 1979, doi 10.1080/00401706.1979.10489755).
-
-        Args:
-            spread: standard deviation over the value at the centre, before cutting off.
+        Each parameter's distribution, of standard deviation `spread` times the value at the centre before cutting off,
+        is cut into `count` slices of equal probability and each slice is met once (McKay, Beckman & Conover 1979, doi
+        10.1080/00401706.1979.10489755).
         """
         columns = []
         for value, low, high in zip(centre, self.low, self.high, strict=True):
@@ -317,11 +280,8 @@ class PaperSpace:
 
 
 def paper_space(variables: Mapping[str, Variable], stiffness: float, options: PaperOptions) -> PaperSpace:
-    """The paper's initial guess with one stiffness (N/mm) for all zones, and bounds about it.
-
-    Raises:
-        InputError: the initial guess lies outside of bounds, or a bound is out of the model's range.
-    """
+    """The paper's initial guess with one stiffness (N/mm) for all zones, and bounds about it. Raises InputError where
+    it lies outside of them, or they outside of the model's range."""
     damping, fold = DAMPING_OVER_STIFFNESS * stiffness, options.fold
     law = {"stiffness": (stiffness, stiffness / fold, fold * stiffness), "exponent": (1.0, *options.exponents),
            "damping": (damping, damping / fold, fold * damping),

@@ -8,37 +8,32 @@ length of u, and the singular values of a Jacobian by u say how much more the da
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import SIDES
-from vsf_drake.simulation.variables import Variable
+from vsf_drake.simulation.variables import Course, Variable
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
-DAMPING_TIME = "contact.damping_time"
+DAMPING_TIME, OFFSET_HEIGHT = "contact.damping_time", "offset.height"
 OF_TRIAL = re.compile(rf"trial\.(?P<label>.+)\.(?:(?P<height>height)|path\.(?P<path>(?:{'|'.join(PATH_COORDINATES)})"
                       r"\.\d+))")
+_CURVE = re.compile(r"curve\.([^.]+)\.(\d+)")
+_LAW = re.compile(r"contact\.([^.]+)\.(force|exponent|damping_time)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitParameter:
-    """One number of a fit.
-
-    Attributes:
-        name, unit: see `standard_parameters` for the names.
-        start: where the first search begins, and the value of a frozen parameter.
-        low, high: bounds.
-        mean: centre of the prior.
-        scale: standard deviation of the prior; of the value's logarithm if `logarithmic`.
-        prior: whether the prior is a residual; without it, `scale` only scales the search.
-        frozen: the parameter stays at `start`.
-        logarithmic: the search runs in the logarithm of the value.
-        why: where bounds and prior come from.
+    """One number of a fit, between two bounds and with a prior; see `standard_parameters` for the names.
 
     Raises:
         InputError: bounds cross, start or mean lie outside of them, a number is not finite or a scale not positive.
@@ -46,15 +41,15 @@ class FitParameter:
 
     name: str
     unit: str
-    start: float
+    start: float  # where the first search begins, and the value of a frozen parameter
     low: float
     high: float
-    mean: float
-    scale: float
-    prior: bool = True
+    mean: float  # centre of the prior
+    scale: float  # standard deviation of the prior; of the value's logarithm if `logarithmic`
+    prior: bool = True  # the prior is a residual; without it, `scale` only scales the search
     frozen: bool = False
-    logarithmic: bool = False
-    why: str = ""
+    logarithmic: bool = False  # the search runs in the logarithm of the value
+    why: str = ""  # bounds and prior are so
 
     def __post_init__(self) -> None:
         def demand(right: bool, what: str, remedy: str) -> None:
@@ -214,63 +209,205 @@ def standard_parameters(
     if unknown:
         raise InputError(f"there is no joint angle {unknown[0]!r}", where="curves",
                          right="Give names without the side, such as hip_flexion")
-    zones = zones_of(variables)
-    items = [item for zone in zones for item in _zone(variables, zone, damping_by_zone)]
-    if not damping_by_zone:
-        items.append(_damping_time(variables, zones[-1], DAMPING_TIME))
-    items += [_zero("offset.height", "m", 0.01, 4, "length of the prosthesis and of the limb in its socket"),
-              _zero("offset.fore_aft", "m", 0.01, 4, "where the foot is bolted on"),
-              _zero("offset.alignment", "rad", math.radians(3.0), 4, "what a prosthetist sets")]
-    items += [_zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(1.5), 10,
-                    "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
-    items += [_zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(0.5), 10, "sliding skin and crosstalk")
+
+    def log(name: str, unit: str, value: float, scale: float, fold: float, why: str) -> FitParameter:
+        return FitParameter(name=name, unit=unit, start=value, low=value / fold, high=value * fold, mean=value,
+                            scale=scale, logarithmic=True, why=why)
+
+    def zero(name: str, unit: str, scale: float, reach: float, why: str) -> FitParameter:
+        return FitParameter(name=name, unit=unit, start=0.0, low=-reach * scale, high=reach * scale, mean=0.0,
+                            scale=scale, why=why)
+
+    def own(name: str, scale: float, why: str, *, frozen: bool = True) -> FitParameter:
+        v = variables[name]
+        return FitParameter(name=name, unit=v.unit, start=v.default, low=v.low, high=v.high, mean=v.default,
+                            scale=scale, logarithmic=True, frozen=frozen, why=why)
+
+    zones, items = zones_of(variables), []
+    for zone in zones:
+        k, n, b = (variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent", "damping"))
+        exponent = max(n, 1.2)
+        items += [
+            log(f"contact.{zone}.force", "N", k * REFERENCE_DEPTH_M**n, 0.5, 8,
+                "the bench knows the foam under one load point, no more"),
+            FitParameter(name=f"contact.{zone}.exponent", unit="1", start=exponent, low=1.0, high=2.0, mean=exponent,
+                         scale=0.3, why="foam hardens; McGeehan 2021 starts from 1"),
+            zero(f"contact.{zone}.rise", "m", 4e-3, 4, "the sole is drawn flat; soles are round"),
+            own(f"contact.{zone}.full_damping_depth", 0.5, "0.1 % body weight for twice of it")]
+        if damping_by_zone or zone == zones[-1]:
+            time = float(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
+            items.append(log(f"contact.{zone}.damping_time" if damping_by_zone else DAMPING_TIME, "s", time, 0.7, 20,
+                             "10 % loss a load cycle by default, a choice"))
+    items += [zero("offset.height", "m", 0.01, 4, "length of the prosthesis and of the limb in its socket"),
+              zero("offset.fore_aft", "m", 0.01, 4, "where the foot is bolted on"),
+              zero("offset.alignment", "rad", math.radians(3.0), 4, "what a prosthetist sets")]
+    items += [zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(1.5), 10,
+                   "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
+    items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(0.5), 10, "sliding skin and crosstalk")
               for name in curves for i in range(CURVE_COEFFICIENTS)]
-    items += [_scaled(variables, f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
-                      frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
+    items += [own(f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
+                  frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
     if heights and len(labels) > 1:
-        items += [_zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
+        items += [zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]
     if paths:
-        items += [_zero(f"trial.{label}.path.{name}.{i}", "m", 1e-3, 10, "a slow drift that no foot could make")
+        items += [zero(f"trial.{label}.path.{name}.{i}", "m", 1e-3, 10, "a slow drift that no foot could make")
                   for label in labels for name in PATH_COORDINATES for i in range(PATH_COEFFICIENTS)]
-    items += [_scaled(variables, "keel.flexural_modulus", 0.1, "data sheets of G10/FR4 differ by 20 %"),
-              _scaled(variables, "fulcrum.stiffness", 0.3, "calibrated to two published end points")]
-    items += [_scaled(variables, f"friction.{name}", 0.3, "the paper's coefficients were given, not fitted")
+    items += [own("keel.flexural_modulus", 0.1, "data sheets of G10/FR4 differ by 20 %"),
+              own("fulcrum.stiffness", 0.3, "calibrated to two published end points")]
+    items += [own(f"friction.{name}", 0.3, "the paper's coefficients were given, not fitted")
               for name in ("mu_static", "mu_kinetic", "threshold_velocity")]
     return FitParameters(items)
 
 
-def _zone(variables: Mapping[str, Variable], zone: str, own_damping: bool) -> list[FitParameter]:
-    k, n = (variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent"))
-    force, exponent = k * REFERENCE_DEPTH_M**n, max(n, 1.2)
-    found = [
-        FitParameter(name=f"contact.{zone}.force", unit="N", start=force, low=force / 8, high=force * 8, mean=force,
-                     scale=0.5, logarithmic=True, why="the bench knows the foam under one load point, no more"),
-        FitParameter(name=f"contact.{zone}.exponent", unit="1", start=exponent, low=1.0, high=2.0, mean=exponent,
-                     scale=0.3, why="foam hardens; McGeehan 2021 starts from 1"),
-        _zero(f"contact.{zone}.rise", "m", 4e-3, 4, "the sole is drawn flat; soles are round"),
-        _scaled(variables, f"contact.{zone}.full_damping_depth", 0.5, "0.1 % body weight for twice of it")]
-    if own_damping:
-        found.append(_damping_time(variables, zone, f"contact.{zone}.damping_time"))
-    return found
+# From the parameters to the variables of one trial's walk, and the derivatives of these by those.
 
 
-def _damping_time(variables: Mapping[str, Variable], zone: str, name: str) -> FitParameter:
-    k, n, b = (variables[f"contact.{zone}.{of}"].default for of in ("stiffness", "exponent", "damping"))
-    time = float(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
-    return FitParameter(name=name, unit="s", start=time, low=time / 20, high=time * 20, mean=time, scale=0.7,
-                        logarithmic=True, why="10 % loss a load cycle by default, a choice")
+@dataclass(frozen=True)
+class WalkValues:
+    """What one walk takes, at one point of the search: values of its variables, the Q of them that free parameters
+    change, and derivatives (Q, P) of those by the search coordinates."""
+
+    values: dict[str, float]
+    names: tuple[str, ...]
+    by: np.ndarray
 
 
-def _zero(name: str, unit: str, scale: float, reach: float, why: str) -> FitParameter:
-    """Zero unless the data say otherwise."""
-    return FitParameter(name=name, unit=unit, start=0.0, low=-reach * scale, high=reach * scale, mean=0.0, scale=scale,
-                        why=why)
+class TrialMap:
+    """The parameters' part in one trial.
+
+    Heights of trials enter as deviations from their mean: what they have in common is the height of the prosthesis, and
+    shall not be lost where a trial has none of its own.
+
+    Args:
+        variables: of the walker.
+        label: of the trial, as parameters of its own name it; None for a trial that has none.
+        trial: the recording; None for what is not walked, which then has no courses.
+
+    Attributes:
+        courses: that the walk takes, one for each curve or path parameter.
+
+    Raises:
+        InputError: a parameter means nothing to this walker, or has the form of none.
+    """
+
+    def __init__(
+        self, parameters: FitParameters, variables: Mapping[str, Variable], label: str | None, trial: Trial | None
+    ) -> None:
+        self.parameters, names = parameters, parameters.by_name
+        self._laws = [zone for zone in zones_of(variables) if f"contact.{zone}.force" in names]
+        for zone in self._laws:
+            _check_law(zone, names)
+        if DAMPING_TIME in names and not self._laws:
+            raise _refused(f"{DAMPING_TIME} has no law to belong to",
+                           "Give contact.ZONE.force and contact.ZONE.exponent too")
+        coefficients = curve_coefficients(names)
+        self._targets = {name: self._target(name, label, variables) for name in names}
+        self.courses = () if trial is None else _courses(
+            [target[0] for target in self._targets.values() if target], trial, coefficients)
+
+    def at(self, u: np.ndarray) -> WalkValues:
+        """The walk's values at u (P,)."""
+        values, slopes = self.parameters.values(u), self.parameters.slopes(u)
+        free = {name: p for p, name in enumerate(self.parameters.names)}
+        walk: dict[str, float] = {}
+        by: dict[str, np.ndarray] = {}
+
+        def depends(variable: str, name: str, slope: float) -> None:
+            if name in free:
+                by.setdefault(variable, np.zeros(len(free)))[free[name]] += slope * slopes[free[name]]
+
+        for name, target in self._targets.items():
+            if target:
+                variable, share = target
+                walk[variable] = walk.get(variable, 0.0) + share * values[name]
+                depends(variable, name, share)
+        for zone in self._laws:
+            own = f"contact.{zone}."
+            of_force, of_exponent, of_time = f"{own}force", f"{own}exponent", f"{own}damping_time"
+            of_time = of_time if of_time in values else DAMPING_TIME
+            force, n, time = values[of_force], values[of_exponent], values[of_time]
+            k, b = force / REFERENCE_DEPTH_M**n, time * n * force / REFERENCE_DEPTH_M
+            walk |= {f"{own}stiffness": k, of_exponent: n, f"{own}damping": b}
+            depends(f"{own}stiffness", of_force, k / force)
+            depends(f"{own}stiffness", of_exponent, -k * np.log(REFERENCE_DEPTH_M))
+            depends(of_exponent, of_exponent, 1.0)
+            depends(f"{own}damping", of_force, b / force)
+            depends(f"{own}damping", of_exponent, b / n)
+            depends(f"{own}damping", of_time, b / time)
+        return WalkValues(values=walk, names=tuple(by), by=np.array([*by.values()]).reshape(len(by), len(free)))
+
+    def _target(self, name: str, label: str | None, variables: Collection[str]) -> tuple[str, float] | None:
+        """The variable that a parameter is added to, and its share in it; None for one of a law or of another trial."""
+        if match := OF_TRIAL.fullmatch(name):
+            if match["height"]:
+                heights = sum(name.endswith(".height") and bool(OF_TRIAL.fullmatch(name))
+                              for name in self.parameters.by_name)
+                return None if label is None else (OFFSET_HEIGHT, float(match["label"] == label) - 1.0 / heights)
+            return (f"course.path.{match['path']}", 1.0) if match["label"] == label else None
+        if _CURVE.fullmatch(name):
+            return f"course.{name}", 1.0
+        law = _LAW.fullmatch(name)
+        if name == DAMPING_TIME or (law and law[1] in self._laws):
+            return None
+        if name not in variables:
+            raise _refused(f"{name} is no parameter of a contact fit",
+                           "See vsf_drake.analysis.contact_fit.parameters for the names")
+        return name, 1.0
 
 
-def _scaled(
-    variables: Mapping[str, Variable], name: str, scale: float, why: str, *, frozen: bool = True
-) -> FitParameter:
-    v = variables[name]
-    return FitParameter(name=name, unit=v.unit, start=v.default, low=v.low, high=v.high, mean=v.default, scale=scale,
-                        logarithmic=True, frozen=frozen, why=why)
+def curve_coefficients(names: Collection[str]) -> int:
+    """How many coefficients each curve has; 0 without curves. Raises InputError if these make no periodic splines."""
+    by: dict[str, list[int]] = {}
+    for name in names:
+        if match := _CURVE.fullmatch(name):
+            by.setdefault(match[1], []).append(int(match[2]))
+        elif name.startswith("curve."):
+            by.setdefault(name, []).append(-1)
+    count = max(map(len, by.values()), default=0)
+    if any(sorted(indices) != [*range(count)] for indices in by.values()):
+        raise _refused("the curves' coefficients are not 0, 1, 2 ... up to the same number",
+                       "They are named curve.COORDINATE.NUMBER")
+    if 0 < count < 4:
+        raise _refused(f"{count} coefficients make no periodic curve", "At least 4 are needed")
+    return count
+
+
+def _check_law(zone: str, names: Collection[str]) -> None:
+    own = f"contact.{zone}."
+    if f"{own}exponent" not in names or not {f"{own}damping_time", DAMPING_TIME} & set(names):
+        raise _refused(f"the law of zone {zone} is told by half",
+                       f"With {own}force give {own}exponent, and {own}damping_time or {DAMPING_TIME}; "
+                       "they may be frozen")
+    for twice in ("stiffness", "damping"):
+        if f"{own}{twice}" in names:
+            raise _refused(f"{own}{twice} and {own}force set the same", "Give one of them")
+
+
+def _refused(what: str, right: str | None = None) -> InputError:
+    return InputError(what, where="parameters", right=right)
+
+
+def _courses(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[Course, ...]:
+    found: list[Course] = []
+    families: dict[str, Callable[[int], Callable[[np.ndarray], np.ndarray]]] = {}
+    for name in dict.fromkeys(target.removeprefix("course.") for target in targets if target.startswith("course.")):
+        kind, coordinate, index = name.rsplit(".", 2)
+        if kind == "path" and int(index) >= PATH_COEFFICIENTS:
+            raise _refused(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path")
+        if kind not in families:
+            families[kind] = _members(_curves(trial, coefficients) if kind == "curve" else
+                                      window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
+        found.append(Course(name=name, coordinate=coordinate, shape=families[kind](int(index))))
+    return tuple(found)
+
+
+def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:
+    phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
+    return lambda times: basis(phase(times))
+
+
+def _members(family: Callable[[np.ndarray], np.ndarray]) -> Callable[[int], Callable[[np.ndarray], np.ndarray]]:
+    """The functions of a family by number, all worked out once for each of the few grids of times that walks have."""
+    known = functools.lru_cache(maxsize=8)(lambda times: family(np.frombuffer(times)))
+    return lambda i: lambda times: known(np.ascontiguousarray(times, dtype=float).tobytes())[:, i]

@@ -23,9 +23,8 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivity
-from vsf_drake.analysis.contact_fit.mapping import TrialMap
 from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptions, PaperOptions
-from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner, standard_parameters
+from vsf_drake.analysis.contact_fit.parameters import FitParameters, TrialMap, owner, standard_parameters
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import find_stances

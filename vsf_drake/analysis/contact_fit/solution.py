@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison
-from vsf_drake.analysis.contact_fit.mapping import OFFSET_HEIGHT, TrialMap
 from vsf_drake.analysis.contact_fit.options import JOINT, PAPER
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
-from vsf_drake.analysis.contact_fit.parameters import FitParameters, owner
+from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
 from vsf_drake.analysis.contact_fit.solve import Search, Uncertainty, run_searches, search, uncertainty
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve

@@ -34,22 +34,16 @@ _TYPICAL = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """How one search ended.
-
-    Attributes:
-        start, u: (P,) where it began and ended. start_cost, cost: there; start_cost is inf where the walk fails.
-        success: whether the solver's own criterion was met. message: in its words, or why it failed.
-        evaluations: points at which the walks were run; failed of them ended in a SimulationError.
-    """
+    """How one search ended: where it began and ended (P,), and the costs there, inf where the walk fails."""
 
     start: np.ndarray
     u: np.ndarray
     start_cost: float
     cost: float
-    success: bool
-    message: str
-    evaluations: int
-    failed: int
+    success: bool  # the solver's own criterion was met
+    message: str  # in its words, or why it failed
+    evaluations: int  # points at which the walks were run
+    failed: int  # so many of these ended in a SimulationError
 
 
 def run_searches(
@@ -58,8 +52,7 @@ def run_searches(
 ) -> tuple[Search, ...]:
     """All searches of the options, in their order; see `solution.solve`.
 
-    The first begins at the parameters' own start, each further one at the best of some samples of the prior. All draws
-    come from the seed and the search's number, so that an interrupted fit goes on as it would have, search by search.
+    All draws come from the seed and the search's number, so that an interrupted fit goes on as it would have.
     """
     starts = fit.joint.starts
     done = [] if resume is None else _resumed(fit.resumed(resume), fit)
@@ -115,10 +108,7 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
 
 def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> Search:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
-
-    Args:
-        progress: called with the number of evaluations so far and the lowest cost.
-    """
+    `progress` is told the number of evaluations so far and the lowest cost."""
     start = np.clip(start, *fit.parameters.bounds)
     tried = _Tried(fit, progress)
     first = tried.at(start)
@@ -249,36 +239,26 @@ class Uncertainty:
     """Of P free parameters, in their order.
 
     Attributes:
-        names: of the parameters.
-        standard_error: (P,) in the parameter's unit (of a logarithmic one: its value times the relative error).
-        interval: (P, 2) 95 % interval in the parameter's unit, cut at the bounds.
-        share_of_prior: (P,) standard error over that of the prior.
-        correlation: (P, P).
-        singular_values: (P,) of the data's Jacobian by u, falling.
         weakest: for each direction that the data tell less of than the prior: its singular value and, by name, the
             parameters that it is made of.
-        at_bound: names that ended on a bound; their errors are not to be trusted.
-        unidentified: names whose share of the prior is above SURE_SHARE.
         together: pairs of names with a correlation above CLOSE, and that correlation.
     """
 
     names: tuple[str, ...]
-    standard_error: np.ndarray
-    interval: np.ndarray
-    share_of_prior: np.ndarray
-    correlation: np.ndarray
-    singular_values: np.ndarray
+    standard_error: np.ndarray  # (P,) in the parameter's unit; of a logarithmic one its value times the relative error
+    interval: np.ndarray  # (P, 2) 95 % interval in the parameter's unit, cut at the bounds
+    share_of_prior: np.ndarray  # (P,) standard error over that of the prior
+    correlation: np.ndarray  # (P, P)
+    singular_values: np.ndarray  # (P,) of the data's Jacobian by u, falling
     weakest: tuple[tuple[float, dict[str, float]], ...]
-    at_bound: tuple[str, ...]
-    unidentified: tuple[str, ...]
+    at_bound: tuple[str, ...]  # errors of these are not to be trusted
+    unidentified: tuple[str, ...]  # share of the prior above SURE_SHARE
     together: tuple[tuple[str, str, float], ...]
 
 
 def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term], noise: FitNoise) -> Uncertainty:
-    """At the solution u (P,) with the terms of its evaluation, derivatives included.
-
-    Directions that neither data nor prior tell have infinite errors.
-    """
+    """At the solution u (P,) with the terms of its evaluation, derivatives included; directions that neither data nor
+    prior tell have infinite errors."""
     count, names = len(parameters), parameters.names
     information, spread, data = np.zeros((count, count)), np.zeros((count, count)), [np.zeros((0, count))]
     for term in terms:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording import force_checks, motion_checks
-from vsf_drake.analysis.recording.check import Check, expected_error, told, worst
+from vsf_drake.analysis.recording import Check, expected_error, force_checks, motion_checks, overall, told, worst
 from vsf_drake.analysis.recording.foot import (
-    Examined,
     FootMotion,
-    MarkerEvidence,
     flat_phase,
     floor_point,
     model_motion,
@@ -38,6 +36,25 @@ PARTIAL_S = 0.12
 """A plate that sees less of a stance than its motion tells by more than this has seen a part of it."""
 
 
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """A trial with all that was found about it."""
+
+    trial: Trial
+    cutoff_hz: float | None  # of the markers' filter; None where the recording was filtered already
+    checks: tuple[Check, ...]  # in the order of the report
+    notes: tuple[str, ...]  # the trial's, and the tracking's
+    feet: dict[str, FootMotion]  # that were judged, as markers saw them where there are any
+    model_feet: dict[str, FootMotion]
+    measured: dict[str, list[Stance]]  # by side, those that plates saw
+    stances: dict[str, list[Stance]]
+
+    @property
+    def mark(self) -> str:
+        """Of its expected error, unless a fault makes it unusable."""
+        return overall(self.checks)
+
+
 def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
             stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side.
@@ -51,13 +68,10 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
     Raises:
         InputError: the person's segments do not fit together.
     """
-    markers = None
-    if trial.tracked is not None and trial.calibration is not None and trial.recording is not None:
-        markers = MarkerEvidence(trial.tracked, trial.calibration, trial.recording, cutoff_hz, trial.contacts)
     model_feet, body = model_motion(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
     feet = model_feet
-    if markers is not None:
-        feet, body = _tracked(trial, markers.tracked, belt_speed_m_per_s)
+    if trial.tracked is not None:
+        feet, body = _tracked(trial, trial.tracked, belt_speed_m_per_s)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
     measured, moving = _measured(trial), _moving(feet, pelvis, trial)
     stances = {side: _within(trial, _joined(moving[side], measured.get(side, []))) for side in SIDES}
@@ -70,20 +84,17 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
         foot, plate, felt = feet[side], trial.plates.get(side), _within(trial, measured.get(side, []))
         cop = _at(foot.time_s, plate.time_s, plate.cop_W) if plate is not None and plate.has_cop else None
         checks += force_checks.foot_checks(foot, stances[side], cop, usual_s=usual)
-        checks += force_checks.clearance(model_feet[side], stances[side])
-        checks += [force_checks.touch_down(model_feet[side], felt),
+        checks += [force_checks.clearance(model_feet[side], stances[side]),
+                   force_checks.touch_down(model_feet[side], felt),
                    force_checks.depth(model_feet[side], felt, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m)]
         if plate is not None and cop is not None:
             checks.append(force_checks.cop_under_foot(foot, plate, cop))
-    flats = [(foot, rows) for side, foot in feet.items() for stance in stances[side]
-             if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
-    checks += [*_forces(trial, body, measured, moving), motion_checks.belt(
-        [float(slip_velocity(foot, floor_point(foot))[rows, 0].mean()) for foot, rows in flats])]
-    checks += _angles(trial, markers, pelvis)
-    if markers is not None:
-        checks += _markers(markers)
-    notes = trial.notes if markers is None else tuple(dict.fromkeys((*trial.notes, *markers.tracked.notes)))
-    return Examined(trial, markers, tuple(check for check in checks if check is not None), notes, feet, model_feet,
+    slides = [float(slip_velocity(foot, floor_point(foot))[rows, 0].mean()) for side, foot in feet.items()
+              for stance in stances[side] if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
+    checks += [*_forces(trial, body, measured, moving), motion_checks.belt(slides), *_angles(trial, pelvis),
+               *_markers(trial, cutoff_hz)]
+    notes = trial.notes if trial.tracked is None else tuple(dict.fromkeys((*trial.notes, *trial.tracked.notes)))
+    return Examined(trial, cutoff_hz, tuple(check for check in checks if check is not None), notes, feet, model_feet,
                     measured, stances)
 
 
@@ -178,28 +189,31 @@ def _forces(trial: Trial, motion: CoordinateTrajectory, measured: Mapping[str, l
             force_checks.lag(time, vertical, acceleration[:, 2], known) or force_checks.event_lag(measured, moving)]
 
 
-def _angles(trial: Trial, markers: MarkerEvidence | None, pelvis: np.ndarray) -> list[Check | None]:
+def _angles(trial: Trial, pelvis: np.ndarray) -> list[Check | None]:
     motion = trial.trajectory
     angles = dict(zip(motion.names, motion.values.T, strict=True))
     speed = np.linalg.norm(np.gradient(pelvis[:, :2], motion.time_s, axis=0), axis=1)
-    standing = None if markers is None else markers.calibration.angles_rad
+    standing = None if trial.calibration is None else trial.calibration.angles_rad
     intact = next(side for side in SIDES if side != trial.subject.prosthetic_side)
-    return [motion_checks.zeroed(motion.time_s, angles, standing, speed), motion_checks.ankle_offset(angles, intact),
+    return [motion_checks.zeroed(angles, standing, speed), motion_checks.ankle_offset(angles, intact),
             *(motion_checks.knee_axis(angles, side) for side in SIDES),
             motion_checks.smoothness(motion.time_s, angles), *motion_checks.walking(motion.time_s, pelvis)]
 
 
-def _markers(markers: MarkerEvidence) -> list[Check | None]:
-    tracked, recording = markers.tracked, markers.recording
-    used = {label for segment in markers.calibration.segments.values() for label in segment.labels}
+def _markers(trial: Trial, cutoff_hz: float | None) -> list[Check | None]:
+    tracked, calibration, recording = trial.tracked, trial.calibration, trial.recording
+    if tracked is None or calibration is None or recording is None:
+        return []
+    used = {label for segment in calibration.segments.values() for label in segment.labels}
     raw = {label: values for label, values in recording.markers.items() if label in used} or recording.markers
-    return [motion_checks.residuals(tracked.residual_rms_m), motion_checks.cluster_motion(tracked.cluster_motion_m),
-            motion_checks.joint_gaps(tracked.joint_gap_m), motion_checks.gaps_filled(tracked.gaps),
-            motion_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=markers.cutoff_hz),
+    return [motion_checks.spread("residuals", tracked.residual_rms_m),
+            motion_checks.spread("cluster_motion", tracked.cluster_motion_m),
+            motion_checks.spread("joint_gaps", tracked.joint_gap_m), motion_checks.gaps_filled(tracked.gaps),
+            motion_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=cutoff_hz),
             *(told("plate_and_foot", "plate and foot", "doubtful", c.start_s, "s", side=c.side, plate=c.plate,
-                   start_s=c.start_s, end_s=c.end_s, doubt=c.doubt) for c in markers.contacts if c.doubt),
+                   start_s=c.start_s, end_s=c.end_s, doubt=c.doubt) for c in trial.contacts if c.doubt),
             Check("left and right", "doubtful", None, "", NOTE) if NOTE in recording.notes else None,
-            *motion_checks.leg_lengths(markers.calibration.lengths_m)]
+            *motion_checks.leg_lengths(calibration.lengths_m)]
 
 
 # An examined trial in numbers, for import.json and check.json.
@@ -207,7 +221,7 @@ def _markers(markers: MarkerEvidence) -> list[Check | None]:
 
 def trial_table(item: Examined) -> dict[str, Any]:
     """Everything that was found about one trial; units are in the names, or beside the value."""
-    trial = item.trial
+    trial, tracked = item.trial, item.trial.tracked
 
     def rows(stances: Mapping[str, list[Stance]]) -> dict[str, list[dict[str, Any]]]:
         return {side: [dataclasses.asdict(s) for s in of_foot] for side, of_foot in stances.items()}
@@ -217,15 +231,13 @@ def trial_table(item: Examined) -> dict[str, Any]:
         "expected_error_bw": expected_error(item.checks),
         "checks": [dataclasses.asdict(check) for check in item.checks], "notes": list(item.notes),
         "window_s": [trial.start_s, trial.end_s], "fulcrum_mm": 1e3 * trial.fulcrum_m,
-        "prosthetic_side": trial.subject.prosthetic_side, "feet_from": "markers" if item.markers else "model",
+        "prosthetic_side": trial.subject.prosthetic_side, "feet_from": "markers" if tracked else "model",
         "stances": rows(item.stances), "measured_stances": rows(item.measured), "inputs_sha256": dict(trial.inputs),
         "contacts": [dataclasses.asdict(contact) for contact in trial.contacts],
-        "unmeasured_s": {side: [list(span) for span in spans] for side, spans in trial.unmeasured.items()},
-    }
-    if item.markers is not None:
-        tracked = item.markers.tracked
+        "unmeasured_s": {side: [list(span) for span in spans] for side, spans in trial.unmeasured.items()}}
+    if tracked is not None:
         table |= {
-            "marker_cutoff_hz": item.markers.cutoff_hz,
+            "marker_cutoff_hz": item.cutoff_hz,
             "residual_rms_m": dict(tracked.residual_rms_m), "cluster_motion_m": dict(tracked.cluster_motion_m),
             "joint_gap_m": dict(tracked.joint_gap_m), "gaps": [dataclasses.asdict(gap) for gap in tracked.gaps]}
     return table
@@ -237,14 +249,10 @@ def overall_mark(items: Sequence[Examined]) -> str:
 
 
 def person_table(item: Examined) -> dict[str, Any]:
-    """The subject, the masses of the model's segments, and what the standing trial told where there was one.
-
-    Raises:
-        InputError: the person's segments do not fit together.
-    """
+    """The subject, the masses of the model's segments, and what the standing trial told where there was one."""
     table: dict[str, Any] = {"subject": to_plain(item.trial.subject), "mass_budget_kg": mass_budget(item.trial)}
-    if item.markers is not None:
-        calibration = item.markers.calibration
+    calibration = item.trial.calibration
+    if calibration is not None:
         standing = calibration.angles_rad
         table["calibration"] = {
             "lengths_m": dict(calibration.lengths_m), "method": list(calibration.method),
@@ -256,11 +264,7 @@ def person_table(item: Examined) -> dict[str, Any]:
 
 
 def mass_budget(trial: Trial) -> dict[str, float]:
-    """Masses (kg) of the model's segments by name; they add up to the body mass.
-
-    Raises:
-        InputError: the person's segments do not fit together.
-    """
+    """Masses (kg) of the model's segments by name; they add up to the body mass."""
     body = scale_body(trial.subject, trial.model.foot, trial.model.socket)
     return {"pelvis, head, arms and trunk": body.pelvis_mass, "two thighs": 2 * body.thigh_mass,
             "intact shank": body.shank_mass, "intact foot": body.foot_mass,

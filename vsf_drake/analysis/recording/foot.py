@@ -1,4 +1,4 @@
-"""How feet moved and when they stood flat: as markers saw them, and on the model's person; a trial's evidence."""
+"""How feet moved and when they stood flat: as markers saw them, and on the model's person."""
 
 from __future__ import annotations
 
@@ -9,14 +9,9 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
-from vsf_drake.analysis.recording.check import Check, overall
-from vsf_drake.motion.contacts import Contact
 from vsf_drake.motion.events import Stance, longest_run
-from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.person import PersonHandles, add_person
@@ -41,23 +36,19 @@ BALL = 0.7
 
 @dataclass(frozen=True, eq=False)
 class FootMotion:
-    """Points of one foot over time, in W.
+    """Points of one foot over time, (n, 3) m in W.
 
     Attributes:
-        time_s: (n,) s, evenly spaced.
-        heel_W, toe_W, ankle_W: (n, 3) m; heel and toe on the sole, at one height when it is flat.
-        lowest_m: (n,) m, height of the foot's lowest point.
-        prosthetic: whether this is the prosthesis.
         undeformed: whether the foot was put under the shank as a rigid body, or has its markers on a part that turns
             with the shank, where the sole of a prosthetic foot bends and stays flat.
     """
 
     side: str
-    time_s: np.ndarray
-    heel_W: np.ndarray
+    time_s: np.ndarray  # (n,) evenly spaced
+    heel_W: np.ndarray  # on the sole, as high as the toe when it is flat
     toe_W: np.ndarray
     ankle_W: np.ndarray
-    lowest_m: np.ndarray
+    lowest_m: np.ndarray  # (n,) height of the foot's lowest point
     prosthetic: bool = False
     undeformed: bool = False
 
@@ -99,10 +90,8 @@ def _whole(stance: Stance, usual_s: float | None) -> Stance | None:
 
 
 def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None) -> np.ndarray | None:
-    """Indices of the frames in which the foot stands flat in `stance`; None if mid-stance is not in the record.
-
-    The longest run within 1.5 degrees of the sole's usual angle in mid-stance; mid-stance for a foot that keeps none.
-    """
+    """Indices of the frames in which the foot stands flat in `stance`: the longest run within 1.5 degrees of the sole's
+    usual angle in mid-stance; mid-stance for a foot that keeps none; None if that is not in the record."""
     laid_out = _whole(stance, usual_s)
     if laid_out is None:
         return None
@@ -119,10 +108,8 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
 
 
 def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None) -> bool:
-    """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do.
-
-    A stance that the record cuts counts if its mid-stance is there, laid out to last `usual_s`.
-    """
+    """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do; a stance
+    that the record cuts counts if its mid-stance is there, laid out to last `usual_s`."""
     middles = [_shares(laid_out, MIDDLE) for stance in stances if (laid_out := _whole(stance, usual_s)) is not None]
     ranges = [float(np.ptp(foot.pitch_rad[rows])) for start, end in middles
               if foot.time_s[0] <= start and end <= foot.time_s[-1] and (rows := foot.rows(start, end)).any()]
@@ -130,10 +117,8 @@ def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: flo
 
 
 def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:
-    """(n, 2) horizontal velocity (m/s) of that part of the foot, taken as rigid, which is at `point_W` (n, 3).
-
-    NaN where the point is. With the centre of pressure as point it is the slip of the sole under the load.
-    """
+    """(n, 2) horizontal velocity (m/s) of that part of the foot, taken as rigid, which is at `point_W` (n, 3): with the
+    centre of pressure as point the slip of the sole under the load. NaN where the point is."""
     x = foot.toe_W - foot.heel_W
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(foot.ankle_W - foot.heel_W, x)
@@ -150,42 +135,6 @@ def floor_point(foot: FootMotion) -> np.ndarray:
     return np.column_stack([middle[:, :2], np.zeros(len(middle))])
 
 
-@dataclass(frozen=True, eq=False)
-class MarkerEvidence:
-    """What a trial made from markers leaves to check; `cutoff_hz` is None where the recording was filtered already."""
-
-    tracked: TrackedMotion
-    calibration: Calibration
-    recording: Recording
-    cutoff_hz: float | None
-    contacts: tuple[Contact, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Examined:
-    """A trial with all that was found about it.
-
-    Attributes:
-        checks: in the order of the report. notes: the trial's, and the tracking's.
-        feet: the feet that were judged, as markers saw them where there are any. model_feet: the model's.
-        measured, stances: by side, the stances that plates saw, and all of them.
-    """
-
-    trial: Trial
-    markers: MarkerEvidence | None
-    checks: tuple[Check, ...]
-    notes: tuple[str, ...]
-    feet: dict[str, FootMotion]
-    model_feet: dict[str, FootMotion]
-    measured: dict[str, list[Stance]]
-    stances: dict[str, list[Stance]]
-
-    @property
-    def mark(self) -> str:
-        """Of its expected error, unless a fault makes it unusable."""
-        return overall(self.checks)
-
-
 # Where the model's feet and centre of mass are while its person follows a recording: kinematics, nothing simulated.
 #
 # The prosthesis hangs under the residual shank as a rigid body: socket and keel undeformed. A real one bends under
@@ -197,14 +146,8 @@ def model_motion(
     offsets: GeometricOffsets | None = None
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
     """The feet of the model's person by side, and the body's centre of mass (x, y, z in W, m), at the trajectory's
-    instants.
-
-    `lowest_m` is that of the contact spheres. The heel and toe of the prosthesis are those of its flat sole below its
-    rearmost and foremost sphere.
-
-    Args:
-        trajectory: the person's coordinates (rad, m), intact ankle included.
-        offsets: of the prosthesis under the person.
+    instants. `lowest_m` is that of the contact spheres; the heel and toe of the prosthesis, which sits under the person
+    with these offsets, are those of its flat sole below its rearmost and foremost sphere.
 
     Raises:
         InputError: the segments do not fit (see `plants.anthropometry.scale_body`), or a coordinate is missing.
@@ -217,8 +160,8 @@ def model_motion(
         set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
                   alignment=offsets.alignment_rad)
     prosthetic = subject.prosthetic_side
-    points = {prosthetic: _prosthetic(person)}
-    points["left" if prosthetic == "right" else "right"] = _intact(person, model, prosthetic)
+    intact = "left" if prosthetic == "right" else "right"
+    points = {prosthetic: _prosthetic(person), intact: _intact(person, model, intact)}
     motion = trajectory.ordered(person.coordinate_names)
     columns = [plant.GetJointByName(name).position_start() for name in motion.names]
     q: np.ndarray = np.zeros(plant.num_positions())
@@ -252,9 +195,9 @@ def _prosthetic(person: PersonHandles) -> _Points:
     return [frame] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]), sites.radius
 
 
-def _intact(person: PersonHandles, model: ModelParameters, prosthetic: str) -> _Points:
-    body, side, sites = person.body, "left" if prosthetic == "right" else "right", person.intact_sites
+def _intact(person: PersonHandles, model: ModelParameters, side: str) -> _Points:
+    body, sites = person.body, person.intact_sites
     rear = -model.intact_foot.ankle_x_ratio * body.foot_length
     own = [[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], [0.0, 0.0, 0.0]]
-    segment = person.segments[f"foot_{side}"].index()
-    return [segment] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]), sites.radius
+    return ([person.segments[f"foot_{side}"].index()] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]),
+            sites.radius)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import (
+from vsf_drake.analysis.recording import (
     ALIGNMENT_BW_PER_DEG,
     DOUBTFUL_BW,
     FITTED_LAG_BW_PER_S,
@@ -59,12 +59,8 @@ STRONG_N = 200.0
 
 def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: Mapping[str, Sequence[Stance]],
             moving: Mapping[str, Sequence[Stance]], *, margin_s: float = 0.03) -> np.ndarray:
-    """(n,) bool: the instants at which the plates feel every foot that is on the ground.
-
-    Args:
-        measured: stances that the plates saw, by foot. moving: stances as the feet's motion tells them.
-        margin_s: by which foot contacts that no plate saw are widened.
-    """
+    """(n,) bool: the instants at which the plates feel every foot that is on the ground, by the stances of each foot
+    that plates saw and that its motion tells; those that no plate saw are widened by the margin."""
     def around(s: Stance) -> np.ndarray:
         return (time_s >= s.start_s - margin_s) & (time_s <= s.end_s + margin_s)
 
@@ -95,10 +91,10 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
         known: (n,) bool, from `covered`. feet: how many feet have plates.
     """
     name, rows = "mass from the forces", longest_run(known)
-    if len(rows) < 3 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S:
+    duration = float(np.ptp(time_s[rows])) if len(rows) > 2 else 0.0
+    if duration < LEAST_S:
         return told("mass_untold", name, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
     impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
-    duration = float(time_s[rows[-1]] - time_s[rows[0]])
     found = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
     error = found / mass_kg - 1.0
     limits = MASS if feet > 1 else MASS_ONE_FOOT
@@ -107,11 +103,8 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
 
 
 def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, known: np.ndarray) -> Check | None:
-    """By how much the force comes after the motion, from the vertical acceleration of the body's centre; s.
-    None if untold.
-
-    The shift at which force and acceleration, both at 6 Hz, correlate best, searched within 150 ms.
-    """
+    """By how much the force comes after the motion (s), from the vertical acceleration of the body's centre: the shift
+    at which both, at 6 Hz, correlate best, searched within 150 ms. None if untold."""
     rate, rows = 1.0 / float(np.median(np.diff(time_s))), longest_run(known)
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
@@ -137,10 +130,8 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]) -> Check | None:
-    """Median of touch-down by the plates minus touch-down by the feet's motion; s. None without a pair.
-
-    Several times coarser than `lag`, for recordings in which that tells nothing.
-    """
+    """Median of touch-down by the plates minus touch-down by the feet's motion (s): several times coarser than `lag`,
+    for recordings in which that tells nothing. None without a pair."""
     pairs = [m.start_s - k.start_s for side in measured for m in measured[side] for k in moving.get(side, ())
              if m.start_seen and k.start_seen and min(m.end_s, k.end_s) > max(m.start_s, k.start_s)]
     if not pairs:
@@ -169,11 +160,9 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     """Whether the horizontal force of one foot points to the body: a wrong sign of an axis turns it away.
 
     The ground reaction of a walking person passes near the centre of mass (an inverted pendulum), so its slope over
-    the vertical follows that of the line from the centre of pressure to there: braking ahead of the body, driving
-    behind it, inward beside it. None where the load is too little displaced to tell.
-
-    Args:
-        body_W: (n, 3) m, the centre of mass at the plate's times, NaN where unknown.
+    the vertical follows that of the line from the centre of pressure to there (`body_W` (n, 3) m at the plate's times,
+    NaN where unknown): braking ahead of the body, driving behind it, inward beside it. None where the load is too
+    little displaced to tell.
     """
     known = np.isfinite(plate.cop_W[:, :2]).all(axis=1) & np.isfinite(body_W).all(axis=1)
     rows = known & (plate.force_W[:, 2] > STRONG_N)
@@ -261,10 +250,7 @@ def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray |
         return [_of(foot, "unseen", "foot-flat", "doubtful" if foot.prosthetic else "good", None, "")]
     found = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
     found += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
-    found.append(height(foot, [*flats.values()]))
-    if len(flats) > 1:
-        found.append(height_between(foot, [*flats.values()]))
-    return found
+    return found + heights(foot, [*flats.values()])
 
 
 def _of(foot: FootMotion, part: str, name: str, mark: str, value: float | None, unit: str, **more: Any) -> Check:
@@ -287,10 +273,8 @@ def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) ->
 
 
 def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
-    """Change of the foot's height from the beginning to the end of foot-flat (straight line through it).
-
-    Of the ball of the foot, about which a heel that begins to rise turns without being drift.
-    """
+    """Change of the foot's height from the beginning to the end of foot-flat (straight line through it): that of the
+    ball of the foot, about which a heel that begins to rise turns without being drift."""
     time = foot.time_s[rows]
     height_m = foot.ankle_W[rows, 2] if foot.undeformed else foot.ball_m[rows]
     value = 1e3 * float(np.polyfit(time - time[0], height_m, 1)[0] * (time[-1] - time[0]))
@@ -314,24 +298,22 @@ def slip(foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: n
                cost_bw=share, share=share, lasted=lasted, beyond=float(np.hypot(*velocity)))
 
 
-def height(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
-    """Mean height of the sole at foot-flat over all stances."""
-    value = 1e3 * float(np.mean([foot.height_m[rows].mean() for rows in flats]))
-    return _of(foot, "height", "sole height at foot-flat", "good" if foot.undeformed else grade(value, *HEIGHT_MM),
-               value, "mm", share=HEIGHT_BW_PER_MM * abs(value))
+def heights(foot: FootMotion, flats: Sequence[np.ndarray]) -> list[Check]:
+    """Mean height of the sole at foot-flat over all stances, and its range where there are several."""
+    means = 1e3 * np.array([foot.height_m[rows].mean() for rows in flats])
+    value = float(np.mean(means))
+    found = [_of(foot, "height", "sole height at foot-flat", "good" if foot.undeformed else grade(value, *HEIGHT_MM),
+                 value, "mm", share=HEIGHT_BW_PER_MM * abs(value))]
+    if len(flats) > 1:
+        value, bends = float(np.ptp(means)), 5 if foot.undeformed else 1
+        low, high = _limits(foot, DRIFT_MM, INTACT_DRIFT_MM)
+        found.append(_of(foot, "height_between", "height between stances", grade(value, bends * low, bends * high),
+                         value, "mm", cost_bw=HEIGHT_BW_PER_MM * value / 2 / bends if foot.prosthetic else None))
+    return found
 
 
-def height_between(foot: FootMotion, flats: Sequence[np.ndarray]) -> Check:
-    """Range of the sole's height at foot-flat over the stances."""
-    value = 1e3 * float(np.ptp([foot.height_m[rows].mean() for rows in flats]))
-    bends = 5 if foot.undeformed else 1
-    low, high = _limits(foot, DRIFT_MM, INTACT_DRIFT_MM)
-    return _of(foot, "height_between", "height between stances", grade(value, bends * low, bends * high), value, "mm",
-               cost_bw=HEIGHT_BW_PER_MM * value / 2 / bends if foot.prosthetic else None)
-
-
-def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
-    """Least height of the foot's lowest point in mid-swing, over all swings; for the foot that the model has."""
+def clearance(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
+    """Least height of the model foot's lowest point in mid-swing, over all swings; None where there is none."""
     found = []
     for number, (before, after) in enumerate(pairwise(stances), start=1):
         start, length = before.end_s, after.start_s - before.end_s
@@ -339,12 +321,11 @@ def clearance(foot: FootMotion, stances: Sequence[Stance]) -> list[Check]:
         if rows.any() and before.end_seen and after.start_seen:
             found.append((float(1e3 * foot.lowest_m[rows].min()), number))
     if not found:
-        return []
+        return None
     value, number = min(found)
     clear = value >= (CLEARANCE_MM[0] if foot.prosthetic else INTACT_CLEARANCE_MM)
     mark = "good" if clear else "doubtful" if value >= CUT_MM else "unusable"
-    return [_of(foot, "clearance", "swing clearance", mark, value, "mm", stance=number,
-                above=value >= CLEARANCE_MM[1])]
+    return _of(foot, "clearance", "swing clearance", mark, value, "mm", stance=number, above=value >= CLEARANCE_MM[1])
 
 
 def touch_down(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
@@ -358,7 +339,7 @@ def touch_down(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
 
 def depth(foot: FootMotion, stances: Sequence[Stance], *, mass_kg: float, fulcrum_m: float) -> Check | None:
     """How deep the model's undeformed foot goes into the ground while the plate carries it, against what it gives."""
-    rows = np.any([foot.rows(s.start_s, s.end_s) for s in stances], axis=0) if stances else np.zeros(1, dtype=bool)
+    rows = np.any([foot.rows(s.start_s, s.end_s) for s in stances], axis=0)
     if not rows.any():
         return None
     value, gives = -1e3 * float(foot.lowest_m[rows].min()), INTACT_DEPTH_MM

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording.check import (
+from vsf_drake.analysis.recording import (
     DOUBTFUL_BW,
     FITTED_HIP_BW_PER_DEG,
     GOOD_BW,
@@ -50,9 +50,33 @@ ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)
 """Content of angles above 12 Hz: 0.4 degrees of hip are 3 % body weight."""
 ROUGH_HZ = 12.0
 """Twice the usual cut-off of 6 Hz: what is above it in an angle is noise, or a stride that was cut and pasted."""
+RESIDUAL_M = (0.010, 0.020)
+"""Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
+gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
+SEGMENT_M = 0.4
+"""Length of a thigh or a shank: what a marker is off, over it, is the error of an angle."""
+SPREADS = {
+    "residuals": ("marker residuals", RESIDUAL_M), "joint_gaps": ("gaps in joints", (0.020, 0.035)),
+    "cluster_motion": ("motion of rigid clusters", (0.008, 0.015))}
+"""Names and limits (m): distance of each marker from where its segment's pose puts it; how far each segment's markers
+move against each other (skin moves by 5 to 15 mm on thighs); how far two neighbouring segments disagree about their
+joint's centre (hip regressions alone err by 10 to 15 mm, and skin moves). The latter two are choices."""
+GAP_S = (0.1, 0.2)
+"""Longest gap filled without markers of the same segment to go by; the first is the default limit of filling."""
+BY_CLUSTER_S = (1.0, float("inf"))
+"""The same where the segment's other markers say where it was: without one of them for so long it rests on fewer."""
+SAME_LENGTH = (0.03, 0.08)
+"""Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
+SMOOTH_M = 2e-5
+"""Content above twice the cut-off (m, root mean square) that no camera is without: marker noise is 0.1 mm and more, and
+two decimals of a millimetre alone make 3e-6."""
+LEAST_BAND = 0.15
+"""Share of the spectrum that must lie above twice the cut-off to judge by it."""
+NAMED = 4
+"""How many of the worst are named in a sentence."""
 
 
-def zeroed(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, float] | None,
+def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, float] | None,
            speed_m_per_s: np.ndarray) -> Check:
     """Whether angles (n,) by coordinate look as if standing had been subtracted from them.
 
@@ -127,10 +151,7 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
 
 
 def belt(feet_m_per_s: Sequence[float]) -> Check | None:
-    """Whether both feet slide backward alike while they stand flat, as on a belt; velocities (m/s) along x, forward +.
-
-    None if they do not.
-    """
+    """Whether both feet slide backward alike while they stand flat, as on a belt; velocities along x, forward +."""
     speed = -float(np.median(feet_m_per_s)) if len(feet_m_per_s) > 1 else 0.0
     if speed < BELT_M_PER_S or np.ptp(feet_m_per_s) > 0.5 * speed:
         return None
@@ -158,56 +179,16 @@ def walking(time_s: np.ndarray, pelvis_W: np.ndarray) -> list[Check]:
 
 # How well markers, rigid segments and the standing trial fit together.
 
-RESIDUAL_M = (0.010, 0.020)
-"""Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
-gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
-SEGMENT_M = 0.4
-"""Length of a thigh or a shank: what a marker is off, over it, is the error of an angle."""
-CLUSTER_M = (0.008, 0.015)
-"""Departure of a segment's markers from a rigid body: skin moves by 5 to 15 mm on thighs (a choice)."""
-JOINT_GAP_M = (0.020, 0.035)
-"""Distance between two segments' ideas of one joint centre: hip regressions alone err by 10 to 15 mm, and skin moves.
-Choices."""
-GAP_S = (0.1, 0.2)
-"""Longest gap filled without markers of the same segment to go by; the first is the default limit of filling."""
-BY_CLUSTER_S = (1.0, float("inf"))
-"""The same where the segment's other markers say where it was: without one of them for so long it rests on fewer."""
-SAME_LENGTH = (0.03, 0.08)
-"""Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
-SMOOTH_M = 2e-5
-"""Content above twice the cut-off (m, root mean square) that no camera is without: marker noise is 0.1 mm and more, and
-two decimals of a millimetre alone make 3e-6."""
-LEAST_BAND = 0.15
-"""Share of the spectrum that must lie above twice the cut-off to judge by it."""
-NAMED = 4
-"""How many of the worst are named in a sentence."""
 
-
-def residuals(rms_m: Mapping[str, float]) -> Check | None:
-    """Distance of each marker from where its segment's pose puts it."""
-    return _worst("residuals", "marker residuals", rms_m, RESIDUAL_M,
-                  bw_per_m=FITTED_HIP_BW_PER_DEG * float(np.degrees(1.0 / SEGMENT_M)))
-
-
-def cluster_motion(rms_m: Mapping[str, float]) -> Check | None:
-    """How far each segment's markers move against each other."""
-    return _worst("cluster_motion", "motion of rigid clusters", rms_m, CLUSTER_M)
-
-
-def joint_gaps(rms_m: Mapping[str, float]) -> Check | None:
-    """How far two neighbouring segments disagree about their joint's centre."""
-    return _worst("joint_gaps", "gaps in joints", rms_m, JOINT_GAP_M)
-
-
-def _worst(part: str, name: str, values_m: Mapping[str, float], limits: tuple[float, float], *,
-           bw_per_m: float | None = None) -> Check | None:
+def spread(part: str, values_m: Mapping[str, float]) -> Check | None:
+    """The worst of what is measured under one name of SPREADS, by marker, segment or joint (m)."""
     ranked = sorted((item for item in values_m.items() if np.isfinite(item[1])), key=lambda item: -item[1])
     if not ranked:
         return None
-    value = ranked[0][1]
+    (name, limits), value = SPREADS[part], ranked[0][1]
     names = ", ".join(f"{key.replace('_', ' ')} {1e3 * size:.1f}" for key, size in ranked[:NAMED])
-    return told(part, name, grade(value, *limits), 1e3 * value, "mm", names=names,
-                cost_bw=None if bw_per_m is None else bw_per_m * value)
+    cost_bw = FITTED_HIP_BW_PER_DEG * float(np.degrees(1.0 / SEGMENT_M)) * value if part == "residuals" else None
+    return told(part, name, grade(value, *limits), 1e3 * value, "mm", names=names, cost_bw=cost_bw)
 
 
 def gaps_filled(gaps: Sequence[Gap]) -> Check:
