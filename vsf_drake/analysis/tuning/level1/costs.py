@@ -1,4 +1,8 @@
-"""A cost as a sum of the costs of one walk, each with a factor that is fixed before the search."""
+"""A cost as a sum of the costs of one walk, each with a factor that is fixed before the search.
+
+What a setting changes has a last axis of 1 + P: the value, then its derivatives by the P design variables; P = 0
+without derivatives.
+"""
 
 from __future__ import annotations
 
@@ -20,42 +24,39 @@ from vsf_drake.simulation.segment_motion import follow
 from vsf_drake.simulation.walk import Walk, Walker
 
 CONSISTENCY, TRACKING = "consistency", "tracking"
+POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
 KINDS = {"joint_load": ("load on the prosthetic leg and residual limb", "1"),
          "metabolic": ("joint-work estimate of energy", "J/kg"), "push_off": ("push-off work, with a minus", "J/kg"),
          TRACKING: ("deviation from the recorded ground reaction force", "BW²"),
          WEIGHTED: ("weighted sum of costs", "1")}
 """Label and unit of each cost."""
+LABELS = {
+    "fore_aft": "fore-aft force", "lateral": "lateral force", "vertical": "vertical force",
+    "joint_moments": "prosthetic hip and knee moments squared", "socket": "socket force and moment squared",
+    "push_off_work": "minus the work on the shank in late stance",
+    "positive_work": f"positive work of the prosthetic joints / {POSITIVE_EFFICIENCY:g}",
+    "negative_work": f"negative work of the prosthetic joints / {NEGATIVE_EFFICIENCY:g}",
+    CONSISTENCY: "change of the ground reaction force"} | {name: label for name, (label, _) in KINDS.items()}
+"""Of terms, and of costs that are terms of a weighted one."""
 LEAST_TRACKING = 0.01**2
 """BW²: a recorded force is not known better than 1 % of body weight, so that tracking is not divided by less."""
-POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
 SMOOTH_W_PER_KG = 0.01
 """Nearer to zero than this powers are part positive and part negative, so that work has a derivative (a choice)."""
 
 
-# Forces and moments of one walk, low-passed, with their derivatives by the P design variables (P = 0 without).
-
-
-@dataclass(frozen=True, eq=False)
-class Signal:
-    """A series of n instants and k columns: value (n, k) and its derivatives by (n, k, P)."""
-
-    value: np.ndarray
-    by: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class WalkLoads:
-    """What a walk loads the prosthetic side with, at the n ends of its steps."""
+    """What a walk loads the prosthetic side with, at the n ends of its steps, low-passed."""
 
-    ground: Signal  # (n, 6) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N), in W
-    joints: Signal  # (n, J) N m, moments of the driver at the joints asked for, in the coordinates' signs
-    socket: Signal  # (n, 6) N, N m of the bushing on the socket: tx, ty, tz, flexion, adduction, rotation
+    ground: np.ndarray  # (n, 6, 1 + P) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N)
+    joints: np.ndarray  # (n, J, 1 + P) N m, moments of the driver at the joints asked for, in the coordinates' signs
+    socket: np.ndarray  # (n, 6, 1 + P) N, N m of the bushing: tx, ty, tz, flexion, adduction, rotation
     pelvis: np.ndarray  # (n, 3) N at the pelvis' translations (OpenSim's axes): what no muscle makes
 
     @property
-    def grf(self) -> Signal:
-        """(n, 3) N, the force of the ground in W."""
-        return Signal(self.ground.value[:, 3:], self.ground.by[:, 3:])
+    def grf(self) -> np.ndarray:
+        """(n, 3, 1 + P) N, the force of the ground in W."""
+        return self.ground[:, 3:]
 
 
 def walk_loads(
@@ -70,34 +71,23 @@ def walk_loads(
     """
     record, tree = walk.record, walk.mechanism.tree
     columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
-    height = walk.mechanism.ground_height
     wrench = np.zeros((len(record.q), 6))
     sum_sites(record.sites, 0, len(walker.gait.person.foot.sites.radius), wrench)
-    values = _filtered([_about_origin(wrench, height), record.load[:, columns], walk.socket_wrench,
-                        record.load[:, pelvis]], walk.step_s, cutoff_hz)
-    slopes = [np.zeros((*value.shape, 0)) for value in values]
+    parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench,
+                                             record.load[:, pelvis])]
     if by is not None:
         loads = walk.load_sensitivity
         assert loads is not None
-        parts = [series @ by for series in (_about_origin(record.wrench_by, height), loads.load[:, columns],
-                                            loads.socket)]
-        flat = _filtered([part.reshape(len(part), -1) for part in parts], walk.step_s, cutoff_hz)
-        slopes = [item.reshape(part.shape) for item, part in zip(flat, parts, strict=True)]
-    ground, moments, bushing = map(Signal, values[:3], slopes[:3])
-    return WalkLoads(ground=ground, joints=moments, socket=bushing, pelvis=values[3])
-
-
-def _about_origin(wrench: np.ndarray, z: float) -> np.ndarray:
-    """(n, 6, ...) with moments about W's origin from one with moments about the ground's height z."""
-    moved = wrench.copy()
-    moved[:, 0] -= z * wrench[:, 4]
-    moved[:, 1] += z * wrench[:, 3]
-    return moved
-
-
-def _filtered(parts: list[np.ndarray], step_s: float, cutoff_hz: float) -> list[np.ndarray]:
-    smooth = low_pass(np.column_stack(parts), rate_hz=1.0 / step_s, cutoff_hz=cutoff_hz)
-    return np.split(smooth, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1)
+        slopes = (record.wrench_by, loads.load[:, columns], loads.socket)
+        parts[:3] = [np.concatenate([part, slope @ by], axis=2) for part, slope in zip(parts[:3], slopes, strict=True)]
+    # From moments about the ground's height to ones about W's origin.
+    parts[0][:, 0] -= walk.mechanism.ground_height * parts[0][:, 4]
+    parts[0][:, 1] += walk.mechanism.ground_height * parts[0][:, 3]
+    flat = low_pass(np.column_stack([part.reshape(len(part), -1) for part in parts]), rate_hz=1.0 / walk.step_s,
+                    cutoff_hz=cutoff_hz)
+    smooth = np.split(flat, np.cumsum([part[0].size for part in parts])[:-1], axis=1)
+    ground, moments, socket, rest = (series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True))
+    return WalkLoads(ground=ground, joints=moments, socket=socket, pelvis=rest[:, :, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,51 +156,41 @@ def _plate(trial: Trial, time: np.ndarray, step: float, cutoff_hz: float) -> np.
     return force if find_stances(time, force[:, 2]) else None
 
 
-@dataclass(frozen=True, eq=False)
-class CostTerm:
-    """A part of a cost for one walk: its value in the cost's unit, and its derivatives by (P,) the design variables."""
-
-    name: str
-    label: str
-    value: float
-    by: np.ndarray
-
-    def times(self, factor: float) -> CostTerm:
-        """The term multiplied."""
-        return CostTerm(self.name, self.label, factor * self.value, factor * self.by)
+Terms = dict[str, np.ndarray]
+"""(1 + P,) by name of a term of a cost, in the cost's unit."""
 
 
-Terms = dict[str, tuple[CostTerm, ...]]
-"""Terms of one walk by cost, those of CONSISTENCY too."""
+def value_of(terms: Terms) -> float:
+    """Their sum, without derivatives."""
+    return float(sum(terms.values())[0])
 
 
-def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> Terms:
-    """All costs of one walk; `tracking` only where the trial has a plate."""
-    found: Terms = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
-                    "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
+def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> dict[str, Terms]:
+    """The terms of all costs of one walk, those of CONSISTENCY too; of TRACKING only where the trial has a plate."""
+    found = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
+             "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
     if frame.plate_W is not None:
-        found[TRACKING] = tracking(frame, loads)
-    return found | {CONSISTENCY: (consistency(frame, loads),)}
+        found[TRACKING] = deviation(frame, loads, frame.plate_W)
+    change = deviation(frame, loads, frame.own.grf[..., 0])
+    return found | {CONSISTENCY: {CONSISTENCY: np.sum([*change.values()], axis=0)}}
 
 
-def total(terms: tuple[CostTerm, ...], name: str, label: str) -> CostTerm:
-    """The sum of terms as one."""
-    return CostTerm(name, label, sum(term.value for term in terms), np.sum([term.by for term in terms], axis=0))
+def mean_square(series: np.ndarray, weight_s: np.ndarray, duration_s: float) -> np.ndarray:
+    """(1 + P,) sum over n and k of weight_s (n,) series (n, k, 1 + P)^2 / duration_s."""
+    found: np.ndarray = np.einsum("nk,nkp->p", series[..., 0] * weight_s[:, None] / duration_s, series)
+    found[1:] *= 2.0
+    return found
 
 
-def mean_square(value: np.ndarray, by: np.ndarray, weight_s: np.ndarray, duration_s: float) -> tuple[float, np.ndarray]:
-    """Sum over n and k of weight_s (n,) value (n, k)^2 / duration_s, and its derivatives (P,) by `by` (n, k, P)."""
-    weighted = value * weight_s[:, None] / duration_s
-    return float(np.sum(weighted * value)), 2.0 * np.einsum("nk,nkp->p", weighted, by)
-
-
-def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.ndarray]:
-    """A max(power, 0) with a continuous derivative, and that derivative by the power.
+def positive_part(power: np.ndarray, smooth_w: float) -> np.ndarray:
+    """A max(power, 0) of (..., 1 + P) with a continuous derivative.
 
         p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
     """
-    inside = np.clip(power + smooth_w, 0.0, 2.0 * smooth_w)
-    return inside**2 / (4.0 * smooth_w) + np.maximum(power - smooth_w, 0.0), inside / (2.0 * smooth_w)
+    inside = np.clip(power[..., 0] + smooth_w, 0.0, 2.0 * smooth_w)
+    found = power * (inside / (2.0 * smooth_w))[..., None]
+    found[..., 0] = inside**2 / (4.0 * smooth_w) + np.maximum(power[..., 0] - smooth_w, 0.0)
+    return found
 
 
 # How far the ground reaction force is from another, over stance: the cost `tracking`, and what keeps other costs sane.
@@ -222,23 +202,12 @@ def positive_part(power: np.ndarray, smooth_w: float) -> tuple[np.ndarray, np.nd
 # records the motion, and would be carried by it just as well with no foot at all.
 
 
-def tracking(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """Terms by component of the force in W, against the plate. Raises ValueError if the trial has none."""
-    if frame.plate_W is None:
-        raise ValueError("there is no plate to track")
-    return _deviation(frame, loads, frame.plate_W)
-
-
-def consistency(frame: StanceFrame, loads: WalkLoads) -> CostTerm:
-    """The change of the force from the trial's own setting, all components together."""
-    return total(_deviation(frame, loads, frame.own.grf.value), CONSISTENCY, "change of the ground reaction force")
-
-
-def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tuple[CostTerm, ...]:
-    away, by = (loads.grf.value - from_W) / frame.weight_n, loads.grf.by / frame.weight_n
-    names = (("fore_aft", "fore-aft force"), ("lateral", "lateral force"), ("vertical", "vertical force"))
-    return tuple(CostTerm(*name, *mean_square(away[:, [i]], by[:, [i]], frame.inside, frame.duration_s))
-                 for i, name in enumerate(names))
+def deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> Terms:
+    """By component of the force in W, from another (n, 3) N."""
+    away = loads.grf / frame.weight_n
+    away[..., 0] -= from_W / frame.weight_n
+    return {name: mean_square(away[:, [i]], frame.inside, frame.duration_s)
+            for i, name in enumerate(("fore_aft", "lateral", "vertical"))}
 
 
 # Load on the prosthetic leg: moments at hip and knee, and what the socket passes to the residual limb.
@@ -251,16 +220,12 @@ def _deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> tupl
 # setting.
 
 
-def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> tuple[CostTerm, ...]:
-    """Terms "joint_moments" and "socket", the latter multiplied by its weight."""
-    def normalised(signal: Signal, scale: np.ndarray) -> tuple[float, np.ndarray]:
-        return mean_square(signal.value / scale, signal.by / scale[:, None], frame.inside, frame.duration_s)
-
+def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> Terms:
+    """The squared moments of the joints, and the socket's squared load multiplied by its weight."""
     force, moment = frame.weight_n, frame.weight_n * frame.leg_m
-    joints = normalised(loads.joints, np.full(loads.joints.value.shape[1], moment))
-    socket = normalised(loads.socket, np.repeat([force, moment], 3))
-    return (CostTerm("joint_moments", "prosthetic hip and knee moments squared", *joints),
-            CostTerm("socket", "socket force and moment squared", *socket).times(socket_weight))
+    socket = loads.socket / np.repeat([force, moment], 3)[:, None]
+    return {"joint_moments": mean_square(loads.joints / moment, frame.inside, frame.duration_s),
+            "socket": socket_weight * mean_square(socket, frame.inside, frame.duration_s)}
 
 
 # Push-off: the work that the prosthesis does on the residual shank in late stance, as a cost with a minus.
@@ -273,13 +238,10 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
 # mass. The shank's motion is given, so that only the force changes with a setting.
 
 
-def push_off(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """The term "push_off_work", negative."""
-    power = np.sum(loads.ground.value * frame.twist, axis=1)
-    part, slope = positive_part(power, SMOOTH_W_PER_KG * frame.mass_kg)
-    scale = -frame.late / (frame.mass_kg * len(frame.stances))
-    by = np.einsum("n,nk,nkp->p", scale * slope, frame.twist, loads.ground.by)
-    return (CostTerm("push_off_work", "minus the work on the shank in late stance", float(scale @ part), by),)
+def push_off(frame: StanceFrame, loads: WalkLoads) -> Terms:
+    """The work, negative."""
+    part = positive_part(np.einsum("nk,nkp->np", frame.twist, loads.ground), SMOOTH_W_PER_KG * frame.mass_kg)
+    return {"push_off_work": -frame.late / (frame.mass_kg * len(frame.stances)) @ part}
 
 
 # Joint work of the prosthetic leg as an estimate of metabolic energy.
@@ -291,16 +253,14 @@ def push_off(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
 # differences between settings mean more than the number. Only the prosthetic leg changes while the motion is given.
 
 
-def metabolic(frame: StanceFrame, loads: WalkLoads) -> tuple[CostTerm, ...]:
-    """Terms "positive_work" and "negative_work", over their efficiencies."""
-    power, by = loads.joints.value * frame.rates, loads.joints.by * frame.rates[:, :, None]
-    found = []
-    for name, sign, efficiency in (("positive", 1.0, POSITIVE_EFFICIENCY), ("negative", -1.0, NEGATIVE_EFFICIENCY)):
-        part, slope = positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg)
-        scale = frame.inside[:, None] / (efficiency * frame.mass_kg * len(frame.stances))
-        found.append(CostTerm(f"{name}_work", f"{name} work of the prosthetic joints / {efficiency:g}",
-                              float(np.sum(scale * part)), np.einsum("nj,njp->p", scale * sign * slope, by)))
-    return tuple(found)
+def metabolic(frame: StanceFrame, loads: WalkLoads) -> Terms:
+    """Positive and negative work, over their efficiencies."""
+    power = loads.joints * frame.rates[:, :, None]
+    scale = frame.inside / (frame.mass_kg * len(frame.stances))
+    return {name: np.einsum("n,njp->p", scale / efficiency,
+                            positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg))
+            for name, sign, efficiency in (("positive_work", 1.0, POSITIVE_EFFICIENCY),
+                                           ("negative_work", -1.0, NEGATIVE_EFFICIENCY))}
 
 
 @dataclass(frozen=True)
@@ -313,24 +273,21 @@ class Combination:
     factors: Mapping[str, float]  # by cost, CONSISTENCY among them
     size: float  # of J without the consistency at the trials' own settings, positive
 
-    def terms(self, walk: Terms) -> tuple[CostTerm, ...]:
+    def terms(self, walk: Mapping[str, Terms]) -> Terms:
         """What it is the sum of, for one walk: parts of a single cost, or the costs of a weighted one."""
-        found: list[CostTerm] = []
-        for name, factor in self.factors.items():
-            whole = self.name == WEIGHTED and name != CONSISTENCY
-            found += [term.times(factor) for term in
-                      ((total(walk[name], name, KINDS[name][0]),) if whole else walk[name])]
-        return tuple(found)
+        found: Terms = {}
+        for cost, factor in self.factors.items():
+            whole = self.name == WEIGHTED and cost != CONSISTENCY
+            parts = {cost: np.sum([*walk[cost].values()], axis=0)} if whole else walk[cost]
+            found |= {name: factor * term for name, term in parts.items()}
+        return found
 
 
-def sizes(own: Sequence[Terms]) -> dict[str, float]:
+def sizes(own: Sequence[Mapping[str, Terms]]) -> dict[str, float]:
     """Size of each cost that every trial has: its mean over the trials' own settings, without sign."""
-    found = {}
-    for name in COSTS:
-        if all(name in terms for terms in own):
-            mean = float(np.mean([sum(term.value for term in terms[name]) for terms in own]))
-            found[name] = max(abs(mean), LEAST_TRACKING if name == TRACKING else 1e-12)
-    return found
+    return {name: max(abs(float(np.mean([value_of(terms[name]) for terms in own]))),
+                      LEAST_TRACKING if name == TRACKING else 1e-12)
+            for name in COSTS if all(name in terms for terms in own)}
 
 
 def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -27,35 +26,28 @@ class TuningOptions(CommonOptions):
             Motion being given, a change of the force is one that nothing in the recording pays for. With 0.2 it makes
             up less than 5 % of the cost at the optima of the embedded trials, where the force has changed by less than
             5 % body weight; with 0.05, a force changed by 20 % would pay for push-off.
-        joints: of JOINTS, whose moments are in joint_load and whose work is in metabolic.
-        cutoff_hz: low-pass of all forces and moments, as for all forces that are compared here.
         margin_s: that is counted before and after stance, because a setting moves touch-down and toe-off.
-        step_s: of the walks whose numbers are given. search_step_s: of those that look for a start.
         support_width_m: on either side of a keel joint, over which the support passes from one piece of the keel to the
             next, so that the cost has a derivative there too; 0 for none. Less where joints are nearer.
-        sweep_mm: spacing of the sweep over the fulcrum.
-        more_starts: random ones on top where a design is tuned. tolerance: optimality of a search.
-        same_load: whether the settings are compared under one load too (`sweep.same_load_outcomes`).
-        pareto: two of COSTS whose trade-off is told; () for none.
-        workers: threads; None for one a core.
+        pareto: two costs whose trade-off is told; () for none.
     """
 
     design: tuple[str, ...] = choice((), options=DESIGN, source="choice")
     confirm: tuple[str, ...] = choice(("ipopt", "nlopt"), options=("ipopt", "nlopt"), source="choice")
     consistency_weight: float = quantity(0.2, unit="1", low=0.0, high=100.0, source="choice")
     consistency_bw: float = quantity(0.1, unit="BW", low=1e-4, high=1.0, source="choice")
-    joints: tuple[str, ...] = choice(JOINTS[:4], options=JOINTS, source="choice")
-    cutoff_hz: float = quantity(40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021")
+    joints: tuple[str, ...] = choice(JOINTS[:4], options=JOINTS, source="choice")  # of joint_load and of metabolic
+    cutoff_hz: float = quantity(40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021")  # of forces and moments
     margin_s: float = quantity(0.05, unit="s", low=0.0, high=0.2, source="choice")
-    step_s: float = quantity(1e-3, unit="s", low=1e-5, high=0.01, source="choice")
-    search_step_s: float = quantity(2e-3, unit="s", low=1e-5, high=0.01, source="choice")
+    step_s: float = quantity(1e-3, unit="s", low=1e-5, high=0.01, source="choice")  # of walks whose numbers are given
+    search_step_s: float = quantity(2e-3, unit="s", low=1e-5, high=0.01, source="choice")  # that look for a start
     support_width_m: float = quantity(4e-3, unit="m", low=0.0, high=0.05, source="choice")
-    sweep_mm: float = quantity(1.0, unit="mm", low=0.1, high=20.0, source="choice")
-    more_starts: int = quantity(3, unit="1", low=0, source="choice")
-    tolerance: float = quantity(1e-6, unit="1", low=1e-12, high=1e-2, source="choice")
-    same_load: bool = True
+    sweep_mm: float = quantity(1.0, unit="mm", low=0.1, high=20.0, source="choice")  # spacing
+    more_starts: int = quantity(3, unit="1", low=0, source="choice")  # random ones, on top where a design is tuned
+    tolerance: float = quantity(1e-6, unit="1", low=1e-12, high=1e-2, source="choice")  # optimality of a search
+    same_load: bool = True  # whether settings are compared under one load too, see `sweep.same_load_outcomes`
     pareto: tuple[str, ...] = choice(("joint_load", "push_off"), options=COSTS, source="choice")
-    workers: int | None = quantity(None, unit="1", low=1, source="choice")
+    workers: int | None = quantity(None, unit="1", low=1, source="choice")  # threads; None for one a core
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -99,57 +91,56 @@ def design_variables(options: TuningOptions, feet: list[FootParameters]) -> tupl
                          right=f"It must lie within {low:g} to {high:g} mm")
     found = [DesignVariable("fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan"))]
     t = feet[0].keel.thickness_m / MM
-    limited = (
-        (DesignVariable("heel_stiffness", "heel stiffness", "1", 0.5, 2.0, 1.0), 0.05, 20.0),
-        (DesignVariable("alignment", "alignment, toe up +", "rad", -0.07, 0.07, 0.0), -0.26, 0.26),
-        (DesignVariable("keel_thickness", "keel thickness", "mm", 0.8 * t, 1.25 * t, t), 0.3 * t, 3.0 * t))
-    known = {variable.name: (variable, least, most) for variable, least, most in limited}
+    known = {  # label, unit, the device as it is, bounds unless others are asked for, the widest ones
+        "heel_stiffness": ("heel stiffness", "1", 1.0, 0.5, 2.0, 0.05, 20.0),
+        "alignment": ("alignment, toe up +", "rad", 0.0, -0.07, 0.07, -0.26, 0.26),
+        "keel_thickness": ("keel thickness", "mm", t, 0.8 * t, 1.25 * t, 0.3 * t, 3.0 * t)}
     for name in options.design:
         if name == "heel_stiffness" and not any(zone.name.startswith(HEEL) for zone in feet[0].zones):
             raise InputError("the model has no contact zone whose name begins with 'heel'", where="design")
-        variable, least, most = known[name]
-        low, high = options.design_bounds.get(name, (variable.low, variable.high))
+        label, unit, default, *own, least, most = known[name]
+        low, high = options.design_bounds.get(name, own)
         if low < least or high > most:
             raise InputError(f"{low:g} to {high:g} is out of range", where=f"design_bounds[{name!r}]",
-                             right=f"It must lie within {least:g} to {most:g} {variable.unit}")
-        found.append(dataclasses.replace(variable, low=float(low), high=float(high)))
+                             right=f"It must lie within {least:g} to {most:g} {unit}")
+        found.append(DesignVariable(name, label, unit, float(low), float(high), default))
     return tuple(found)
+
+
+def device_values(
+    name: str, x: float, variables: Mapping[str, Variable], base: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """What one of DESIGN at x makes of the walk's variables, by their names: value, and derivative by x.
+
+        heel_stiffness      factor on the contact stiffness of every zone whose name begins with "heel"
+        alignment           rad added to the trials' own, + toe up (`offset.alignment`)
+        keel_thickness      factor; the flexural modulus is multiplied by its third power, as the section's inertia
+                            would be. That the mass of the keel changes in proportion is left out
+
+    Values of `base` stand in place of the model's own numbers.
+    """
+    if name == "alignment":
+        return {ALIGNMENT: (base.get(ALIGNMENT, 0.0) + x, 1.0)}
+    power, changed = (3, [MODULUS]) if name == "keel_thickness" else (1, [
+        other for other in variables if other.startswith(f"contact.{HEEL}") and other.endswith(".stiffness")])
+    own = {other: base.get(other, variables[other].default) for other in changed}
+    return {other: (value * x**power, power * value * x ** (power - 1)) for other, value in own.items()}
 
 
 def walk_setting(
     design: tuple[DesignVariable, ...], x: np.ndarray, variables: Mapping[str, Variable], foot: FootParameters,
     base: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """What a walk takes at x (P,), the values of `design` in their units:
-
-        fulcrum             mm from A
-        heel_stiffness      factor on the contact stiffness of every zone whose name begins with "heel"
-        alignment           rad added to the trials' own, + toe up (`offset.alignment`)
-        keel_thickness      mm; the flexural modulus is multiplied by (t / t0)^3, as the section's inertia would be.
-                            That the mass of the keel changes in proportion is left out
-
-    Args:
-        variables: of the walk. base: values of theirs in place of the model's own numbers.
+    """What a walk takes at x (P,), the values of `design` in their units, the fulcrum first; `base` as above.
 
     Returns:
         Values of the walk's variables, and by name the derivatives (P,) of these and of the fulcrum's shift by x.
     """
     values, by = dict(base), {SHIFT: np.zeros(len(design))}
     by[SHIFT][0] = MM
-
-    def put(name: str, value: float, slope: float) -> None:
-        values[name] = value
-        by.setdefault(name, np.zeros(len(design)))[p] = slope
-
-    for p, variable in enumerate(design):
-        if variable.name == "heel_stiffness":
-            for name in variables:
-                if name.startswith(f"contact.{HEEL}") and name.endswith(".stiffness"):
-                    own = values.get(name, variables[name].default)
-                    put(name, own * x[p], own)
-        elif variable.name == "alignment":
-            put(ALIGNMENT, values.get(ALIGNMENT, 0.0) + x[p], 1.0)
-        elif variable.name == "keel_thickness":
-            own, thickness = values.get(MODULUS, variables[MODULUS].default), foot.keel.thickness_m / MM
-            put(MODULUS, own * (x[p] / thickness) ** 3, 3.0 * own * x[p] ** 2 / thickness**3)
+    for p, variable in enumerate(design[1:], start=1):
+        unit = foot.keel.thickness_m / MM if variable.name == "keel_thickness" else 1.0
+        for name, (value, slope) in device_values(variable.name, x[p] / unit, variables, base).items():
+            values[name] = value
+            by.setdefault(name, np.zeros(len(design)))[p] = slope / unit
     return values, by

@@ -24,13 +24,13 @@ from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.tuning.common import WEIGHTED, check_cost
 from vsf_drake.analysis.tuning.level1.costs import (
     TRACKING,
-    CostTerm,
     StanceFrame,
     Terms,
     WalkLoads,
     combine,
     sizes,
     stance_frame,
+    value_of,
     walk_loads,
     walk_terms,
 )
@@ -45,7 +45,7 @@ from vsf_drake.simulation.walk import Walk, Walker
 class WalkOutcome:
     """One walk of a trial at one setting: the terms of all costs, what they were made of, and the trial's frame."""
 
-    terms: Terms
+    terms: dict[str, Terms]
     walk: Walk
     loads: WalkLoads
     frame: StanceFrame
@@ -103,18 +103,18 @@ class Evaluation:
 
     x: np.ndarray
     step_s: float
-    terms: tuple[CostTerm, ...]  # means over trials
+    terms: Terms  # means over trials
     walks: tuple[WalkOutcome, ...]  # of each trial
 
     @property
     def cost(self) -> float:
         """J, in the unit of the cost."""
-        return float(sum(term.value for term in self.terms))
+        return value_of(self.terms)
 
     @property
     def gradient(self) -> np.ndarray:
-        """(P,) of J, per unit of each design variable."""
-        found: np.ndarray = np.sum([term.by for term in self.terms], axis=0)
+        """(P,) of J, per unit of each design variable; empty without derivatives."""
+        found: np.ndarray = np.sum([*self.terms.values()], axis=0)[1:]
         return found
 
     @property
@@ -166,13 +166,13 @@ class StiffnessTuning:
                            for walker, trial, label in zip(walkers or _walkers(trials), trials, self.labels,
                                                            strict=True))
         frames = [part.frame(self.options.step_s) for part in self.parts]
-        self.own: list[Terms] = [walk_terms(frame, frame.own, self.options) for frame in frames]
+        self.own = [walk_terms(frame, frame.own, self.options) for frame in frames]
         self.size = sizes(self.own)
         if any(name not in self.size for name in needed):
             raise InputError("the force of a trial's plate does not cover its window", where="trials",
                              right="Choose a window that the plate covers, or another cost")
         self.combination = combine(cost, self.size, self.options)
-        self.own_cost = float(np.mean([sum(term.value for term in self.combination.terms(own)) for own in self.own]))
+        self.own_cost = float(np.mean([value_of(self.combination.terms(own)) for own in self.own]))
         self.start = np.clip(np.mean([part.own for part in self.parts], axis=0), self.low, self.high)
         self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
         self.workers = self.options.workers or os.cpu_count() or 1
@@ -205,11 +205,9 @@ class StiffnessTuning:
         with ThreadPoolExecutor(min(len(self.parts), self.workers)) as pool:
             walks = tuple(pool.map(lambda part: part.at(x, step_s=step, derivatives=derivatives), self.parts))
         each = [self.combination.terms(walk.terms) for walk in walks]
-        means = tuple(CostTerm(terms[0].name, terms[0].label, float(np.mean([term.value for term in terms])),
-                               np.mean([term.by for term in terms], axis=0)) for terms in zip(*each, strict=True))
-        found = Evaluation(x=x, step_s=step, terms=means, walks=walks)
-        self._last = (key, found)
-        return found
+        means = {name: np.mean([terms[name] for terms in each], axis=0) for name in each[0]}
+        self._last = (key, Evaluation(x=x, step_s=step, terms=means, walks=walks))
+        return self._last[1]
 
     def program(
         self, cost: Callable[[np.ndarray, bool], tuple[float, np.ndarray]] | None = None
@@ -267,40 +265,35 @@ def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: Tuning
         raise InputError("there is no trial to tune to", where="trials")
     first = trials[0]
     for trial in trials:
-        if trial.subject.prosthetic_side != first.subject.prosthetic_side:
+        side = trial.subject.prosthetic_side
+        if side != first.subject.prosthetic_side:
             raise InputError(
-                f"its prosthesis is on the {trial.subject.prosthetic_side}, that of {first.path} on the "
-                f"{first.subject.prosthetic_side}", file=trial.path, where="subject", right="Tune one person at a time")
+                f"its prosthesis is on the {side}, that of {first.path} on the {first.subject.prosthetic_side}",
+                file=trial.path, where="subject", right="Tune one person at a time")
         if {"joint_load", "metabolic"} & set(costs):
             _check_planes(trial, options.joints)
-        if TRACKING in costs:
-            _check_plate(trial)
+        if TRACKING not in costs:
+            continue
+        right, plate = "Choose another cost, or a trial with ", trial.plates.get(side)
+        if plate is None or not np.any(plate.force_W[:, 2] > 0.0):
+            raise InputError(f"no plate measured the force on the {side} (prosthetic) foot, which is to be tracked",
+                             file=trial.path, where="forces", right=f"{right}forces")
+        for i, axis in enumerate(("fore-aft", "lateral")):
+            if not np.any(plate.force_W[:, i]):
+                raise InputError(f"its plate has no {axis} force (zero throughout), and all components are tracked",
+                                 file=trial.path, where="forces", right=f"{right}all components of the force")
 
 
 def _check_planes(trial: Trial, joints: Sequence[str]) -> None:
     """Raises InputError for moments out of the sagittal plane where the recording has no such motion."""
     planar = [joint for joint in joints if not joint.endswith(("adduction", "rotation"))]
+    names = trial.trajectory.names
     for joint in (joint for joint in joints if joint not in planar):
         name = f"{joint}_{trial.subject.prosthetic_side[0]}"
         noted = any("taken as zero" in note and name in note.replace(",", " ").replace(".", " ").split()
                     for note in trial.notes)
-        names = trial.trajectory.names
         if noted or name not in names or np.ptp(trial.trajectory.values[:, names.index(name)]) == 0.0:
             raise InputError(
                 f"the recording has no {name}, so that no moment about that axis can be told", file=trial.path,
                 where="kinematics", right=f"Give joints={tuple(planar) or ('hip_flexion', 'knee_angle')}, or a "
                                           "recording in three dimensions")
-
-
-def _check_plate(trial: Trial) -> None:
-    """Raises InputError where no plate measured the force to be tracked, or one component is missing."""
-    side = trial.subject.prosthetic_side
-    plate = trial.plates.get(side)
-    if plate is None or not np.any(plate.force_W[:, 2] > 0.0):
-        raise InputError(f"no plate measured the force on the {side} (prosthetic) foot, which is to be tracked",
-                         file=trial.path, where="forces", right="Choose another cost, or a trial with forces")
-    for i, axis in enumerate(("fore-aft", "lateral")):
-        if not np.any(plate.force_W[:, i]):
-            raise InputError(f"its plate has no {axis} force (zero throughout), and all components are tracked",
-                             file=trial.path, where="forces",
-                             right="Choose another cost, or a trial with all components of the force")

@@ -9,9 +9,10 @@ import numpy as np
 
 from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
+from vsf_drake.analysis.tuning.level1.costs import LABELS
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
-from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Compromise, Setting, Sweep, Task
-from vsf_drake.analysis.tuning.level1.uncertainty import Draw, FulcrumUncertainty, difference
+from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Sweep
+from vsf_drake.analysis.tuning.level1.uncertainty import FulcrumUncertainty, difference
 from vsf_drake.errors import FitError
 from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
@@ -41,39 +42,26 @@ class TuningSolution:
     """The end of a tuning. Reading `values`, `fulcrum_mm` or `cost` of one that failed raises FitError.
 
     What had not been reached when a tuning was interrupted is empty or None.
-
-    Attributes:
-        tuning: the problem.
-        success: whether a search ended at a minimum that the sweep confirms and at which all walks converged.
-        message: how it ended, in words.
-        best: the best point found, whatever `success` says.
-        searched: the search that `best` is from. searches: of the fulcrum's range. confirmed: by other solvers.
-        sweep: through the best setting.
-        settings: what walks are like at SETTINGS, by name. same_load: SAME_LOAD by name, (T, 4) at those.
-        uncertainty: of the fulcrum position. draws: of the contact, and draw_failures: why some could not be walked.
-        tasks, pareto, robustness: see `sweep`; robustness rows are (what, mm, cost).
-        checks: what the solution was held against.
-        notes: what a reader has to know. wall_s: of the whole.
     """
 
     tuning: StiffnessTuning
-    success: bool = False
-    message: str = ""
-    best: Evaluation = field(init=False)
-    searched: Search | None = None
-    searches: list[Search] = field(default_factory=list)
-    confirmed: list[Search] = field(default_factory=list)
-    sweep: Sweep | None = None
-    settings: dict[str, Setting] = field(default_factory=dict)
-    same_load: dict[str, np.ndarray] = field(default_factory=dict)
-    uncertainty: FulcrumUncertainty | None = None
-    draws: tuple[Draw, ...] = ()
-    draw_failures: tuple[str, ...] = ()
-    tasks: tuple[Task, ...] = ()
-    pareto: tuple[Compromise, ...] = ()
-    robustness: tuple[tuple[str, float, float], ...] = ()
+    success: bool = False  # whether a search ended at a minimum that the sweep confirms, where all walks converged
+    message: str = ""  # how it ended, in words
+    best: Evaluation = field(init=False)  # the best point found, whatever `success` says
+    searched: Search | None = None  # the search that `best` is from
+    searches: list[Search] = field(default_factory=list)  # of the fulcrum's range
+    confirmed: list[Search] = field(default_factory=list)  # by other solvers
+    sweep: Sweep | None = None  # through the best setting
+    outcomes: dict[str, np.ndarray] = field(default_factory=dict)  # KINDS and SAME_LOAD by name, (T, 4) at SETTINGS
+    forces: list[dict[str, np.ndarray]] = field(default_factory=list)  # of each trial, (n, 3) N by setting
+    uncertainty: FulcrumUncertainty | None = None  # of the fulcrum position
+    draws: list[Sweep] = field(default_factory=list)  # by draw of the contact
+    draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
+    tasks: list[dict[str, Any]] = field(default_factory=list)  # this and the next two as the table has them
+    pareto: list[dict[str, Any]] = field(default_factory=list)
+    robustness: list[dict[str, Any]] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
 
     @property
@@ -108,7 +96,8 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
     """
     tuning, best, known, swept = solution.tuning, solution.best, solution.uncertainty, solution.sweep
     searched, combination = solution.searched, tuning.combination
-    whole = sum(abs(term.value) for term in best.terms) or 1.0  # terms of both signs may cancel
+    terms = {name: float(term[0]) for name, term in best.terms.items()}
+    whole = sum(map(abs, terms.values())) or 1.0  # terms of both signs may cancel
     means = {} if swept is None else {part: {name: value.mean(axis=0) for name, value in values.items()}
                                       for part, values in (("terms", swept.terms), ("outcomes", swept.outcomes))}
     rows = [] if swept is None else [
@@ -125,8 +114,8 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
         "interval_meaning": "" if known is None else known.meaning,
         "design": [{"name": v.name, "unit": v.unit, "value": float(x), "low": v.low, "high": v.high,
                     "default": v.default} for v, x in zip(tuning.design, best.x, strict=True)],
-        "terms": [{"name": term.name, "label": term.label, "value": term.value, "share": term.value / whole}
-                  for term in best.terms],
+        "terms": [{"name": name, "label": LABELS[name], "value": value, "share": value / whole}
+                  for name, value in terms.items()],
         "sweep": rows, "outcomes": _outcomes(solution),
         "solver": {"name": searched and searched.solver, "message": searched.message if searched else solution.message,
                    "iterations": searched and searched.iterations, "evaluations": tuning.evaluations,
@@ -136,12 +125,9 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
                          for other in solution.confirmed],
         "starts": [{"fulcrum_mm": float(s.start[0]), "end_mm": float(s.x[0]), "cost": s.cost, "success": s.success}
                    for s in solution.searches],
-        "checks": [vars(check) for check in solution.checks],
-        "tasks": [vars(task) for task in solution.tasks],
-        "common_fulcrum_mm": float(best.x[0]) if solution.tasks else None,
-        "pareto": [vars(row) for row in solution.pareto],
-        "pareto_names": tuning.options.pareto if solution.pareto else [],
-        "robustness": [{"what": what, "fulcrum_mm": at, "cost": cost} for what, at, cost in solution.robustness],
+        "checks": [vars(check) for check in solution.checks], "tasks": solution.tasks,
+        "common_fulcrum_mm": float(best.x[0]) if solution.tasks else None, "pareto": solution.pareto,
+        "pareto_names": tuning.options.pareto if solution.pareto else [], "robustness": solution.robustness,
         "trials": tuning.labels, "recorded_mm": [float(part.own[0]) for part in tuning.parts],
         "synthetic": any(trial.synthetic for trial in tuning.trials), "notes": solution.notes,
         "wall_s": solution.wall_s,
@@ -151,21 +137,18 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
 def _outcomes(solution: TuningSolution) -> list[dict[str, Any]]:
     """Means over trials; `uncertainty`: standard deviation over repeated trials of an outcome's range."""
     tuning, swept, known = solution.tuning, solution.sweep, solution.uncertainty
-    if not solution.settings or swept is None:
-        return []
-    rows = []
-    if known is not None:
+    rows: list[dict[str, Any]] = []
+    if swept is not None and known is not None:
         rows.append({"name": "cost", "label": tuning.combination.label, "unit": tuning.combination.unit,
                      SOFTEST: float(swept.cost[0]), OPTIMUM: solution.best.cost, STIFFEST: float(swept.cost[-1]),
                      RECORDED: tuning.own_cost, "uncertainty": known.spread, "matters": known.matters,
                      "sentence": known.sentence})
-    at_settings = {name: [float(np.mean(setting.outcomes[name])) for setting in solution.settings.values()]
-                   for name in KINDS} | {name: each.mean(axis=0).tolist() for name, each in solution.same_load.items()}
-    for name, values in at_settings.items():
+    for name, each in solution.outcomes.items():
         label, unit = (KINDS | SAME_LOAD)[name]
-        change = difference((swept.outcomes | solution.same_load)[name], tuning.groups)
-        at, finite = dict(zip(SETTINGS, values, strict=True)), bool(np.isfinite(values).all())
-        matters = change.matters(max(map(abs, values))) if finite or name in KINDS else None
+        at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
+        change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
+        finite = bool(np.isfinite(each).all())
+        matters = change.matters(max(map(abs, at.values()))) if finite or name in KINDS else None
         told = say("level1", "outcome", label=label, unit=unit, known=finite, range=change.range, spread=change.spread,
                    matters=matters, softest=at[SOFTEST], optimum=at[OPTIMUM], stiffest=at[STIFFEST])
         rows.append({"name": name, "label": label, "unit": unit, **at, "uncertainty": change.spread,
@@ -192,15 +175,12 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
         for kind, rows in (("term", swept.terms), ("cost", swept.costs), ("outcome", swept.outcomes)):
             found |= {f"sweep_{kind}_{name}": value.T for name, value in rows.items()}
     if solution.draws:
-        found["draw_mm"] = solution.draws[0].sweep.fulcrum_mm
-        found["draw_cost"] = np.array([draw.sweep.cost for draw in solution.draws]).T
-    if solution.settings:
-        nearest = int(np.argmin([abs(part.own[0] - solution.best.x[0]) for part in tuning.parts]))
-        for i, part in enumerate(tuning.parts):
-            frame = part.frame(tuning.options.step_s)
-            forces = {"time": frame.time_s} | {name: setting.grf_W[i] for name, setting in solution.settings.items()}
-            if frame.plate_W is not None:
-                forces[RECORDED] = frame.plate_W
-            for prefix in (f"trial_{i}_", *(["grf_"] if i == nearest else [])):
-                found |= {f"{prefix}{name}": force for name, force in forces.items() if force is not None}
+        found["draw_mm"] = solution.draws[0].fulcrum_mm
+        found["draw_cost"] = np.array([draw.cost for draw in solution.draws]).T
+    nearest = int(np.argmin([abs(part.own[0] - solution.best.x[0]) for part in tuning.parts]))
+    for i, forces in enumerate(solution.forces):
+        frame = tuning.parts[i].frame(tuning.options.step_s)
+        shown = {"time": frame.time_s, **forces} | ({} if frame.plate_W is None else {RECORDED: frame.plate_W})
+        for prefix in (f"trial_{i}_", *(["grf_"] if i == nearest else [])):
+            found |= {f"{prefix}{name}": force for name, force in shown.items()}
     return found

@@ -14,22 +14,21 @@ from scipy.stats import qmc
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.common import Check
-from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING
+from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
     Sweep,
     compared_settings,
-    consistency_effect,
     local_minima,
-    lowest,
+    other_optima,
     pareto,
     positions,
     same_load_outcomes,
     sweep,
     tasks,
 )
-from vsf_drake.analysis.tuning.level1.uncertainty import drawn_optima, fulcrum_uncertainty
+from vsf_drake.analysis.tuning.level1.uncertainty import drawn_sweeps, fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
 
@@ -178,9 +177,9 @@ def solve(
     found, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
     warm = _warm(tuning, warm_start)
     try:
-        _search(found, warm, run)
-        if found.searched is not None and np.isfinite(found.searched.cost):
-            _judge(found, run)
+        first, found.searched = _search(found.searches, tuning, warm, run)
+        if np.isfinite(found.searched.cost):
+            _judge(found, found.searched, first, run)
     except KeyboardInterrupt:
         if run.best is None:
             raise
@@ -198,10 +197,12 @@ def solve(
     return found
 
 
-def _search(found: TuningSolution, warm: list[np.ndarray], run: Run) -> None:
-    """Coarse sweep, searches from it, the best once more in the step of the numbers."""
-    tuning, options = found.tuning, found.tuning.options
-    run.stage = "coarse sweep"
+def _search(
+    searches: list[Search], tuning: StiffnessTuning, warm: list[np.ndarray], run: Run
+) -> tuple[Search, Search]:
+    """Coarse sweep and searches from it, which are added to `searches`; their best, and that once more in the step of
+    the numbers."""
+    options, run.stage = tuning.options, "coarse sweep"
     coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s, progress=run.tell)
     minima = local_minima(coarse.cost)[: options.starts]
     if not minima:
@@ -213,52 +214,46 @@ def _search(found: TuningSolution, warm: list[np.ndarray], run: Run) -> None:
     starts += warm
     for k, start in enumerate(starts):
         run.stage = f"search {k + 1} of {len(starts)}"
-        found.searches.append(search(tuning, start, step_s=options.search_step_s, run=run))
+        searches.append(search(tuning, start, step_s=options.search_step_s, run=run))
     run.stage = "search in the step of the numbers"
-    found.searched = search(tuning, _first(found).x, step_s=options.step_s, run=run)
+    first = min(searches, key=lambda s: (not s.success, s.cost))
+    return first, search(tuning, first.x, step_s=options.step_s, run=run)
 
 
-def _first(found: TuningSolution) -> Search:
-    """The best of the searches over the fulcrum's range."""
-    return min(found.searches, key=lambda s: (not s.success, s.cost))
-
-
-def _judge(found: TuningSolution, run: Run) -> None:
+def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> None:
     """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
     tuning, options, size = found.tuning, found.tuning.options, found.tuning.combination.size
-    assert found.searched is not None
     for _ in range(2):
         run.stage = "sweep"
-        fine = found.sweep = sweep(tuning, positions(tuning, options.sweep_mm), found.searched.x,
-                                   step_s=options.step_s, with_outcomes=True, progress=run.tell)
+        fine = found.sweep = sweep(tuning, positions(tuning, options.sweep_mm), searched.x, step_s=options.step_s,
+                                   with_outcomes=True, progress=run.tell)
         i = int(np.nanargmin(fine.cost))
-        if fine.cost[i] >= found.searched.cost - WORSE * size:
+        if fine.cost[i] >= searched.cost - WORSE * size:
             break
         run.stage = "search from the sweep's lowest position"
-        found.searched = search(tuning, fine.x[i], step_s=options.step_s, run=run)
+        searched = found.searched = search(tuning, fine.x[i], step_s=options.step_s, run=run)
         if len(tuning.design) == 1:
             break
-    best = tuning.evaluate(found.searched.x)
-    found.settings = compared_settings(tuning, best.x)
+    best = tuning.evaluate(searched.x)
+    at_mm = float(best.x[0])
+    found.outcomes, found.forces = compared_settings(tuning, best.x)
     if options.same_load:
         run.stage = "settings under one load"
-        found.same_load = same_load_outcomes(tuning, np.array(
-            [[tuning.low[0], best.x[0], tuning.high[0], part.own[0]] for part in tuning.parts]), run.tell)
-    first = _first(found)
+        found.outcomes |= same_load_outcomes(tuning, np.array(
+            [[tuning.low[0], at_mm, tuning.high[0], part.own[0]] for part in tuning.parts]), run.tell)
     for name in options.confirm:
         run.stage = f"confirming with {name.upper()}"
         found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
     run.stage = "draws of the contact"
     if options.draws:
-        found.draws, found.draw_failures = drawn_optima(tuning, best.x, run.tell)
+        found.draws, found.draw_failures = drawn_sweeps(tuning, best.x, run.tell)
     found.uncertainty = fulcrum_uncertainty(
-        fine, float(best.x[0]), found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
+        fine, at_mm, found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
         allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
-    found.tasks, found.pareto = tasks(fine, tuning.tasks, float(best.x[0])), pareto(tuning, fine)
-    found.robustness = (*consistency_effect(tuning, fine), *(
-        (f"draw {k + 1} of the contact", draw.fulcrum_mm, draw.cost) for k, draw in enumerate(found.draws)))
+    found.tasks, found.pareto = tasks(fine, tuning.tasks, at_mm), pareto(tuning, fine)
+    found.robustness = other_optima(tuning, fine, found.draws)
     run.stage = "checks"
-    found.checks = _checks(tuning, best, fine, first, found.confirmed)
+    found.checks = _checks(found, fine, best, first)
 
 
 def _warm(tuning: StiffnessTuning, table: Mapping[str, Any] | None) -> list[np.ndarray]:
@@ -289,11 +284,12 @@ def _fault(found: TuningSolution) -> str:
 def _notes(found: TuningSolution) -> list[str]:
     """What a reader has to know before believing it; the first says so if the result is not optimal."""
     tuning, options, swept = found.tuning, found.tuning.options, found.sweep
-    held = [term.value / tuning.combination.size for term in found.best.terms if term.name == CONSISTENCY]
+    held = found.best.terms.get(CONSISTENCY)
     return say(
         "level1", "notes", success=found.success, step_ms=1e3 * options.step_s,
         search_step_ms=1e3 * options.search_step_s, support_mm=1e3 * tuning.parts[0].support_width_m,
-        holding={"weight": options.consistency_weight, "share": held[0]} if held else None,
+        holding=None if held is None else {"weight": options.consistency_weight,
+                                           "share": float(held[0]) / tuning.combination.size},
         believable=swept and swept.believable(options.consistency_bw)[1],
         most_change=None if swept is None else np.nanmax(swept.force_change), allowed_bw=options.consistency_bw,
         thickness="keel_thickness" in options.design, recorded=[float(part.own[0]) for part in tuning.parts],
@@ -319,10 +315,8 @@ DIFFERENCE = 1e-4
 """Step of the central differences, share of a bound's width."""
 
 
-def _checks(
-    tuning: StiffnessTuning, best: Evaluation, fine: Sweep, first: Search, confirmed: list[Search]
-) -> list[Check]:
-    found: list[Check] = []
+def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Search) -> list[Check]:
+    tuning, found = solution.tuning, list[Check]()
     size, own, options = "size of the cost", tuning.combination.size, tuning.options
 
     def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None, *,
@@ -331,7 +325,7 @@ def _checks(
                            None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
 
     # A sweep that is coarser than a millimetre can only tell whether one of its positions is better.
-    where, least = lowest(fine.fulcrum_mm, fine.cost)
+    where, least = fine.lowest()
     step = fine.fulcrum_mm[1] - fine.fulcrum_mm[0]
     is_fine = step <= NEAR_MM + 1e-9
     away = abs(best.x[0] - where)
@@ -340,7 +334,7 @@ def _checks(
         step_mm=step, swept_mm=where, best_mm=best.x[0])
     add("brute_force_cost", "difference from the sweep's minimum", worse, size, NEAR_COST,
         (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST, worse=worse)
-    for other in confirmed:
+    for other in solution.confirmed:
         away, apart = abs(other.x[0] - best.x[0]), abs(other.cost - best.cost) / own
         add(f"solver_{other.solver}", f"difference of the cost where {other.solver.upper()} ends", apart, size,
             SAME_COST, other.success and away <= NEAR_MM and apart <= SAME_COST, part="solver",
@@ -367,11 +361,11 @@ def _checks(
             add("smoothing", label, None, size, NEAR_COST, None, part="untried", error=why)
     count = best.unconverged
     add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count == 0, count=count)
-    change = float(np.mean([np.sqrt(walk.terms[CONSISTENCY][0].value) for walk in best.walks]))
+    change = float(np.mean([np.sqrt(value_of(walk.terms[CONSISTENCY])) for walk in best.walks]))
     add("force_change", "change of the ground reaction force from the recorded setting", change, "BW",
         options.consistency_bw, change <= options.consistency_bw, change=change, allowed=options.consistency_bw)
     if all(TRACKING in terms for terms in tuning.own):
-        errors = [np.sqrt(sum(term.value for term in terms[TRACKING])) for terms in tuning.own]
+        errors = [np.sqrt(value_of(terms[TRACKING])) for terms in tuning.own]
         worst = int(np.argmax(errors))
         add("recorded_force", "error of the ground reaction force at the recorded setting", errors[worst], "BW",
             FORCE_BW, errors[worst] <= FORCE_BW, error=errors[worst], trial=tuning.labels[worst])

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from vsf_drake.analysis.tuning.common import SETTINGS
-from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame
+from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame, value_of
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
-from vsf_drake.analysis.validation.energy_ledger import (
-    ProsthesisEnergy,
-    prosthesis_energy,
-    stance_energy,
-    walk_with_same_load,
-)
+from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
 from vsf_drake.errors import SimulationError
-from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.walk import Walk
 
+Job = TypeVar("Job")
+Found = TypeVar("Found")
+Progress = Callable[[float], Any]
+"""Told the share of a stage that is done."""
 ENERGY_EVERY = 5
 """Positions from one with energies to the next: they take long and vary smoothly (a choice)."""
 KINDS = {
@@ -79,9 +78,10 @@ class Sweep:
         near: np.ndarray = self.force_change <= allowed_bw
         return near, tuple(self.fulcrum_mm[near][[0, -1]].tolist()) if near.any() else None
 
-    def lowest(self, factors: Mapping[str, float]) -> tuple[float, float]:
-        """Where the sum of factors times costs is least, and its value there; see `lowest`."""
-        whole = np.sum([factor * self.costs[name] for name, factor in factors.items()], axis=0)
+    def lowest(self, factors: Mapping[str, float] | None = None) -> tuple[float, float]:
+        """Where the tuned cost, or the sum of factors times costs, is least, and its value there; see `lowest`."""
+        whole = self.per_trial if factors is None else np.sum(
+            [factor * self.costs[name] for name, factor in factors.items()], axis=0)
         return lowest(self.fulcrum_mm, whole.mean(axis=0))
 
 
@@ -91,48 +91,55 @@ def positions(tuning: StiffnessTuning, spacing_mm: float) -> np.ndarray:
     return np.linspace(low, high, max(2, int(np.ceil((high - low) / spacing_mm - 1e-9)) + 1))
 
 
-def sweep(
-    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, x: np.ndarray, *, step_s: float, with_outcomes: bool = False,
-    base: Mapping[str, float] | None = None, progress: Callable[[float], Any] | None = None
-) -> Sweep:
-    """Walks every trial at every position, the rest of the setting as in x (P,), with `base` as of `TrialTuning.at`."""
-    settings = np.tile(x, (len(fulcrum_mm), 1))
-    settings[:, 0] = fulcrum_mm
-    jobs = [(i, j) for j in range(len(settings)) for i in range(len(tuning.parts))]
-    found: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
-    failures, unconverged = [], 0
-    for part in tuning.parts:
-        part.frame(step_s, base)  # made here: what threads share is not made by them
-
-    def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
-        part, j = tuning.parts[job[0]], job[1]
-        try:
-            walk = part.at(settings[j], step_s=step_s, base=base)
-        except SimulationError as error:
-            return f"{part.label} at {settings[j, 0]:g} mm: {error}"
-        numbers = {"costs": {name: sum(term.value for term in terms) for name, terms in walk.terms.items()},
-                   "terms": {term.name: term.value for term in tuning.combination.terms(walk.terms)}}
-        if with_outcomes:
-            numbers["outcomes"] = outcomes(part, walk, energies=j % ENERGY_EVERY == 0 or j == len(settings) - 1)
-        return numbers, bool(walk.walk.record.converged.all())
-
+def _each(
+    tuning: StiffnessTuning, work: Callable[[Job], Found], jobs: Sequence[Job], progress: Progress | None
+) -> Iterator[tuple[Job, Found]]:
+    """What `work` makes of every job, in threads, in order."""
     pool = ThreadPoolExecutor(tuning.workers)
     try:
-        for k, (job, result) in enumerate(zip(jobs, pool.map(walked, jobs), strict=True)):
-            if isinstance(result, str):
-                failures.append(result)
-            else:
-                for part_of, numbers in result[0].items():
-                    for name, value in numbers.items():
-                        values = found[part_of].setdefault(name, np.full((len(tuning.parts), len(settings)), np.nan))
-                        values[job] = value
-                unconverged += not result[1]
+        for k, pair in enumerate(zip(jobs, pool.map(work, jobs), strict=True)):
+            yield pair
             if progress:
                 progress((k + 1) / len(jobs))
     finally:
         pool.shutdown(cancel_futures=True)
-    return Sweep(fulcrum_mm=np.array(fulcrum_mm), x=settings, **found, failures=tuple(failures),
-                 unconverged=unconverged)
+
+
+def sweep(
+    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, x: np.ndarray, *, step_s: float, with_outcomes: bool = False,
+    base: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Sweep:
+    """Walks every trial at every position, the rest of the setting as in x (P,), with `base` as of `TrialTuning.at`."""
+    settings = np.tile(x, (len(fulcrum_mm), 1))
+    settings[:, 0] = fulcrum_mm
+    for part in tuning.parts:
+        part.frame(step_s, base)  # made here: what threads share is not made by them
+
+    def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
+        j, part = job[1], tuning.parts[job[0]]
+        try:
+            walk = part.at(settings[j], step_s=step_s, base=base)
+        except SimulationError as error:
+            return f"{part.label} at {settings[j, 0]:g} mm: {error}"
+        energies = j % ENERGY_EVERY == 0 or j == len(settings) - 1
+        terms = tuning.combination.terms(walk.terms)
+        return {"costs": {name: value_of(parts) for name, parts in walk.terms.items()},
+                "terms": {name: float(term[0]) for name, term in terms.items()},
+                "outcomes": outcomes(part, walk, energies=energies) if with_outcomes else {},
+                }, bool(walk.walk.record.converged.all())
+
+    found: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
+    failures, unconverged = [], 0
+    jobs = [(i, j) for j in range(len(settings)) for i in range(len(tuning.parts))]
+    for job, result in _each(tuning, walked, jobs, progress):
+        if isinstance(result, str):
+            failures.append(result)
+            continue
+        for kind, numbers in result[0].items():
+            for name, value in numbers.items():
+                found[kind].setdefault(name, np.full((len(tuning.parts), len(settings)), np.nan))[job] = value
+        unconverged += not result[1]
+    return Sweep(fulcrum_mm=settings[:, 0], x=settings, **found, failures=tuple(failures), unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -166,35 +173,35 @@ def outcomes(part: TrialTuning, found: WalkOutcome, *, energies: bool = True) ->
     """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN unless asked for."""
     frame, loads = found.frame, found.loads
     inside = frame.inside > 0.0
-    peaks = dict(zip(part.options.joints, np.abs(loads.joints.value[inside] / frame.mass_kg).max(axis=0), strict=True))
-    socket = loads.socket.value[inside]
+    moments = np.abs(loads.joints[inside, :, 0] / frame.mass_kg).max(axis=0)
+    peaks = dict(zip(part.options.joints, moments.tolist(), strict=True))
+    socket = loads.socket[inside, :, 0]
     residual = np.sum(loads.pelvis**2, axis=1) @ frame.inside / frame.inside.sum()
-    rows = _stance_energies(part, found.walk)[2] if energies else []
-    first, second, rate = _vertical_peaks(frame, loads.grf.value[:, 2] / frame.weight_n)
+    stored, returned = _energies(part, found.walk)[:2] if energies else (np.nan, np.nan)
+    first, second, rate = _vertical_peaks(frame, loads.grf[:, 2, 0] / frame.weight_n)
     return {
-        "stored_energy": _mean(row["stored_j"] for row in rows),
-        "returned_energy": _mean(row["returned_j"] for row in rows),
-        "push_off_work": -sum(term.value for term in found.terms["push_off"]),
-        "joint_work_energy": sum(term.value for term in found.terms["metabolic"]),
-        "hip_moment": float(peaks.get("hip_flexion", np.nan)), "knee_moment": float(peaks.get("knee_angle", np.nan)),
-        "first_peak": first, "second_peak": second, "loading_rate": rate,
+        "stored_energy": stored, "returned_energy": returned, "push_off_work": -value_of(found.terms["push_off"]),
+        "joint_work_energy": value_of(found.terms["metabolic"]), "hip_moment": peaks.get("hip_flexion", np.nan),
+        "knee_moment": peaks.get("knee_angle", np.nan), "first_peak": first, "second_peak": second,
+        "loading_rate": rate,
         "socket_force": float(np.linalg.norm(socket[:, :3], axis=1).max() / frame.weight_n),
         "socket_moment": float(np.linalg.norm(socket[:, 3:], axis=1).max() / frame.mass_kg),
-        "force_change": float(np.sqrt(sum(term.value for term in found.terms[CONSISTENCY]))),
+        "force_change": float(np.sqrt(value_of(found.terms[CONSISTENCY]))),
         "pelvis_residual": float(np.sqrt(residual) / frame.weight_n)}
 
 
-def _mean(values: Any) -> float:
-    values = list(values)
-    return float(np.mean(values)) if values else float("nan")
-
-
-def _stance_energies(part: TrialTuning, walk: Walk) -> tuple[ProsthesisEnergy, list[Stance], list[dict[str, Any]]]:
-    """The energy ledger of a walk, the whole stances in it, and a row of energies for each."""
-    energy = prosthesis_energy(part.walker, walk)
-    stances = [stance for stance in find_stances(energy.time_s, energy.vertical_n) if stance.complete]
-    return energy, stances, [stance_energy(energy, stance, foot=part.trial.model.foot,
-                                           fulcrum_m=float(walk.fulcrum_m[0])).row for stance in stances]
+def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
+    """Stored, returned (J) and push-off work on the shank (J/kg) by the energy ledger; means over whole stances."""
+    energy, found = prosthesis_energy(part.walker, walk), []
+    time = energy.time_s
+    for stance in find_stances(time, energy.vertical_n):
+        if stance.complete:
+            row = stance_energy(energy, stance, foot=part.trial.model.foot, fulcrum_m=float(walk.fulcrum_m[0])).row
+            late = (time >= stance.start_s + part.options.late_share * stance.duration_s) & (time <= stance.end_s)
+            work = np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0])
+            found.append((row["stored_j"], row["returned_j"], work / part.trial.subject.mass_kg))
+    stored, returned, pushed = np.mean(found, axis=0).tolist() if found else [np.nan] * 3
+    return stored, returned, pushed
 
 
 def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, float, float]:
@@ -228,126 +235,92 @@ SAME_LOAD = {
 
 
 def same_load_outcomes(
-    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Callable[[float], Any] | None = None
+    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Progress
 ) -> dict[str, np.ndarray]:
     """SAME_LOAD of every trial at positions (T, k) of the fulcrum, the device otherwise as it is: by name, (T, k).
 
     NaN where no height of the pelvis keeps the load, or a walk fails.
     """
+    def walked(job: tuple[int, float]) -> tuple[float, float, float]:
+        part = tuning.parts[job[0]]
+        try:
+            same = walk_with_same_load(part.walker, part.trial, fulcrum_m=1e-3 * job[1], step_s=part.options.step_s,
+                                       search_step_s=part.options.search_step_s)
+        except SimulationError:
+            return np.nan, np.nan, np.nan
+        return _energies(part, same.walk) if same.kept else (np.nan, np.nan, np.nan)
+
     found = {name: np.full(fulcrum_mm.shape, np.nan) for name in SAME_LOAD}
     jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
-    with ThreadPoolExecutor(tuning.workers) as pool:
-        walked = pool.map(lambda job: _same_load(tuning.parts[job[0]], job[1]), jobs)
-        for k, ((i, at), numbers) in enumerate(zip(jobs, walked, strict=True)):
-            for name, value in zip(SAME_LOAD, numbers, strict=True):
-                found[name][i, fulcrum_mm[i] == at] = value
-            if progress:
-                progress((k + 1) / len(jobs))
+    for (i, at), numbers in _each(tuning, walked, jobs, progress):
+        for name, value in zip(SAME_LOAD, numbers, strict=True):
+            found[name][i, fulcrum_mm[i] == at] = value
     return found
 
 
-def _same_load(part: TrialTuning, fulcrum_mm: float) -> tuple[float, float, float]:
-    options, nothing = part.options, (float("nan"),) * 3
-    try:
-        same = walk_with_same_load(part.walker, part.trial, fulcrum_m=1e-3 * fulcrum_mm, step_s=options.step_s,
-                                   search_step_s=options.search_step_s)
-    except SimulationError:
-        return nothing
-    energy, stances, rows = _stance_energies(part, same.walk)
-    if not same.kept:
-        return nothing
-    time, work = energy.time_s, []
-    for stance in stances:
-        late = (time >= stance.start_s + options.late_share * stance.duration_s) & (time <= stance.end_s)
-        work.append(np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0]))
-    return (_mean(row["stored_j"] for row in rows), _mean(row["returned_j"] for row in rows),
-            _mean(w / part.trial.subject.mass_kg for w in work))
+def compared_settings(
+    tuning: StiffnessTuning, best: np.ndarray
+) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
+    """What walks are like at SETTINGS: the softest, the best and the stiffest (of the fulcrum's bounds, the rest as at
+    the optimum `best` (P,)), and each trial's own.
 
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """Walks of T trials at one setting."""
-
-    outcomes: dict[str, np.ndarray]  # KINDS by name, (T,); NaN where a walk failed
-    grf_W: tuple[np.ndarray | None, ...]  # by trial, (n, 3) N at the frame's instants; None where the walk failed
-
-
-def compared_settings(tuning: StiffnessTuning, best: np.ndarray) -> dict[str, Setting]:
-    """By name: the softest, the best and the stiffest (of the fulcrum's bounds, the rest as at the optimum `best`
-    (P,)), and each trial's own."""
+    Returns:
+        KINDS by name, (T, 4), NaN where a walk failed; and for each trial, by setting, the force (n, 3) N in W.
+    """
     low, high = np.array(best), np.array(best)
     low[0], high[0] = tuning.low[0], tuning.high[0]
-    own = [part.own for part in tuning.parts]
-    found = {}
-    for name, settings in zip(SETTINGS, (*([x] * len(own) for x in (low, best, high)), own), strict=True):
-        numbers = {kind: np.full(len(own), np.nan) for kind in KINDS}
-        forces: list[np.ndarray | None] = []
-        for i, (part, x) in enumerate(zip(tuning.parts, settings, strict=True)):
+    found = {kind: np.full((len(tuning.parts), len(SETTINGS)), np.nan) for kind in KINDS}
+    forces: list[dict[str, np.ndarray]] = []
+    for i, part in enumerate(tuning.parts):
+        forces.append({})
+        for s, (name, x) in enumerate(zip(SETTINGS, (low, best, high, part.own), strict=True)):
             try:
                 walk = part.at(x, step_s=tuning.options.step_s)
             except SimulationError:
-                forces.append(None)
                 continue
             for kind, value in outcomes(part, walk).items():
-                numbers[kind][i] = value
-            forces.append(walk.loads.grf.value)
-        found[name] = Setting(numbers, tuple(forces))
-    return found
+                found[kind][i, s] = value
+            forces[i][name] = walk.loads.grf[..., 0]
+    return found, forces
 
 
 # One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.
 
 
-@dataclass(frozen=True)
-class Task:
-    """One motion: its own best position (mm) and cost, and the cost at the position that is best for all."""
-
-    label: str
-    fulcrum_mm: float
-    cost: float
-    cost_common: float
-
-
-@dataclass(frozen=True)
-class Compromise:
-    """The position (mm) that is best for a weight of the first cost, and both costs there."""
-
-    weight: float
-    fulcrum_mm: float
-    first: float
-    second: float
-
-
-def tasks(found: Sweep, names: Sequence[str], common_mm: float) -> tuple[Task, ...]:
-    """By name of a motion, trials (T,) of one name together; none for a single motion."""
+def tasks(found: Sweep, names: Sequence[str], common_mm: float) -> list[dict[str, Any]]:
+    """For each motion, trials (T,) of one name together, its own best position and cost, and the cost at the common
+    position; none for a single motion."""
     rows = []
     for label in dict.fromkeys(names):
         cost = found.per_trial[[name == label for name in names]].mean(axis=0)
         where, least = lowest(found.fulcrum_mm, cost)
-        rows.append(Task(label, where, least, max(float(np.interp(common_mm, found.fulcrum_mm, cost)), least)))
-    return tuple(rows) if len(rows) > 1 else ()
+        common = max(float(np.interp(common_mm, found.fulcrum_mm, cost)), least)
+        rows.append({"label": label, "fulcrum_mm": where, "cost": least, "cost_common": common})
+    return rows if len(rows) > 1 else []
 
 
-def pareto(tuning: StiffnessTuning, found: Sweep) -> tuple[Compromise, ...]:
-    """Best positions for weights of the options' two costs, each over its size, with the consistency beside them."""
+def pareto(tuning: StiffnessTuning, found: Sweep) -> list[dict[str, float]]:
+    """Best positions for weights of the first of the options' two costs, each over its size, with the consistency
+    beside them; and both costs there."""
     names, size = tuning.options.pareto, tuning.size
     if not names or any(name not in found.costs or name not in size for name in names):
-        return ()
+        return []
     share = tuning.options.consistency_weight / tuning.options.consistency_bw**2
     rows = []
     for weight in np.linspace(0.0, 1.0, 11).tolist():
         where, _ = found.lowest({names[0]: weight / size[names[0]], names[1]: (1.0 - weight) / size[names[1]],
                                  CONSISTENCY: share})
-        rows.append(Compromise(weight, where, *(float(np.interp(where, found.fulcrum_mm,
-                                                                found.costs[name].mean(axis=0))) for name in names)))
-    return tuple(rows)
+        first, second = (float(np.interp(where, found.fulcrum_mm, found.costs[name].mean(axis=0))) for name in names)
+        rows.append({"weight": weight, "fulcrum_mm": where, "first": first, "second": second})
+    return rows
 
 
-def consistency_effect(tuning: StiffnessTuning, found: Sweep) -> tuple[tuple[str, float, float], ...]:
-    """Where the cost is least with other weights of the consistency: (what, mm, cost); none for tracking."""
-    factors = tuning.combination.factors
-    if CONSISTENCY not in factors:
-        return ()
-    return tuple((f"{what} the weight of the force's change",
-                  *found.lowest({**factors, CONSISTENCY: factor * factors[CONSISTENCY]}))
-                 for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice")))
+def other_optima(tuning: StiffnessTuning, found: Sweep, draws: Sequence[Sweep]) -> list[dict[str, Any]]:
+    """Where the cost is least with other weights of the consistency, and with each draw of the contact."""
+    factors, optima = tuning.combination.factors, {}
+    if CONSISTENCY in factors:
+        optima = {f"{what} the weight of the force's change": found.lowest(
+            {**factors, CONSISTENCY: factor * factors[CONSISTENCY]})
+            for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice"))}
+    optima |= {f"draw {k + 1} of the contact": draw.lowest() for k, draw in enumerate(draws)}
+    return [{"what": what, "fulcrum_mm": at, "cost": cost} for what, (at, cost) in optima.items()]

@@ -14,9 +14,8 @@ Only repetitions tell how uncertain anything is, so that spreads are taken withi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
@@ -26,7 +25,7 @@ from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
-from vsf_drake.analysis.tuning.level1.sweep import Sweep, lowest, positions, sweep
+from vsf_drake.analysis.tuning.level1.sweep import Progress, Sweep, lowest, positions, sweep
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.walk import Walker
 
@@ -43,8 +42,6 @@ class FulcrumUncertainty:
 
     low_mm: float
     high_mm: float
-    draws_mm: tuple[float, ...]  # optima by draw of the contact
-    range: float
     spread: float | None
     matters: bool | None
     meaning: str  # in words, what the interval holds
@@ -82,7 +79,7 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
 
 
 def fulcrum_uncertainty(
-    found: Sweep, fulcrum_mm: float, draws: tuple[Draw, ...], groups: Sequence, *, size: float, unit: str,
+    found: Sweep, fulcrum_mm: float, draws: Sequence[Sweep], groups: Sequence, *, size: float, unit: str,
     allowed_bw: float, gain: float
 ) -> FulcrumUncertainty:
     """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
@@ -93,27 +90,25 @@ def fulcrum_uncertainty(
     """
     each = found.per_trial
     optima = np.array([lowest(found.fulcrum_mm, row)[0] for row in each])
-    drawn = tuple(draw.fulcrum_mm for draw in draws if np.isfinite(draw.fulcrum_mm))
+    drawn = [at for at, _ in (draw.lowest() for draw in draws) if np.isfinite(at)]
     flat = flat_range(found.fulcrum_mm, each, groups, fulcrum_mm, size)
     apart = [optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1]
     shifts = np.clip(fulcrum_mm + np.array(apart), found.fulcrum_mm[0], found.fulcrum_mm[-1])
     ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
     width, by_draws = difference(each, groups), False
     if width.spread is None and len(drawn) > 1:
-        ranges = [np.nanmax(draw.sweep.cost) - np.nanmin(draw.sweep.cost) for draw in draws]
+        ranges = [np.nanmax(draw.cost) - np.nanmin(draw.cost) for draw in draws]
         width, by_draws = Difference(width.range, float(np.std(ranges, ddof=1))), True
     matters = width.matters(size)
     near, believable = found.believable(allowed_bw)
-    rest = found.per_trial - found.terms.get(CONSISTENCY, 0.0)
+    rest = each - found.terms.get(CONSISTENCY, 0.0)
     meaning = say("level1", "interval", flat_share=FLAT, flat=flat, repeated=_freedoms(groups) >= FEWEST_FREEDOMS,
                   optima=(np.nanmin(optima), np.nanmax(optima)) if len(optima) > 1 else None, drawn=drawn)
     worth = say("level1", "worth", range=width.range, spread=width.spread, size=size, unit=unit, matters=matters,
                 by_draws=by_draws, allowed_bw=allowed_bw, near=believable if near.sum() > 1 else None,
                 near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in found.terms, gain=gain,
                 flat_share=FLAT)
-    return FulcrumUncertainty(
-        low_mm=float(min(ends)), high_mm=float(max(ends)), draws_mm=drawn, range=width.range, spread=width.spread,
-        matters=matters, meaning=meaning[0], sentence=" ".join(worth))
+    return FulcrumUncertainty(float(min(ends)), float(max(ends)), width.spread, matters, meaning[0], " ".join(worth))
 
 
 def flat_range(
@@ -155,59 +150,48 @@ SPACING_MM = 10.0
 """Of the sweep of each draw; a parabola finds the minimum between (a choice)."""
 
 
-@dataclass(frozen=True)
-class Draw:
-    """One draw: where its cost is least and how much that is, and its sweep; NaN if every walk of the sweep fails."""
-
-    fulcrum_mm: float
-    cost: float
-    sweep: Sweep
-
-
 def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict[str, float]]:
     """`count` sets of walk values: force and exponent of each zone's law, damping, friction, keel and support."""
-    spread = {item.name: item.scale for item in standard_parameters(walker.variables, side, ()).items}
+    spread = {item.name: SURE_SHARE * item.scale for item in standard_parameters(walker.variables, side, ()).items}
     own = {name: variable.default for name, variable in walker.variables.items()}
     zones = [name.split(".")[1] for name in own if name.startswith("contact.") and name.endswith(".stiffness")]
     plain = [name for name in ("keel.flexural_modulus", "fulcrum.stiffness", "friction.mu_static",
                                "friction.mu_kinetic", "friction.threshold_velocity") if name in spread]
     rng = np.random.default_rng([seed, 7])
+
+    def factor(name: str) -> float:
+        return math.exp(spread[name] * rng.standard_normal())
+
     found = []
     for _ in range(count):
-        values, slower = {}, math.exp(SURE_SHARE * spread["contact.damping_time"] * rng.standard_normal())
+        values, slower = {}, factor("contact.damping_time")
         for zone in zones:
             k, n, b = (own[f"contact.{zone}.{name}"] for name in ("stiffness", "exponent", "damping"))
-            force = math.exp(SURE_SHARE * spread[f"contact.{zone}.force"] * rng.standard_normal())
-            exponent = n + SURE_SHARE * spread[f"contact.{zone}.exponent"] * rng.standard_normal()
+            force = factor(f"contact.{zone}.force")
+            exponent = n + spread[f"contact.{zone}.exponent"] * rng.standard_normal()
             exponent = min(max(exponent, min(n, 1.0)), max(n, 2.0))
             values[f"contact.{zone}.stiffness"] = force * k * REFERENCE_DEPTH_M ** (n - exponent)
             values[f"contact.{zone}.exponent"] = exponent
             values[f"contact.{zone}.damping"] = slower * force * b
-        for name in plain:
-            values[name] = own[name] * math.exp(SURE_SHARE * spread[name] * rng.standard_normal())
-        found.append(values)
+        found.append(values | {name: own[name] * factor(name) for name in plain})
     return found
 
 
-def drawn_optima(
-    tuning: StiffnessTuning, x: np.ndarray, progress: Callable[[float], Any] | None = None
-) -> tuple[tuple[Draw, ...], tuple[str, ...]]:
-    """The fulcrum with the least cost for each of the options' draws that walk, the rest of the setting as in x (P,),
-    and why others do not."""
+def drawn_sweeps(
+    tuning: StiffnessTuning, x: np.ndarray, progress: Progress
+) -> tuple[list[Sweep], list[str]]:
+    """A sweep, but for the fulcrum at x (P,), for each of the options' draws that walk, and why others do not."""
     first = tuning.parts[0]
     if any(part.walker.model != first.walker.model for part in tuning.parts):
-        return (), ("the trials' models differ, so that one draw cannot be for all",)
+        return [], ["the trials' models differ, so that one draw cannot be for all"]
     values = contact_draws(first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed)
-    grid = positions(tuning, SPACING_MM)
-    found: list[Draw] = []
+    found: list[Sweep] = []
     failed: list[str] = []
     for k, base in enumerate(values):
         try:
-            swept = sweep(tuning, grid, x, step_s=tuning.options.search_step_s, base=base)
+            found.append(sweep(tuning, positions(tuning, SPACING_MM), x, step_s=tuning.options.search_step_s,
+                               base=base))
         except (InputError, SimulationError) as error:  # no stance at the trial's own setting
             failed.append(str(error))
-        else:
-            found.append(Draw(*lowest(swept.fulcrum_mm, swept.cost), swept))
-        if progress:
-            progress((k + 1) / len(values))
-    return tuple(found), tuple(failed)
+        progress((k + 1) / len(values))
+    return found, failed
