@@ -175,9 +175,14 @@ def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> 
     return found | {CONSISTENCY: {CONSISTENCY: np.sum([*change.values()], axis=0)}}
 
 
+def _total(weight: np.ndarray, series: np.ndarray) -> np.ndarray:
+    """(1 + P,) sum of weight times series (..., 1 + P), each by itself: the value is the same without derivatives."""
+    return np.array([np.sum(weight * series[..., p]) for p in range(series.shape[-1])])
+
+
 def mean_square(series: np.ndarray, weight_s: np.ndarray, duration_s: float) -> np.ndarray:
     """(1 + P,) sum over n and k of weight_s (n,) series (n, k, 1 + P)^2 / duration_s."""
-    found: np.ndarray = np.einsum("nk,nkp->p", series[..., 0] * weight_s[:, None] / duration_s, series)
+    found = _total(series[..., 0] * weight_s[:, None] / duration_s, series)
     found[1:] *= 2.0
     return found
 
@@ -240,8 +245,9 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
 
 def push_off(frame: StanceFrame, loads: WalkLoads) -> Terms:
     """The work, negative."""
-    part = positive_part(np.einsum("nk,nkp->np", frame.twist, loads.ground), SMOOTH_W_PER_KG * frame.mass_kg)
-    return {"push_off_work": -frame.late / (frame.mass_kg * len(frame.stances)) @ part}
+    power = np.sum(frame.twist[:, :, None] * loads.ground, axis=1)
+    scale = -frame.late / (frame.mass_kg * len(frame.stances))
+    return {"push_off_work": _total(scale, positive_part(power, SMOOTH_W_PER_KG * frame.mass_kg))}
 
 
 # Joint work of the prosthetic leg as an estimate of metabolic energy.
@@ -256,9 +262,8 @@ def push_off(frame: StanceFrame, loads: WalkLoads) -> Terms:
 def metabolic(frame: StanceFrame, loads: WalkLoads) -> Terms:
     """Positive and negative work, over their efficiencies."""
     power = loads.joints * frame.rates[:, :, None]
-    scale = frame.inside / (frame.mass_kg * len(frame.stances))
-    return {name: np.einsum("n,njp->p", scale / efficiency,
-                            positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg))
+    scale = frame.inside[:, None] / (frame.mass_kg * len(frame.stances))
+    return {name: _total(scale / efficiency, positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg))
             for name, sign, efficiency in (("positive_work", 1.0, POSITIVE_EFFICIENCY),
                                            ("negative_work", -1.0, NEGATIVE_EFFICIENCY))}
 
