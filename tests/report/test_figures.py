@@ -11,9 +11,8 @@ from matplotlib.colors import to_rgba
 
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.report.bench_figure import bench_figure
+from vsf_drake.report.figures import bench_figure, walk_figure, zone_loads
 from vsf_drake.report.style import condition_colour, save_figure
-from vsf_drake.report.walk_figure import walk_figure, zone_loads
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 
 

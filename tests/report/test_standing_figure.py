@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vsf_drake.report.outputs import standing_figure, write_standing
+from vsf_drake.report.figures import standing_figure
+from vsf_drake.report.outputs import write_standing
 from vsf_drake.simulation.results import Standing, standing_table
 
 STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0

@@ -59,6 +59,6 @@ def test_missing_folder_is_refused(tmp_path):
 
 
 def test_figures_need_neither_pyplot_nor_drake():
-    code = ("import sys, vsf_drake.report.walk_figure, vsf_drake.report.bench_figure, vsf_drake.analysis.metrics\n"
+    code = ("import sys, vsf_drake.report.figures, vsf_drake.analysis.metrics\n"
             "assert not [m for m in sys.modules if m.startswith(('pydrake', 'matplotlib.pyplot'))], 'imported'")
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -10,7 +10,7 @@ import pytest
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.contact_file import model_with
 from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.report.bench_figure import bench_figure
+from vsf_drake.report.figures import bench_figure
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 

@@ -12,11 +12,11 @@ import numpy as np
 from vsf_drake.analysis.validation.run import NAMES, is_kept
 from vsf_drake.analysis.validation.study import HELD_OUT, Study
 from vsf_drake.files import write_json
+from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.chapters import make_chapters
-from vsf_drake.report.walk_figure import walk_figure
 from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1

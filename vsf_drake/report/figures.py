@@ -1,0 +1,258 @@
+"""A bench, a walk and standing in one figure each; functions of saved results."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vsf_drake.analysis.bench_metrics import (
+    STIFFNESS_ABOVE_N,
+    closed_form_stiffness,
+    displacement,
+    published_stiffness,
+)
+from vsf_drake.analysis.comparison import PERCENT, Comparison, Plate, compare
+from vsf_drake.report.style import (
+    HEEL_COLOUR,
+    MARKERS,
+    MEASURED,
+    NEUTRAL,
+    SHADE,
+    SIMULATED,
+    condition_colour,
+    condition_label,
+    drawing,
+    label,
+)
+from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, WalkResult
+
+_ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
+TITLE_WIDTH = 110
+"""Letters on a line of the title: what the figure is wide enough for."""
+MOST_LABELLED = 4
+"""Stances that the legend tells apart; a longer recording shows its footprints without one."""
+PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"
+LIMIT_MM = 1e3 * LARGEST_DRIFT_M
+"""Where standing still ends, marked in the figure."""
+
+
+def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
+    """Load against displacement at every setting, and stiffness against fulcrum position; see `bench_table`.
+
+    After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside it.
+    """
+    with drawing(10.0, 4.6) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+        _bench_curves(left, bench)
+        _bench_stiffness(right, bench, table)
+        state = "" if bench.converged else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
+        title = f"Testing machine, {table['speed_mm_per_min']:g} mm/min, up to {bench.max_load_n:g} N{state}"
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def _bench_curves(axes: Axes, bench: BenchResult) -> None:
+    settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
+    for i, setting in enumerate(settings):
+        x, colour = 1e3 * displacement(setting), condition_colour(setting.fulcrum_m)
+        marker = "*" if setting.fulcrum_m is None else MARKERS[i % len(MARKERS)]
+        axes.plot(x, setting.load_n, color=colour, label=condition_label(setting.fulcrum_m), marker=marker,
+                  markevery=(0.06 + 0.02 * i, 0.17), markersize=4.5, **SIMULATED)
+        published = published_stiffness(setting.fulcrum_m)
+        if published is not None:  # a line of that slope through the simulated curve at 200 N
+            x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
+            loads = np.array([STIFFNESS_ABOVE_N, float(np.max(setting.load_n))])
+            axes.plot(1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published), loads, color=colour, **MEASURED)
+    axes.axhline(STIFFNESS_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
+    axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="lower right", title="dashed: simulated", title_fontsize=8.0, alignment="left", frameon=True,
+                facecolor="white", edgecolor="none", framealpha=1.0)
+    label(axes, x="displacement of the platen (mm)", y="load (N)",
+          title=f"Load and displacement (dotted: {STIFFNESS_ABOVE_N:g} N, above which stiffness is the mean slope)")
+
+
+def _bench_stiffness(axes: Axes, bench: BenchResult, table: Mapping[str, Any]) -> None:
+    rows = table["settings"]
+    if rows:
+        span = np.linspace(rows[0]["fulcrum_mm"], rows[-1]["fulcrum_mm"], 100)
+        beam = closed_form_stiffness(bench.parameters, 1e-3 * span)
+        if beam is not None:
+            axes.plot(span, 1e-3 * beam, color=NEUTRAL, linewidth=1.2, linestyle=":",
+                      label="overhung beam, small deflection")
+    for i, row in enumerate(rows):
+        colour = condition_colour(1e-3 * row["fulcrum_mm"])
+        if row["published_n_per_mm"] is not None:
+            axes.plot(row["fulcrum_mm"], row["published_n_per_mm"], marker="_", markersize=22, markeredgewidth=3.5,
+                      color=colour, alpha=MEASURED["alpha"], linestyle="")
+        axes.plot(row["fulcrum_mm"], row["stiffness_n_per_mm"], marker=MARKERS[i % len(MARKERS)], color=colour,
+                  markersize=7, linestyle="", markerfacecolor="none" if row["prediction"] else colour)
+        axes.annotate(f"{row['stiffness_n_per_mm']:.1f}", (row["fulcrum_mm"], row["stiffness_n_per_mm"]),
+                      xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
+    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, calibrated end point")
+    axes.plot([], [], linestyle="", marker="o", markerfacecolor="none", color=NEUTRAL, label="simulated, prediction")
+    axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
+              alpha=MEASURED["alpha"], label="published")
+    heel = table["heel_stiffness_n_per_mm"]
+    if heel is not None:
+        text = f"heel: {heel:.1f} N/mm (published {table['heel_published_n_per_mm']:g})"
+        axes.text(0.98, 0.03, text, color=HEEL_COLOUR, transform=axes.transAxes, ha="right", fontsize=8)
+    axes.set_ylim(bottom=0.0)
+    axes.margins(x=0.1, y=0.15)
+    axes.legend(loc="upper left")
+    label(axes, x="fulcrum from the keel's posterior end (mm)", y="stiffness (N/mm)", title="Stiffness above 200 N")
+
+
+def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) -> Figure:
+    """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and the load of each zone.
+
+    Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`. Stances that the
+    simulated time cuts are shaded.
+    """
+    comparison = compare(result, plate)
+    model, measured = (force / metrics["body_weight_n"] for force in (comparison.model, comparison.measured))
+    fulcrum = float(np.median(result.fulcrum_m))
+    colour = condition_colour(fulcrum)
+    kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
+    state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
+    with drawing(11.0, 8.2) as figure:
+        panels = figure.subplots(3, 2)
+        for axes, name, column, error in (
+                (panels[0, 0], "Resultant", None, metrics["grf_rmse_bw"]),
+                (panels[0, 1], "Vertical", 2, metrics["vertical_rmse_bw"]),
+                (panels[1, 0], "Fore-aft (forward +)", 0, metrics["fore_aft_rmse_bw"]),
+                (panels[1, 1], "Medio-lateral (left +)", 1, metrics["medio_lateral_rmse_bw"])):
+            _shade(axes, comparison)
+            for force, look in ((measured, MEASURED), (model, SIMULATED)):
+                shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
+                axes.plot(comparison.time_s, shown, color=colour, **look)
+            label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW"))
+            axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
+        _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
+        _zones(panels[2, 1], result, comparison)
+        handles: list[Artist] = [
+            Line2D([], [], color=colour, label="reference (synthetic)" if result.synthetic else "force plate",
+                   **MEASURED),
+            Line2D([], [], color=colour, label="simulated", **SIMULATED),
+            Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="scored: stance ± 0.25 s")]
+        if not all(item.inside for item in comparison.stances):
+            handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6,
+                                 label="stance cut by the simulated time"))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
+        figure.suptitle(textwrap.fill(title, TITLE_WIDTH), x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
+    """Zone -> (n,) normal force (N) summed over its spheres; one entry `all spheres` where zones are unknown."""
+    names = np.array(result.sphere_zones)
+    if len(names) != result.sphere_normal_n.shape[1]:
+        return {"all spheres": result.sphere_normal_n.sum(axis=1)}
+    return {zone: result.sphere_normal_n[:, names == zone].sum(axis=1) for zone in dict.fromkeys(result.sphere_zones)}
+
+
+def _error(value: float | None, unit: str) -> str:
+    return "" if value is None else f", RMSE {value:.3f} {unit}"
+
+
+def _shade(axes: Axes, comparison: Comparison) -> None:
+    """Shades the stances that the simulated time cuts and marks the ends of what is scored."""
+    axes.axhline(0.0, color="0.7", linewidth=0.8)
+    for item in comparison.stances:
+        if not item.inside:
+            start, end = (np.clip(t, *comparison.time_s[[0, -1]]) for t in (item.measured.start_s, item.measured.end_s))
+            axes.axvspan(start, end, color=SHADE, linewidth=0.0, zorder=0)
+        for instant in item.span:
+            axes.axvline(instant, color=NEUTRAL, linewidth=0.7, linestyle=":")
+
+
+def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Mapping[str, Any],
+                        colour: Any) -> None:
+    """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
+    several = len(comparison.stances) > 1
+    for number, item in enumerate(comparison.stances, start=1):
+        known = np.isfinite(item.measured_cop[:, 0])
+        if not known.any():
+            continue
+        origin = item.measured_cop[known, 0].min()
+        measured = (item.measured_cop[:, 0] - origin) / result.foot_length_m
+        model = (item.model_cop[:, 0] - origin) / result.foot_length_m
+        axes.plot(PERCENT, measured, color=colour, **MEASURED)
+        axes.plot(PERCENT, model, color=colour, marker=MARKERS[number % len(MARKERS)] if several else "",
+                  markevery=(5 * number, 12), markersize=4.5, label=f"stance {number}, simulated", **SIMULATED)
+    if not metrics["cop_points"]:
+        axes.text(0.5, 0.5, "no centre of pressure in common", transform=axes.transAxes, ha="center", color="0.35")
+    if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:
+        axes.legend(loc="upper left")
+    axes.set_xlim(0.0, 100.0)
+    label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",
+          title="Centre of pressure along the foot" + _error(metrics["cop_rmse_fl"], "FL"))
+
+
+def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
+    _shade(axes, comparison)
+    loads = zone_loads(result)
+    for i, (zone, load) in enumerate(loads.items()):
+        shade = str(0.05 + 0.5 * i / max(1, len(loads) - 1))
+        axes.plot(result.time_s, load, color=shade, linewidth=1.3, linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
+                  label=zone.replace("_", " "))
+    axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    axes.legend(loc="best", ncols=2)
+    label(axes, x="time (s)", y="normal force (N)", title="Simulated load of the zones of the sole, unfiltered")
+
+
+def standing_figure(table: Mapping[str, Any]) -> Figure:
+    """The force under each foot and under both against the weight, and how the pelvis drifts; see `standing_table`."""
+    with drawing(9.0, 4.2) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
+        _forces(left, table)
+        _drift(right, table)
+        verdict = "stands" if table["stands"] else "DOES NOT STAND STILL"
+        state = "" if table["converged"] else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
+        figure.suptitle(f"{table['subject']}, {table['prosthetic_side']} prosthesis, fulcrum "
+                        f"{table['fulcrum_mm']:g} mm: {verdict}{state}", x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def _forces(axes: Axes, table: Mapping[str, Any]) -> None:
+    series = table["series"]
+    time, prosthetic, intact = (np.asarray(series[key]) for key in ("time_s", "prosthetic_n", "intact_n"))
+    axes.axhline(table["weight_n"], color=NEUTRAL, label=f"weight, {table['weight_n']:.1f} N", **MEASURED)
+    axes.plot(time, prosthetic + intact, color=BOTH, linewidth=1.6,
+              label=f"both feet, mean {table['mean_vertical_n']:.1f} N ({table['weight_error']:+.2%})")
+    axes.plot(time, intact, color=INTACT, linewidth=1.6, linestyle="-.",
+              label=f"intact foot, {table['intact_share']:.0%}")
+    axes.plot(time, prosthetic, color=PROSTHETIC, linewidth=1.6, linestyle="--",
+              label=f"prosthetic foot, {table['prosthetic_share']:.0%}")
+    axes.set_ylim(0.0, 1.45 * max(table["weight_n"], float(np.max(prosthetic + intact))))
+    axes.set_xlim(0.0, table["duration_s"])
+    axes.legend(loc="upper left", ncols=2)
+    label(axes, x="time (s)", y="vertical force (N)", title="What the ground carries")
+
+
+def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
+    series = table["series"]
+    drift = np.asarray(series["drift_mm"])
+    axes.plot(series["time_s"], drift, color=BOTH, linewidth=1.6)
+    axes.axhline(LIMIT_MM, color=NEUTRAL, linewidth=0.8, linestyle=":")
+    axes.set_ylim(0.0, 1.6 * max(float(np.max(drift)), LIMIT_MM))
+    axes.set_xlim(0.0, table["duration_s"])
+    angles = table["pelvis_deg"]
+    free = [name.removeprefix("pelvis_") for name in table["free"]]
+    held = [f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in table["held_nm"].items()]
+    lines = [f"largest {table['drift_mm']:.2g} mm, {table['turn_deg']:.2g}°",
+             f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°", f"free: {', '.join(free)}",
+             "held by: " + (", ".join(held) or "nothing")]
+    axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
+    label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
+          title=f"How still: let go {table['let_go_off_rest']['raised_mm']:g} mm off rest")
