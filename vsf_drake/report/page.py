@@ -93,20 +93,12 @@ def data_uri(figure: Figure | bytes) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table; the CSV has its values as they are, and None and text show as themselves."""
 
-    Attributes:
-        key: of the row's value, with its unit at the end; the CSV's heading.
-        heading: with its unit, as the page shows it.
-        form: how a number is shown (the column is then set to the right), "" for text; a string shows as it is, None as
-            an en dash.
-        scale: what the page multiplies the value by (the CSV keeps it as it is).
-    """
-
-    key: str
-    heading: str
-    form: str = ""
-    scale: float = 1.0
+    key: str  # of the row's value, with its unit at the end; the CSV's heading
+    heading: str  # with its unit, as the page shows it
+    form: str = ""  # how a number is shown (the column is then set to the right), "" for text
+    scale: float = 1.0  # what the page multiplies the value by
 
     def __post_init__(self) -> None:
         if self.form and "{" not in self.form:
@@ -117,25 +109,20 @@ class Column:
 class Chapter:
     """A chapter of a page, made of saved results.
 
-    Attributes:
-        name: HTML anchor. title: its heading.
-        template: its text, "" for none. It shows what it is given with
-            `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
-            of the table's CSV file, its values by key (a row whose `met` is False is marked), and each column as
-            `Column` has it,
-            `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
-            `{% call missing() %}what is not there, and why{% endcall %}`.
-        facts: numbers and decisions, by the names that the template calls them.
-        figures: by name, the stem of their files, unlike that of any other of the page.
-        missing: what is not there, and why, above the rest.
+    Its template shows what it is given with
+    `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
+    of the table's CSV file, its values by key (a row whose `met` is False is marked), and each column as
+    `Column` has it,
+    `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
+    `{% call missing() %}what is not there, and why{% endcall %}`.
     """
 
-    name: str
+    name: str  # HTML anchor
     title: str
-    template: str = ""
-    facts: Mapping[str, Any] = field(default_factory=dict)
-    figures: Mapping[str, Figure] = field(default_factory=dict)
-    missing: Sequence[str] = ()
+    template: str = ""  # "" for none
+    facts: Mapping[str, Any] = field(default_factory=dict)  # numbers and decisions, as the template calls them
+    figures: Mapping[str, Figure] = field(default_factory=dict)  # by the stem of their files, their own in the page
+    missing: Sequence[str] = ()  # what is not there, and why, above the rest
 
 
 def absent_chapter(name: str, title: str, why: str) -> Chapter:
@@ -155,27 +142,27 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
 
 
 class ShownChapter:
-    """A chapter in HTML.
-
-    Attributes:
-        name, title: of the chapter. html: its content.
-        files: paths of its figures and tables within the folder. missing: what is not there, in sentences.
-    """
+    """A chapter in HTML, the paths of its figures and tables within `folder`, and what is not there, in sentences."""
 
     def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool) -> None:
         self.name, self.title, self.files, self.missing = chapter.name, chapter.title, set[Path](), list[str]()
         self._chapter, self._folder, self._lenient = chapter, folder, lenient
         above = Markup("").join(map(self._missing, chapter.missing))
+        given = {**chapter.facts, "table": self._table, "figure": self._figure, "missing": self._missing}
+        self.html = above + (self._tried("what the results hold of it", lambda: render(chapter.template, **given))
+                             if chapter.template else Markup(""))
+
+    def _tried(self, what: str, make: Callable[[], Markup]) -> Markup:
+        """What `make` makes; a sentence if it cannot, if that may be: of another version, or what an editor left."""
         try:
-            self.html = above if not chapter.template else above + render(
-                chapter.template, **chapter.facts, table=self._table, figure=self._figure, missing=self._missing)
+            return make()
         except (InputError, OSError):
             raise
         except Exception as error:
             raise_if_interrupted()
-            if not lenient:
+            if not self._lenient:
                 raise
-            self.html = above + self._missing(_unshown("what the results hold of it", error))
+            return self._missing(_unshown(what, error))
 
     def _missing(self, text: str = "", caller: Callable[[], str] | None = None) -> Markup:
         """What is not there: also told to who made the page."""
@@ -186,40 +173,32 @@ class ShownChapter:
     def _table(self, name: str, rows: Sequence[Mapping[str, Any]], columns: Iterable[Sequence[Any]],
                caller: Callable[[], str] | None = None) -> Markup:
         made = [Column(*column) for column in columns]
-        try:
-            shown = _macros.table([column.heading for column in made],
-                                  [[cell(column, row.get(column.key)) for column in made] for row in rows],
-                                  _one_line("", caller), right=[bool(column.form) for column in made],
-                                  unmet=[i for i, row in enumerate(rows) if row.get("met") is False])
+
+        def make() -> Markup:
+            shown: Markup = _macros.table(
+                [column.heading for column in made], [[cell(column, row.get(column.key)) for column in made]
+                                                      for row in rows],
+                _one_line("", caller), right=[bool(column.form) for column in made],
+                unmet=[i for i, row in enumerate(rows) if row.get("met") is False])
             if self._folder is not None:
-                path = self._folder / TABLES / f"{name}.csv"
-                write_csv(path, [column.key for column in made],
+                self.files.add(path := Path(TABLES) / f"{name}.csv")
+                write_csv(self._folder / path, [column.key for column in made],
                           ([row.get(column.key) for column in made] for row in rows))
-                self.files.add(path.relative_to(self._folder))
             return shown
-        except (InputError, OSError):
-            raise
-        except Exception as error:  # whatever another version or an editor left there
-            return self._instead(f"the table {name}", error)
+
+        return self._tried(f"the table {name}", make)
 
     def _figure(self, name: str, alt: str, caller: Callable[[], str] | None = None) -> Markup:
-        figure: Figure | bytes = self._chapter.figures[name]
-        try:
+        def make() -> Markup:
+            figure: Figure | bytes = self._chapter.figures[name]
             if self._folder is not None:
                 paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, letters="path")
                 self.files |= {path.relative_to(self._folder) for path in paths}
                 figure = paths[1].read_bytes()
-            return _macros.figure(figure, _one_line(alt), _one_line("", caller))
-        except (InputError, OSError):
-            raise
-        except Exception as error:
-            return self._instead(f"the figure {name}", error)
+            shown: Markup = _macros.figure(figure, _one_line(alt), _one_line("", caller))
+            return shown
 
-    def _instead(self, what: str, error: Exception) -> Markup:
-        raise_if_interrupted()
-        if not self._lenient:
-            raise error
-        return self._missing(_unshown(what, error))
+        return self._tried(f"the figure {name}", make)
 
 
 def chapter_page(
@@ -229,12 +208,10 @@ def chapter_page(
     """The page, and its chapters as they are shown.
 
     Args:
-        first_line: what is measured and what is not, in plain text; the first thing that one reads.
-        links: file beside the page by what it is called.
+        first_line: what is measured and what is not, in plain text. links: file beside the page by what it is called.
         alarm: why nothing on the page may be taken for a result; red, above everything else.
         folder: an existing one, for the files of figures and tables.
-        lenient: whether what cannot be shown is named in its place instead of raising, as for results that another
-            version wrote or somebody edited.
+        lenient: whether what cannot be shown is named in its place instead of raising: of another version, or edited.
     """
     for name in (FIGURES, TABLES) if folder is not None else ():
         (folder / name).mkdir(exist_ok=True)  # type: ignore[operator]

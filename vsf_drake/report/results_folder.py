@@ -27,39 +27,26 @@ CHAPTERS = tuple(f"{folder}/*{kind}" for folder, kinds in ((FIGURES, (".png", ".
 class ResultsFolder:
     """The results of one command on disk.
 
-    Attributes:
-        kind: by which the folder's record and messages have them. command: that writes them.
-        table: the JSON file that says what they are. known: whether a table is one of these. damaged_too: whether one
-            that cannot be read counts as such.
-        arrays: an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name.
-        names: of what else is written, where it is known beforehand.
-        stale: patterns of what goes from a folder without a record.
-        sidecar: a YAML file that says the kind, instead of a table.
-        unfinished: whether a folder without a table is that of an interrupted run.
-        valid: raises ValueError for a table that cannot be used, InputError for one in the file that it is given.
-        show: of a page of chapters: what `page.chapter_page` is to be given, of table and arrays; `folder` is where
-            other files stand.
+    `show` is of a page of chapters: what `page.chapter_page` is to be given, of table and arrays; `folder` is where
+    other files stand.
     """
 
-    kind: str
-    command: str
-    table: str = ""
-    known: Callable[[Mapping[str, Any]], bool] = lambda table: True
-    damaged_too: bool = True
-    arrays: str = ""
-    names: tuple[str, ...] = ()
-    stale: tuple[str, ...] = ()
-    sidecar: str = SIDECAR_FILE
-    unfinished: Callable[[Path], bool] = lambda out: False
+    kind: str  # by which the folder's record and messages have them
+    command: str  # that writes them
+    table: str = ""  # the JSON file that says what they are
+    known: Callable[[Mapping[str, Any]], bool] = lambda table: True  # whether a table is one of these
+    damaged_too: bool = True  # whether a table that cannot be read counts as one of these
+    arrays: str = ""  # an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name
+    names: tuple[str, ...] = ()  # of what else is written, where it is known beforehand
+    stale: tuple[str, ...] = ()  # patterns of what goes from a folder without a record
+    sidecar: str = SIDECAR_FILE  # a YAML file that says the kind, instead of a table
+    unfinished: Callable[[Path], bool] = lambda out: False  # whether a folder without a table is of an interrupted run
+    # raises ValueError for a table that cannot be used, InputError for one in the file that it is given
     valid: Callable[[Mapping[str, Any], Path], None] = lambda table, path: None
     show: Callable[..., Mapping[str, Any]] | None = None
 
     def check(self, out: str | Path) -> Path:
-        """`out`, if such results can go there: a new or empty folder, or that of earlier ones, finished or not.
-
-        Raises:
-            InputError: it cannot be written, or holds anything else.
-        """
+        """`out`, if such results can go there: a new or empty folder, or that of earlier ones, finished or not."""
         out = Path(out)
         names = [*filter(None, (self.table, self.arrays)), *self.names,
                  *((PAGE, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ())]
@@ -74,15 +61,8 @@ class ResultsFolder:
               more: Callable[[Path, dict[str, Any]], object] = lambda folder, table: None) -> dict[str, Any]:
         """Writes everything to `out`, all of it or nothing; what an earlier run left there goes.
 
-        Args:
-            more: writes what is not table, arrays or chapters into the folder that it is given, and may add to the
-                table.
-
-        Returns:
-            What the JSON file holds.
-
-        Raises:
-            InputError: `out` cannot be written. ValueError: the table cannot be used.
+        `more` writes what is not table, arrays or chapters into the folder that it is given, and may add to the table.
+        Returns what the JSON file holds. ValueError for a table that cannot be used.
         """
         self.valid(table, Path(out) / self.table)
         written: dict[str, Any] = plain(dict(table))
@@ -99,11 +79,7 @@ class ResultsFolder:
         return written
 
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """Table and arrays that `write` left.
-
-        Raises:
-            InputError: a file is missing or damaged, the table is another one, or the two do not belong together.
-        """
+        """Table and arrays that `write` left; they must belong together."""
         path, right = Path(folder) / self.table, f"Name the folder that `vsf-drake {self.command} --out` wrote"
         again = f"Run `vsf-drake {self.command}` again"
         table = read_json(path, right=right, damaged=again)
@@ -122,14 +98,7 @@ class ResultsFolder:
         return table, {name.replace("__", "/", 1): a for name, a in read_npz(arrays, right=again).items()}
 
     def remake(self, folder: str | Path) -> list[str]:
-        """Makes page, figures and tables again of what is saved, without simulating.
-
-        Returns:
-            What could not be shown, in sentences.
-
-        Raises:
-            InputError: see `read`; or the folder cannot be written.
-        """
+        """Makes page, figures and tables again of what is saved; returns what could not be shown, in sentences."""
         out = Path(folder)
         table, arrays = self.read(out)
         with result_folder(out, self.kind, add=True) as temporary:
