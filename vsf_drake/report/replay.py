@@ -8,15 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from pydrake.geometry import (
-    Box,
-    Meshcat,
-    MeshcatAnimation,
-    Rgba,
-    Role,
-    SceneGraph,
-    Sphere,
-)
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
@@ -54,10 +46,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = 
     The person and the prosthesis move as saved. Contact spheres turn red with their load. Arrows at
     the centre of pressure show the force of the ground on the prosthetic foot (40 Hz, one metre for a
     body weight), the dots they leave its path; `plate`, the record under that foot, is drawn beside.
-
-    Raises:
-        InputError: `result` does not hold the parameters or coordinates of a person; the frame rate
-            is not above 0 and at most 1000; the file cannot be written.
+    The result must hold the parameters and coordinates of a person.
     """
     frames = make_frames(result, plate=plate, rate_hz=frame_rate_hz)
     meshcat = open_meshcat()
@@ -90,7 +79,13 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> Meshca
     add_visuals(plant, person)
     offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
-    order = _positions(plant, result)
+    moving = {joint.name(): joint.position_start() for index in plant.GetJointIndices()
+              if (joint := plant.get_joint(index)).num_positions()}
+    different = set(moving) ^ set(result.coordinate_names)
+    if different:
+        raise InputError(f"does not match the model of the result: {', '.join(sorted(different))}",
+                         where="coordinate_names")
+    order = [result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)]
     inspector = scene_graph.model_inspector()
     bodies = {}
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
@@ -122,17 +117,6 @@ def _part(result: WalkResult, name: str, schema: type[T]) -> T:
     if name not in result.parameters:
         raise InputError("is missing from the result, so that it cannot be shown", where=where)
     return from_plain(schema, result.parameters[name], where=where)
-
-
-def _positions(plant: MultibodyPlant, result: WalkResult) -> np.ndarray:
-    """(num_positions,) column of the result's q for each position of `plant`."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    moving = {joint.name(): joint.position_start() for joint in joints if joint.num_positions()}
-    different = set(moving) ^ set(result.coordinate_names)
-    if different:
-        raise InputError(f"does not match the model of the result: {', '.join(sorted(different))}",
-                         where="coordinate_names")
-    return np.array([result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)])
 
 
 def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colour: RGB, force: ForceFrames,
@@ -183,15 +167,11 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
 
 def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """(3, k) starts and ends of the lines of a grid on the ground."""
-    lines = []
-    for axis in (0, 1):
-        for value in np.arange(low[axis], high[axis] + 0.5 * spacing, spacing):
-            ends = np.zeros((2, 3))
-            ends[:, axis] = value
-            ends[:, 1 - axis] = low[1 - axis], high[1 - axis]
-            lines.append(ends)
-    stacked = np.array(lines)
-    return np.asfortranarray(stacked[:, 0].T), np.asfortranarray(stacked[:, 1].T)
+    (x0, y0), (x1, y1) = low, high
+    xs, ys = (np.arange(a, b + 0.5 * spacing, spacing) for a, b in ((x0, x1), (y0, y1)))
+    start = [(x, y0, 0.0) for x in xs] + [(x0, y, 0.0) for y in ys]
+    end = [(x, y1, 0.0) for x in xs] + [(x1, y, 0.0) for y in ys]
+    return np.asfortranarray(np.transpose(start)), np.asfortranarray(np.transpose(end))
 
 
 # What a replay shows in each of its frames: pure numbers out of a saved result, no Drake.
@@ -204,39 +184,27 @@ FULL_COLOUR_BW = 0.1
 
 @dataclass(frozen=True, eq=False)
 class ForceFrames:
-    """A force of the ground in f frames: (f, 3) N, low-passed as it is scored; centre of pressure, (f, 3) m, as saved;
-    and (f,) whether there is enough load, and such a centre."""
+    """A force of the ground in f frames."""
 
-    force_W: np.ndarray
-    cop_W: np.ndarray
-    shown: np.ndarray
+    force_W: np.ndarray  # (f, 3) N, low-passed as it is scored
+    cop_W: np.ndarray  # (f, 3) m, centre of pressure as saved
+    shown: np.ndarray  # (f,) whether there is enough load, and such a centre
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """A walk in f frames.
-
-    Attributes:
-        time_s: (f,) the clock of the recording.
-        q: (f, m) coordinates in the order of the result's `coordinate_names`.
-        sphere_load: (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more).
-        predicted, measured: the force on the prosthetic foot; the plate's, if there is one.
-    """
+    """A walk in f frames; the force on the prosthetic foot and, if there is a plate, the plate's."""
 
     step_s: float
-    time_s: np.ndarray
-    q: np.ndarray
-    sphere_load: np.ndarray
+    time_s: np.ndarray  # (f,) the clock of the recording
+    q: np.ndarray  # (f, m) coordinates in the order of the result's `coordinate_names`
+    sphere_load: np.ndarray  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
     predicted: ForceFrames
     measured: ForceFrames | None
 
 
 def make_frames(result: WalkResult, *, plate: Plate | None, rate_hz: float) -> Frames:
-    """Samples `result` (and `plate`, the record under the prosthetic foot) at `rate_hz` frames a second.
-
-    Raises:
-        InputError: the rate is not above 0 and at most HIGHEST_RATE_HZ.
-    """
+    """Samples `result` (and `plate`, the record under the prosthetic foot) at `rate_hz` frames a second."""
     if not 0.0 < rate_hz <= HIGHEST_RATE_HZ:
         raise InputError(f"{rate_hz:g} frames per second cannot be shown", where="frame_rate_hz",
                          right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}")

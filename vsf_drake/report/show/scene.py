@@ -48,15 +48,15 @@ _SOCKET_REACH_MM, _KEEL_REACH_DEG = 30.0, 20.0
 
 @dataclass(frozen=True)
 class Control:
-    """A slider: its name (a joint's, or LOAD) and unit; low, high, rest and step in it; times `scale` they are SI."""
+    """A slider."""
 
-    name: str
+    name: str  # a joint's, or LOAD
     unit: str
-    low: float
+    low: float  # as all that follows in this unit
     high: float
     rest: float
     step: float
-    scale: float
+    scale: float  # what makes SI of the unit
 
     @property
     def label(self) -> str:
@@ -65,19 +65,10 @@ class Control:
 
 
 class Scene:
-    """A model on `meshcat`, with a context of its own that `place` and `draw` change.
+    """A model, one of KINDS, on `meshcat`, with a context of its own that `place` and `draw` change.
 
-    Args:
-        what: one of KINDS.
-        subject: the person's; of no use, and refused, elsewhere.
-        keel_joints: whether every joint of the keel gets a control of its own, added to what the load does.
-
-    Attributes:
-        controls: everything that can be moved. platen: of the bench; None elsewhere.
-        frames: the frames that are drawn, by letter.
-
-    Raises:
-        InputError: `what` is none of KINDS, or `subject` is missing or too much.
+    A person needs a `subject`, nothing else has one. `controls` are everything that can be moved, with `keel_joints`
+    also each joint of the keel, added to what the load does; `frames` those that are drawn, by letter.
     """
 
     def __init__(self, meshcat: Meshcat, what: str, model: ModelParameters, subject: Subject | None = None, *,
@@ -109,16 +100,20 @@ class Scene:
             if what == "bench":
                 self.platen = _add_machine(self.plant, model.foot)
         self.plant.Finalize()
-        parameters = MeshcatVisualizerParams()
-        parameters.role, parameters.prefix = Role.kIllustration, MODEL
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, MeshcatVisualizerParams(
+            role=Role.kIllustration, prefix=MODEL))
         self.diagram: Diagram = builder.Build()
         self.context: Context = self.diagram.CreateDefaultContext()
         self.frames: dict[str, Frame] = {
             "W": self.plant.world_frame(), "K": self.foot.frame.body_frame(), "M": self.foot.mount}
-        self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=0.0)
-        if person is not None:
-            self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=self._standing_height(person))
+        height = 0.0
+        if person is not None:  # how far the lowest contact sphere of both feet is below z = 0, all joints at zero
+            self.plant.SetPositions(self.plant_context, np.zeros(self.plant.num_positions()))
+            height = -min(
+                float((self.plant.get_body(body).EvalPoseInWorld(self.plant_context) @ centre)[2] - radius)
+                for sites in (person.foot.sites, person.intact_sites)
+                for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True))
+        self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=height)
         self._furnish()
 
     @property
@@ -134,8 +129,7 @@ class Scene:
     def place(self, values: Mapping[str, float]) -> KeelShape:
         """Moves every body to where `values` of all controls (in their own units) put it; returns the bent keel.
 
-        Raises:
-            SimulationError: the keel finds no rest under this load; everything stays where it was.
+        SimulationError where it finds no rest under this load; everything then stays where it was.
         """
         si = {control.name: control.scale * values[control.name] for control in self.controls}
         load = si.pop(LOAD)
@@ -156,21 +150,21 @@ class Scene:
         shape = self.place(values)
         self.context.SetTime(time_s or 0.0)
         self.diagram.ForcedPublish(self.context)
-        poses = {letter: frame.CalcPoseInWorld(self.plant_context) for letter, frame in self.frames.items()}
-        for letter, pose in poses.items():
-            self.meshcat.SetTransform(f"{FRAMES}/{letter}", pose, time_in_recording=time_s)
+        for letter, frame in self.frames.items():
+            self.meshcat.SetTransform(f"{FRAMES}/{letter}", frame.CalcPoseInWorld(self.plant_context),
+                                      time_in_recording=time_s)
         # the arrow ends at the load point as it is drawn, with what single joints add
         foot, context = self.foot, self.plant_context
         piece = foot.keel_body_at(foot.parameters.load_point_m)
         X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(context)
         x, _, z = X_KB @ np.array([foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0])
-        length = ARROW_M_PER_N * values[LOAD]
-        self.meshcat.SetTransform(ARROW, poses["K"] @ RigidTransform([x, 0.0, z]), time_in_recording=time_s)
-        self.meshcat.SetProperty(ARROW, "visible", length > _HEAD_M[0], time_in_recording=time_s)
-        shaft = RigidTransform([0.0, 0.0, -_HEAD_M[0]])
-        self.meshcat.SetTransform(f"{ARROW}/shaft", shaft, time_in_recording=time_s)
-        scale = [1.0, 1.0, max(length - _HEAD_M[0], 1e-3)]
-        self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", scale, time_in_recording=time_s)
+        length, head = ARROW_M_PER_N * values[LOAD], _HEAD_M[0]
+        X_WC = self.frames["K"].CalcPoseInWorld(context) @ RigidTransform([x, 0.0, z])
+        for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", RigidTransform([0.0, 0.0, -head]))):
+            self.meshcat.SetTransform(path, pose, time_in_recording=time_s)
+        self.meshcat.SetProperty(ARROW, "visible", length > head, time_in_recording=time_s)
+        self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", [1.0, 1.0, max(length - head, 1e-3)],
+                                 time_in_recording=time_s)
         return shape
 
     def _furnish(self) -> None:
@@ -183,14 +177,6 @@ class Scene:
         self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
         self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
         self.draw(self.rest)
-
-    def _standing_height(self, person: PersonHandles) -> float:
-        """How far (m) the lowest contact sphere of both feet is below z = 0 at rest."""
-        self.place(self.rest)
-        return -min(
-            float((self.plant.get_body(body).EvalPoseInWorld(self.plant_context) @ centre)[2] - radius)
-            for sites in (person.foot.sites, person.intact_sites)
-            for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True))
 
 
 def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> float:

@@ -34,9 +34,6 @@ def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
     """Serves `meshcat` on `port` of this machine, or on any free one, to its own pages only; yields the address.
 
     A request whose Host is another (a name that was bent to this machine) or whose Origin is another page is refused.
-
-    Raises:
-        InputError: `port` is none that may be used, or is in use.
     """
     if port is not None and not LEAST_PORT <= port <= LAST_PORT:
         raise InputError(f"{port} is no port that a page can be served on", where="--port",
@@ -61,13 +58,8 @@ def show_model(what: str, model: ModelParameters, subject: Subject | None = None
                browser: bool = True, keel_joints: bool = False, say: Callable[[str], None] = print) -> None:
     """Serves the scene with its sliders until Stop is pressed there, or Ctrl-C here.
 
-    Args:
-        port: to listen on; any free one by default.
-        browser: whether to open the page in the desktop's browser, where there is a desktop.
-        say: is told the address, and what goes wrong.
-
-    Raises:
-        InputError: see `gate` and `Scene`.
+    `browser`: whether to open the page in the desktop's, where there is one. `say` is told the address, and what goes
+    wrong.
     """
     meshcat = open_meshcat()
     with gate(meshcat, port) as address, contextlib.suppress(KeyboardInterrupt):  # the way it is meant to end
@@ -84,9 +76,6 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
 
     The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost one under it, the
     load goes; then every other control goes to a positive value and back, in the order of the caption.
-
-    Raises:
-        InputError: see `Scene`; or the file cannot be written. SimulationError: the keel does not bear the load.
     """
     meshcat = open_meshcat()
     scene = Scene(meshcat, what, model, subject, keel_joints=keel_joints)
@@ -129,11 +118,9 @@ def _has_desktop() -> bool:
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
-# A scene that follows its sliders in Meshcat until Stop or Ctrl-C.
-#
-# Drake's `pydrake.multibody.meshcat.JointSliders` moves joints one by one in radians. Here one slider bends all joints
-# of the keel at once, as a load does, angles are in degrees and lengths in millimetres, and the numbers that follow
-# from the pose stand below; so the sliders are Meshcat's own.
+# A scene that follows its sliders in Meshcat until Stop or Ctrl-C. Drake's `pydrake.multibody.meshcat.JointSliders`
+# moves joints one by one in radians. Here one slider bends all joints of the keel at once, as a load does, angles are
+# in degrees and lengths in millimetres, and the numbers that follow from the pose stand below.
 
 
 STOP, RESET = "Stop", "Reset"
@@ -185,7 +172,15 @@ class Viewer:
                 self._shown[letter] = wanted
         values = self.values()
         if values != self._drawn:
-            self._follow(values)
+            self._drawn = values
+            try:
+                shape = self.scene.draw(values)
+                for name, value in ((RISE, 1e3 * float(shape.load_point_K[1])), (SUPPORT, shape.support_force_n)):
+                    self._told[name] = self.meshcat.SetSliderValue(name, value)  # as rounded to the slider's step
+            except SimulationError as error:
+                if error.what != self._said:
+                    self._say(error.what)
+                self._said = error.what
         for name, value in self._told.items():
             if self.meshcat.GetSliderValue(name) != value:
                 self.meshcat.SetSliderValue(name, value)
@@ -195,15 +190,3 @@ class Viewer:
         """Polls until Stop is pressed; KeyboardInterrupt is the caller's."""
         while self.poll():
             time.sleep(POLL_S)
-
-    def _follow(self, values: dict[str, float]) -> None:
-        self._drawn = values
-        try:
-            shape = self.scene.draw(values)
-        except SimulationError as error:
-            if error.what != self._said:
-                self._said = error.what
-                self._say(error.what)
-            return
-        for name, value in ((RISE, 1e3 * float(shape.load_point_K[1])), (SUPPORT, shape.support_force_n)):
-            self._told[name] = self.meshcat.SetSliderValue(name, value)  # as rounded to the slider's step
