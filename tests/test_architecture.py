@@ -20,7 +20,7 @@ PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "schema", "ground",
                "parameters", "model_file", "bench_curves", "contact_file",
-               "motion", "scenario")
+               "sentences", "motion", "scenario")
 LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
@@ -77,7 +77,7 @@ def test_drake_is_imported_from_its_public_modules(path):
 
 @every_file
 def test_foreign_files_are_parsed_in_one_place_for_each_kind(path):
-    doors = {"yaml": ("yaml_file.py", r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)Loader"),
+    doors = {"yaml": ("yaml_file.py", r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader"),
              "npz": ("files.py", r"np\.(load|fromfile|memmap)\(|allow_pickle=True"),
              "json": ("files.py", r"json\.loads?\((?!arrays\.pop\(ABOUT\))"),  # a cache that trusts nothing
              "~": ("files.py", r"(?<!os\.path)\.expanduser\(")}

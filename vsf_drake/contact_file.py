@@ -11,8 +11,8 @@
     provenance: {versions: {...}, seed: 0}
 
 `values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction, keel, fulcrum and
-socket replace the model's, offsets and coordinates are added to the trial's. `curves` are added over the gait cycle
-(`motion.gait_cycle`). Height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
+socket replace the model's, offsets and coordinates are added to the trial's. `curves` are added over the gait cycle;
+height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
 """
 
 from __future__ import annotations

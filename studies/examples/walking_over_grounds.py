@@ -29,7 +29,7 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.files import resource, write_json
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial

@@ -21,8 +21,8 @@ from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.targets import draw_trials
 from virtual_laboratory.tiers import PLACED, draw_placement, shared_error_deg
 from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial
 

@@ -1,6 +1,6 @@
 """The synthetic person's body as the model has it, and the motion that everything starts from.
 
-Coordinates, in this order everywhere: `vsf_drake.motion.kinematics.person_coordinates("right")`, m and rad. Poses,
+Coordinates, in this order everywhere: `vsf_drake.parameters.person_coordinates("right")`, m and rad. Poses,
 Jacobians and the centre of mass come from the very plant that `vsf_drake` walks with, the prosthesis undeformed, so
 that what is written as joint angles is what the virtual prosthesis was driven by.
 """

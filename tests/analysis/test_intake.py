@@ -37,14 +37,14 @@ def test_force_file_beside_a_trc_is_found_by_its_name(tmp_path):
         standing, walk, _, forces = touch(folder, "static.trc", "walk.trc", "walk_ik.mot", beside)
         files = gather(standing, [walk])
         assert files.forces == (forces,)
-        assert any(beside in note for note in files.notes(walk))
+        assert files.found == (forces,)
 
 
 def test_stated_forces_win_and_a_c3d_has_its_own(tmp_path):
     standing, walk, beside, stated = touch(tmp_path, "static.c3d", "walk.trc", "walk.mot", "plates.mot")
     files = gather(standing, [walk], [stated])
     assert files.forces == (stated,)
-    assert files.notes(walk) == ()
+    assert files.found == ()
     [c3d] = touch(tmp_path, "walk.c3d")
     assert gather(standing, [c3d]).forces == (None,)
     assert beside.is_file()
@@ -88,6 +88,7 @@ def test_masses_of_several_walks_become_one_person(tmp_path):
     stated = take_in(gather(standing, walks), IntakeOptions(person=dataclasses.replace(PERSON, mass_kg=mass)))
     assert intake.items[0].trial.subject == stated.items[0].trial.subject
     assert any("median" in note for note in intake.items[0].notes)
+    assert any("which lies beside one.trc" in note for note in intake.items[0].notes)
 
 
 @pytest.mark.parametrize(("mass", "mark"), [(78.5, "good"), (120.0, "unusable")])

@@ -12,10 +12,11 @@ from scipy.optimize import least_squares
 from vsf_drake.analysis import inverse_kinematics as ik
 from vsf_drake.analysis.inverse_kinematics import make_marker_model
 from vsf_drake.errors import InputError
-from vsf_drake.motion.markers.joint_angles import COORDINATES
+from vsf_drake.motion.markers.joints import COORDINATES
 from vsf_drake.motion.markers.tracking import track
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.person import add_person
+from vsf_drake.sentences import say
 
 TIME = np.arange(40) / 50.0
 ANGLES = walking_angles(TIME)
@@ -131,7 +132,8 @@ def test_joints_stop_at_their_limits_and_the_notes_say_so():
     motion, at_limit = solve(made(beyond))
     assert at_limit == ("knee_angle_r",)
     np.testing.assert_allclose(motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
-    assert any("knee_angle_r lies at the limit" in note for note in motion.notes)
+    notes = say("intake", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit)
+    assert notes[1:] == ["knee_angle_r lies at the limit of inverse kinematics."]
 
 
 def test_a_failed_frame_is_refused(monkeypatch):

@@ -10,8 +10,8 @@ import pytest
 from vsf_drake.analysis.offsets import BOUNDS, ENOUGH, NAMES, OffsetProblem, fit_offsets, minimise
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
 

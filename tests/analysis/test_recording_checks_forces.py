@@ -16,7 +16,7 @@ from vsf_drake.analysis.recording.force_checks import (
     total_vertical,
 )
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
 
 MASS = 78.0

@@ -19,7 +19,7 @@ from vsf_drake.analysis.recording.motion_checks import (
     walking,
     zeroed,
 )
-from vsf_drake.motion.markers.joint_angles import joint_angles
+from vsf_drake.motion.markers.joints import joint_angles
 from vsf_drake.motion.markers.schema import Gap
 
 TIME = np.arange(0.0, 1.8, 0.01)

@@ -11,7 +11,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.trial import load_trial, model_ankle, trial_from_recordings
+from vsf_drake.motion.trial import TrialOptions, load_trial, model_ankle, trial_from_recordings
 
 PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
@@ -24,7 +24,7 @@ def person(request):
 def walk(shared_data, person, **options):
     data = shared_data / "opensim_core" / "example3DWalking"
     recording = read_trial(data / "markers_walk.trc", forces=data / "grf_walk.mot")
-    return trial_from_recordings(None, recording, None, person, fulcrum_m=0.1, **options)
+    return trial_from_recordings(None, recording, None, person, TrialOptions(**options), fulcrum_m=0.1)
 
 
 def column(trial, name):

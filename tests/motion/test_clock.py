@@ -47,7 +47,7 @@ def test_equal_times_are_explained_where_the_last_place_is_ten_rows(tmp_path):
     assert "written to 0.01 s where rows are 0.001 s apart" in doubts[0] and "missing row" in doubts[0]
     even, more = checked(tmp_path, times)
     np.testing.assert_allclose(even, np.arange(120_000) / 1000.0, atol=1e-9)
-    assert more == (doubts[0].replace("grf.sto", "walk.mot"),)
+    assert more == [doubts[0].replace("grf.sto", "walk.mot")]
 
 
 @pytest.mark.parametrize("style", ["%.5g", "%.6g", "%.3f", "%.4f"])

@@ -13,8 +13,7 @@ from made_contact import CURVE, OF_THE_MODEL, OWN, made_contact
 from vsf_drake.contact_file import FittedSubject, load_contact, model_with, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.motion.fitted_trial import fingerprint, trial_with
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial

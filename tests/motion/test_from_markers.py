@@ -15,7 +15,14 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.tables import write_forces_mot
 from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.trial import PLACEHOLDER_KG, load_trial, model_ankle, trial_from_recordings, write_trial_files
+from vsf_drake.motion.trial import (
+    PLACEHOLDER_KG,
+    TrialOptions,
+    load_trial,
+    model_ankle,
+    trial_from_recordings,
+    write_trial_files,
+)
 from vsf_drake.schema import dump_yaml
 
 PERSON = PersonFacts(mass_kg=MASS, stature_m=1.8, sex="male", prosthetic_side="right")
@@ -24,7 +31,7 @@ PERSON = PersonFacts(mass_kg=MASS, stature_m=1.8, sex="male", prosthetic_side="r
 def make(side="right", person=PERSON, walked=None, still=True, **options):
     facts = dataclasses.replace(person, prosthetic_side=side)
     return trial_from_recordings(standing() if still else None, walked or walk(), None, facts,
-                                 **({"fulcrum_m": 0.066, "cutoff_hz": None} | options))
+                                 TrialOptions(**({"cutoff_hz": None} | options)), fulcrum_m=0.066)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

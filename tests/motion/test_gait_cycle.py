@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.gait_cycle import STANCE_SHARE, gait_phase
+from vsf_drake.motion.fitted_trial import STANCE_SHARE, gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial import load_trial
 

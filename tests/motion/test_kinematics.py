@@ -5,7 +5,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.tables import read_storage
-from vsf_drake.motion.kinematics import read_kinematics
+from vsf_drake.motion.opensim import read_kinematics
 from vsf_drake.parameters import person_coordinates
 
 SIMM = "walk\nnRows={rows}\nnColumns={columns}\n\n# SIMM Motion File Header:\nname walk\ndatacolumns {columns}\n" \

@@ -6,7 +6,7 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import os_to_world, world_to_os
 from vsf_drake.motion.formats.tables import read_storage, write_storage
-from vsf_drake.motion.plates import assign_prefixes, find_prefixes, read_plate
+from vsf_drake.motion.opensim import assign_prefixes, find_prefixes, read_plate
 
 MASS = 80.0
 TIME = np.arange(0.0, 0.1, 0.01)
@@ -47,7 +47,7 @@ def test_constructed_force_in_the_world_frame(tmp_path):
     np.testing.assert_allclose(plate.force_W, np.tile([40.0, -10.0, 800.0], (10, 1)))
     np.testing.assert_allclose(plate.cop_W, np.tile([0.5, 0.1, 0.0], (10, 1)))
     np.testing.assert_allclose(plate.free_moment_nm, 3.0)
-    assert plate.has_cop and notes == ()
+    assert plate.has_cop and notes == []
 
 
 def test_load_is_the_same_wherever_its_moment_is_taken(tmp_path):

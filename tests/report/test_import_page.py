@@ -9,7 +9,7 @@ import re
 import pytest
 from page_reader import Balanced
 
-from vsf_drake.analysis.recording.check import MARKS
+from vsf_drake.analysis.recording import MARKS
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial

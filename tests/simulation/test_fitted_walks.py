@@ -10,8 +10,7 @@ from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.contact_file import model_with
 from vsf_drake.files import resource
-from vsf_drake.motion.fitted_trial import fingerprint, trial_with
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.variables import Course

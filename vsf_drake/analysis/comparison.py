@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Plate(Protocol):
-    """What is needed of a force plate: `vsf_drake.motion.plates.PlateRecording` has it."""
+    """What is needed of a force plate: `vsf_drake.motion.formats.recording.PlateRecording` has it."""
 
     @property
     def time_s(self) -> np.ndarray: ...

@@ -8,8 +8,8 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.offsets import OffsetFit
-from vsf_drake.analysis.sentences import say
 from vsf_drake.motion.events import find_scuffs
+from vsf_drake.sentences import say
 from vsf_drake.simulation.results import WalkResult
 
 USUAL_PEAK_BW = (0.8, 1.8)

@@ -17,78 +17,48 @@ from vsf_drake.files import sha256, user_path
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.schema import Calibration
-from vsf_drake.motion.trial import PLACEHOLDER_KG, trial_from_recordings
+from vsf_drake.motion.trial import PLACEHOLDER_KG, TrialOptions, trial_from_recordings
 from vsf_drake.motion.trial_record import Trial, check_mass, default_model
 from vsf_drake.parameters import FootParameters
+from vsf_drake.sentences import say
 
 WEIGHED = 0.02
 """Error of a body mass that the plates of a walk or of a standing trial tell (`mass_from_walk`: one or two percent)."""
 BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv", "{}.forces")
 """Names of a force file beside `walk.trc`, the first that exists counts; {} is the walk's name without suffix."""
-RESERVED = ("subject", "model", "standing", "import")
-"""Names that a result folder needs for itself."""
+RESERVED = ("subject", "model", "standing", "import")  # names that a result folder needs for itself
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntakeOptions:
-    """How to read and what is known beside the files.
-
-    Attributes:
-        marker_map: a shipped map's name or a file; None: the one that fits the labels best.
-        fulcrum_mm: one for all walks, or one for each in their order; none: mid-range.
-        up, forward, length_unit: as for `read_trial`. plate_sides: plate names by side.
-        person, stated, hip, cutoff_hz, longest_gap_s, window, belt_speed_m_per_s: as for `trial_from_recordings`.
-        scale_prosthesis: whether the model's prosthetic foot becomes as long as the person's.
-        inverse_kinematics: whether the angles are those of a global inverse kinematics.
-    """
+class IntakeOptions(TrialOptions):
+    """How to read and what is known beside the files."""
 
     person: PersonFacts
-    stated: Mapping[str, float] = field(default_factory=dict)
-    marker_map: str | None = None
-    fulcrum_mm: tuple[float, ...] = ()
-    up: str | None = None
-    forward: str | None = None
-    length_unit: str | None = None
-    plate_sides: Mapping[str, str | None] | None = None
-    hip: str = "harrington"
-    cutoff_hz: float | None = 6.0
-    longest_gap_s: float = 0.1
-    window: Window | None = None
-    belt_speed_m_per_s: float = 0.0
-    scale_prosthesis: bool = False
-    inverse_kinematics: bool = False
+    marker_map: str | None = None  # a shipped map's name or a file; None: the one that fits the labels best
+    fulcrum_mm: tuple[float, ...] = ()  # one for all walks, or one for each in their order; none: mid-range
+    laboratory: Mapping[str, str | None] = field(default_factory=dict)  # up, forward, length_unit, as for `read_trial`
+    scale_prosthesis: bool = False  # whether the model's prosthetic foot becomes as long as the person's
+    inverse_kinematics: bool = False  # whether the angles are those of a global inverse kinematics
 
 
 @dataclass(frozen=True, eq=False)
 class Intake:
-    """What came of the files.
+    """What came of the files."""
 
-    Attributes:
-        items: one per walk that could be used, all of one subject and one model. names: a file name for each.
-        failures: by file, why it could not be used.
-        scaled: whether `items` have a model of their own.
-        inputs: SHA-256 by file.
-    """
-
-    items: tuple[Examined, ...]
-    names: tuple[str, ...]
-    failures: dict[str, str]
-    scaled: bool
-    inputs: dict[str, str]
+    items: tuple[Examined, ...]  # one per walk that could be used, all of one subject and one model
+    names: tuple[str, ...]  # a file name for each
+    failures: dict[str, str]  # by file, why it could not be used
+    scaled: bool  # whether `items` have a model of their own
+    inputs: dict[str, str]  # SHA-256 by file
 
 
 def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, float], None] | None = None
             ) -> Intake:
-    """Reads, calibrates, tracks and checks every walk.
-
-    Args:
-        files: the standing trial, the walks and their forces.
-        progress: called with what is being done and the finished fraction.
+    """Reads, calibrates, tracks and checks every walk; `progress` is told what is done and the finished fraction.
 
     Raises:
         InputError: something that no recording tells is not stated; the standing trial cannot be used; or no
@@ -97,7 +67,9 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     check_facts(options.person)
     fulcrums_m = _fulcrums(options, len(files.walks))
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
-    standing = None if files.standing is None else _read(files.standing, files.standing_forces, options)
+    standing = None
+    if files.standing is not None:
+        standing = read_trial(files.standing, forces=files.standing_forces, **options.laboratory)
     made: dict[Path, Trial] = {}
     failures: dict[Path, InputError] = {}
 
@@ -117,17 +89,18 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     if len(set(masses)) > 1:  # one person weighs one mass
         mass = float(np.median(masses))
         one = dataclasses.replace(options.person, mass_kg=mass)
-        told = ", ".join(f"{m:.1f}" for m in masses)
-        made = {walk: _noted(make(walk, one), f"Body mass {mass:.1f} kg is the median of {told} kg, one from each "
-                             "walk.") for walk in made}
+        note = say("intake", "median_mass", mass_kg=mass, masses=masses)
+        made = {walk: _noted(make(walk, one), note) for walk in made}
     trials, model_notes, scaled = _one_model(list(made.values()), options)
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
         person = with_files(options.person, standing, trials[0].recording)[0]
-        notes = dict.fromkeys((*files.notes(walk), *model_notes, *trial.notes))
+        forces = files.forces[files.walks.index(walk)]
+        beside = say("intake", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.found else []
         try:
             check_mass(trial, file=walk)
-            items.append(examine(dataclasses.replace(trial, notes=tuple(notes)), cutoff_hz=options.cutoff_hz,
+            notes = tuple(dict.fromkeys((*beside, *model_notes, *trial.notes)))
+            items.append(examine(dataclasses.replace(trial, notes=notes), cutoff_hz=options.cutoff_hz,
                                  stated=_statements(trials[0], standing, person),
                                  belt_speed_m_per_s=options.belt_speed_m_per_s))
             names.append(name)
@@ -138,8 +111,9 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
         if len(different) == 1:
             raise next(iter(different.values()))
         raise InputError("none of the walks can be used:\n" + "\n".join(f"- {message}" for message in different))
+    read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
     return Intake(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()}, scaled,
-                  {str(path): sha256(path) for path in files.all() if path.is_file()})
+                  {str(path): sha256(path) for path in read if path is not None and path.is_file()})
 
 
 def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
@@ -153,14 +127,13 @@ def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
                  for position in (stated if len(stated) == walks else stated * walks))
 
 
-def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial], tuple[str, ...], bool]:
+def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial], list[str], bool]:
     """The trials with the model's foot as long as the person's, where that is asked for, and notes.
 
     Keel and thickness grow alike, so that the scaled foot is as stiff as the model's with its fulcrum at the same part
     of its length (a choice); stated positions of the fulcrum are taken as they are.
     """
-    notes = () if options.fulcrum_mm else (
-        f"The fulcrum's position is not stated: {1e3 * MID_FULCRUM_M:g} mm, mid-range, is assumed (--fulcrum-mm).",)
+    notes = [] if options.fulcrum_mm else say("intake", "mid_range", fulcrum_m=MID_FULCRUM_M)
     calibration = trials[0].calibration if trials else None
     if not options.scale_prosthesis or calibration is None:
         return trials, notes, False
@@ -171,8 +144,7 @@ def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial]
     moved = [dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
         trial.fulcrum_m * (1.0 if options.fulcrum_mm else ratio), model.foot, where="--fulcrum-mm"))
         for trial in trials]
-    return moved, (*notes, f"The model's prosthetic foot is made {1e3 * length:.0f} mm long, {ratio:.3f} times its own "
-                   "length."), True
+    return moved, notes + say("intake", "scaled", length_m=length, ratio=ratio), True
 
 
 def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 1.0) -> FootParameters:
@@ -195,51 +167,33 @@ def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 
 
 def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -> list[Check]:
     """What was not measured but taken from somewhere else; one check for each."""
-    subject, found = trial.subject, []
-    if person.mass_kg is None:
-        found.append(Check("body mass", "doubtful", subject.mass_kg, "kg", f"The body mass is not stated; "
-                           f"{subject.mass_kg:.1f} kg comes from the force plates. Every force in body weights rests "
-                           "on it (--mass-kg).", cost_bw=WEIGHED))
-    if person.stature_m is None:
-        found.append(Check("stature", "doubtful", subject.stature_m, "m", f"The stature is not stated; "
-                           f"{subject.stature_m:.2f} m is estimated. It scales only what the markers do not measure, "
-                           "such as the trunk (--stature-m)."))
-    if standing is None:
-        found.append(Check("standing trial", "doubtful", None, "", "The walk itself stands for the standing trial: "
-                           "joint centres and the feet's level are averages over its frames, good to a centimetre and "
-                           "a few degrees at best.", cost_bw=2 * FITTED_HIP_BW_PER_DEG))
-    return found
-
-
-# One walk to one trial: read, calibrated, tracked, weighed, as the options of an import say.
-
-
-def _read(path: Path, forces: Path | None, options: IntakeOptions) -> Recording:
-    return read_trial(path, forces=forces, up=options.up, forward=options.forward, length_unit=options.length_unit)
+    subject = trial.subject
+    rows = ((person.mass_kg is None, "mass", "body mass", subject.mass_kg, "kg", WEIGHED),
+            (person.stature_m is None, "stature", "stature", subject.stature_m, "m", None),
+            (standing is None, "standing", "standing trial", None, "", 2 * FITTED_HIP_BW_PER_DEG))
+    return [Check(name, "doubtful", value, unit, say("intake", part, subject=subject)[0], cost_bw=cost)
+            for unknown, part, name, value, unit, cost in rows if unknown]
 
 
 def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
                 options: IntakeOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
-    """The trial of one walk.
+    """The trial of one walk: read, calibrated, tracked, weighed.
 
     Where the fulcrums of the walks differ, that of the standing trial is taken to be mid-range. `calibration` is that
     of another walk, where no standing trial is there to make one.
     """
     walk, forces = files.walks[number], files.forces[number]
-    recording = _read(walk, forces, options)
+    recording = read_trial(walk, forces=forces, **options.laboratory)
     if not recording.plates:
         raise InputError("has no force plates, and no force file lies beside it", file=walk, where="--forces",
                          right="Name the walk's force file (.mot, .sto, .csv or .forces)")
     used = [path for path in (walk, forces, files.standing, files.standing_forces) if path is not None]
 
     def make(person: PersonFacts) -> Trial:
-        return trial_from_recordings(
-            standing, recording, marker_map, person, fulcrum_m=fulcrums_m[number],
-            standing_fulcrum_m=None if len(set(fulcrums_m)) == 1 else MID_FULCRUM_M, stated=options.stated,
-            calibration=calibration, hip=options.hip, cutoff_hz=options.cutoff_hz,
-            longest_gap_s=options.longest_gap_s, plate_sides=options.plate_sides, window=options.window,
-            belt_speed_m_per_s=options.belt_speed_m_per_s, name=walk.stem,
-            inputs={path.name: sha256(path) for path in used})
+        trial = trial_from_recordings(
+            standing, recording, marker_map, person, options, fulcrum_m=fulcrums_m[number], calibration=calibration,
+            standing_fulcrum_m=None if len(set(fulcrums_m)) == 1 else MID_FULCRUM_M)
+        return dataclasses.replace(trial, inputs={path.name: sha256(path) for path in used})
 
     try:
         trial = make(options.person)
@@ -251,16 +205,14 @@ def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_
         if found.value is None:
             raise error from None
         trial = _noted(make(dataclasses.replace(options.person, mass_kg=found.value)),
-                       f"Body mass {found.value:.1f} kg is the impulse of the forces while every foot on the ground "
-                       "was on a plate, less what the body's motion took of it; it is good to a few percent: state "
-                       "mass_kg (--mass-kg).")
+                       say("intake", "impulse_mass", mass_kg=found.value))
     if not options.inverse_kinematics:
         return trial
     return refined(trial, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)
 
 
-def _noted(trial: Trial, note: str) -> Trial:
-    return dataclasses.replace(trial, notes=(*trial.notes, note))
+def _noted(trial: Trial, notes: list[str]) -> Trial:
+    return dataclasses.replace(trial, notes=(*trial.notes, *notes))
 
 
 # Which files belong together: the standing trial, the walks, their forces; and what their results are called.
@@ -268,43 +220,20 @@ def _noted(trial: Trial, note: str) -> Trial:
 
 @dataclass(frozen=True)
 class FileSet:
-    """The files of one person.
+    """The files of one person."""
 
-    Attributes:
-        standing: the standing trial; None where a walk stands for it.
-        walks, forces: as many of each; None for a walk that has its forces in itself.
-        standing_forces: of the standing trial, where they are in a file of their own.
-        found: the force files that nobody named but that lie beside their walk.
-    """
-
-    standing: Path | None
+    standing: Path | None  # None where a walk stands for it
     walks: tuple[Path, ...]
-    forces: tuple[Path | None, ...]
-    standing_forces: Path | None = None
-    found: tuple[Path, ...] = ()
-
-    def all(self) -> list[Path]:
-        """Every file, each once."""
-        named = (self.standing, self.standing_forces, *self.walks, *self.forces)
-        return list(dict.fromkeys(path for path in named if path is not None))
-
-    def notes(self, walk: Path) -> tuple[str, ...]:
-        """What was assumed about the files of a walk."""
-        forces = self.forces[self.walks.index(walk)]
-        if forces is None or forces not in self.found:
-            return ()
-        return (f"Forces were taken from {forces.name}, which lies beside {walk.name}.",)
+    forces: tuple[Path | None, ...]  # one for each walk; None where it has its forces in itself
+    standing_forces: Path | None = None  # where they are in a file of their own
+    found: tuple[Path, ...] = ()  # the force files that nobody named but that lie beside their walk
 
 
 def gather(standing: Path, walks: Sequence[Path], forces: Sequence[Path] = ()) -> FileSet:
     """The files that belong together.
 
-    Args:
-        standing: the standing trial; one of `walks` where there is none.
-        forces: the walks' force files in the walks' order, or none.
-
-    Raises:
-        InputError: a file is missing, a walk is given twice, or there are not as many forces as walks.
+    `standing` is one of `walks` where there is no standing trial; `forces` are the walks' force files in their order,
+    or none. Refused if a file is missing, a walk is given twice, or there are not as many forces as walks.
     """
     standing, walks, forces = user_path(standing), [user_path(p) for p in walks], [user_path(p) for p in forces]
     for path in (standing, *walks, *forces):

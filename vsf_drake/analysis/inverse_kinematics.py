@@ -30,7 +30,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
-from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of
+from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of
 from vsf_drake.motion.markers.poses import RigidPoses
 from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
@@ -40,6 +40,7 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import PELVIS_ROTATIONS, PELVIS_TRANSLATIONS, ModelParameters, leg_coordinates
 from vsf_drake.plants.anthropometry import Body, scale_body
 from vsf_drake.plants.solids import FORWARD, LEFTWARD, RIGHTWARD, UPWARD, add_chain, rotations, translations
+from vsf_drake.sentences import say
 from vsf_drake.simulation.stepping.tree import PRISMATIC, Tree, forward_kinematics, tree_of
 
 INTACT_FOOT_WEIGHT, PROSTHETIC_FOOT_WEIGHT = 2.0, 0.1
@@ -51,8 +52,7 @@ LIMITS_DEG = {
 MOST_ITERATIONS = 50
 SMALLEST_STEP = 1e-6
 """A solution has been reached when no coordinate moves by more (m, rad): a thousandth of what markers resolve."""
-AT_LIMIT_RAD = 1e-4
-"""An interior-point solution stays this little short of an active limit, at most."""
+AT_LIMIT_RAD = 1e-4  # an interior-point solution stays this little short of an active limit, at most
 LEVENBERG, MOST_LEVENBERG = 1e-7, 1e3
 
 
@@ -74,10 +74,8 @@ def refined(trial: Trial, *, cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s:
                                                 longest_gap_s=longest_gap_s)
     distances = motion.residual_rms_m
     worst = max(distances, key=lambda label: distances[label])
-    notes = (f"Angles are from global inverse kinematics, which leaves the markers "
-             f"{1e3 * np.sqrt(np.mean(np.square(list(distances.values())))):.1f} mm (RMS) from the model, "
-             f"most {worst} with {1e3 * distances[worst]:.1f} mm.",
-             *(f"{name} lies at the limit of inverse kinematics." for name in at_limit))
+    notes = say("intake", "inverse_kinematics", rms_m=np.sqrt(np.mean(np.square(list(distances.values())))),
+                worst=worst, worst_m=distances[worst], at_limit=at_limit)
     fitted = dataclasses.replace(tracked, values=motion.values, notes=(*tracked.notes, *notes))
     names = trial.trajectory.names
     columns = [tracked.names.index(name) for name in names]
@@ -93,12 +91,7 @@ def solve_inverse_kinematics(
 ) -> tuple[TrackedMotion, tuple[str, ...]]:
     """The model's motion that fits all markers of `recording` best, and the coordinates that lie at a limit.
 
-    Args:
-        recording, calibration, cutoff_hz, longest_gap_s: as for `tracking.track`.
-        model: the device, whose lengths enter the prosthetic leg.
-
-    Raises:
-        InputError: as for `tracking.track`; or a frame was not solved.
+    Arguments as for `tracking.track`; the model's lengths enter the prosthetic leg.
     """
     filled, markers, times, poses = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
@@ -117,9 +110,7 @@ def solve_inverse_kinematics(
                          right="Look at the markers there, or use the segments' own poses")
     away = np.minimum(values - solver.low, solver.high - values).min(axis=0)
     at_limit = tuple(name for name, least in zip(COORDINATES, away, strict=True) if least < AT_LIMIT_RAD)
-    motion = describe(calibration, filled, markers, times, body.rigid_poses(values, filled.segments, markers), values,
-                      notes=("angles are from global inverse kinematics",
-                             *(f"{name} lies at the limit of inverse kinematics" for name in at_limit)))
+    motion = describe(calibration, filled, markers, times, body.rigid_poses(values, filled.segments, markers), values)
     return motion, at_limit
 
 
@@ -173,23 +164,15 @@ class _FrameSolver:
 
 @dataclass(frozen=True, eq=False)
 class MarkerModel:
-    """M markers on the skeleton; coordinates q (24,) in the order of `COORDINATES`.
+    """M markers on the skeleton; coordinates q (24,) in the order of `COORDINATES`."""
 
-    Attributes:
-        labels, weights, p_BM: (M,), (M,), and (M, 3) m in their segments' frames.
-        bodies: (M,) the tree's body of each marker.
-        segment_bodies: the tree's body of each of `SEGMENTS`.
-        tree: the skeleton's.
-        order: (24,) place in `COORDINATES` of each of the tree's coordinates.
-    """
-
-    labels: tuple[str, ...]
-    weights: np.ndarray
-    p_BM: np.ndarray
-    bodies: np.ndarray
-    segment_bodies: dict[str, int]
-    tree: Tree
-    order: np.ndarray
+    labels: tuple[str, ...]  # (M,)
+    weights: np.ndarray  # (M,)
+    p_BM: np.ndarray  # (M, 3) m in their segments' frames
+    bodies: np.ndarray  # (M,) the tree's body of each marker
+    segment_bodies: dict[str, int]  # the tree's body of each of `SEGMENTS`
+    tree: Tree  # the skeleton's
+    order: np.ndarray  # (24,) place in `COORDINATES` of each of the tree's coordinates
 
     def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """R (B, 3, 3) and p (B, 3) of all bodies in W, joint axes and origins (24, 3), tree's order."""
@@ -227,11 +210,7 @@ class MarkerModel:
 
 def make_marker_model(calibration: Calibration, segments: Mapping[str, SegmentMarkers],
                       model: ModelParameters) -> MarkerModel:
-    """The skeleton of the calibration's subject with the markers of `segments` on it.
-
-    Raises:
-        InputError: see `anthropometry.scale_body`.
-    """
+    """The skeleton of the calibration's subject with the markers of `segments` on it."""
     side = calibration.subject.prosthetic_side
     plant = MultibodyPlant(0.0)
     bodies = _add_skeleton(plant, scale_body(calibration.subject, model.foot, model.socket), side,

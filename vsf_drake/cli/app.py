@@ -62,7 +62,7 @@ def print_text(template: str, /, **facts: Any) -> None:
 
     A table is `{% call table("heading", ..., title="") %}`, a line a row, with │ between its cells.
     """
-    from vsf_drake.analysis.sentences import text_templates
+    from vsf_drake.sentences import text_templates
 
     tables: list[Table] = []
 
@@ -73,7 +73,7 @@ def print_text(template: str, /, **facts: Any) -> None:
             tables[-1].add_row(*map(str.strip, cells), style="bold yellow" if line.startswith("! ") else None)
         return f"\f{len(tables) - 1}\n"
 
-    text = text_templates("vsf_drake.cli", "templates").get_template(f"{template}.txt.j2").render(facts, table=table)
+    text = text_templates("cli/templates").get_template(f"{template}.txt.j2").render(facts, table=table)
     for line in filter(None, text.split("\n")):
         if line.startswith("\f"):
             console.print(tables[int(line[1:])])

@@ -74,16 +74,15 @@ def import_trials(
     if subject is not None and facts:
         option = f"--{next(iter(facts)).replace('_', '-')}"
         raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
-    facts_and_lengths: tuple[Any, dict[str, float]] = (PersonFacts(**facts), {})  # type: ignore[arg-type]
-    person, stated = facts_and_lengths if subject is None else load_stated_subject(subject)
+    person, stated = (PersonFacts(**facts), {}) if subject is None else load_stated_subject(subject)
     IMPORT.check(out)
     options = IntakeOptions(
-        person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()), up=up, forward=forward,
-        length_unit=length_unit, hip=hip, cutoff_hz=None if already_filtered else cutoff_hz,
-        longest_gap_s=longest_gap_s, belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis,
-        inverse_kinematics=ik,
+        person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()),
+        laboratory={"up": up, "forward": forward, "length_unit": length_unit}, hip=hip,
+        cutoff_hz=None if already_filtered else cutoff_hz, longest_gap_s=longest_gap_s,
         plate_sides={"right": right_plate, "left": left_plate} if right_plate or left_plate else None,
-        window=None if window is None else Window(start_s=window[0], end_s=window[1]))
+        window=None if window is None else Window(start_s=window[0], end_s=window[1]),
+        belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis, inverse_kinematics=ik)
     with progress() as show:
         intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)

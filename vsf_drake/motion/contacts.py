@@ -9,10 +9,11 @@ Where no force tells a stance, the motion does (`events.kinematic_stances`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -29,9 +30,9 @@ from vsf_drake.motion.events import (
     kinematic_stances,
     walking_direction,
 )
-from vsf_drake.motion.formats.recording import SIDES, Plate, Recording
+from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
 from vsf_drake.motion.markers.schema import FootTrack
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.sentences import say
 
 SAME_FORCE = 0.02
 """Two plates whose forces differ by less than this share of themselves report one load: no two steps are so alike."""
@@ -39,78 +40,52 @@ TAIL_S, TAIL_N = 0.1, 5.0
 """A load's force below 20 N, before and after it, belongs to it down to 5 N and for at most this long."""
 TOLERANCE_S = 0.12
 """A stance may begin before its load and end after it by this much: three times the error of kinematic events."""
-WIDEN_S = 0.05
-"""What is called unmeasured is wider by this, for the same reason."""
-FAR_M = 0.15
-"""A centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide."""
+WIDEN_S = 0.05  # what is called unmeasured is wider by this, for the same reason
+FAR_M = 0.15  # a centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide
 BESIDE_M = 0.07
 """One farther than this, as a median, is beside a foot rather than under it: half a shoe and 2 cm of error."""
-SWING_COST_M = 0.1
-"""Added to the distance of a foot that swings: it may pass near the load, but does not carry it."""
-SWING_MARGIN_S = 0.1
-"""A foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s."""
-SHORTEST_TURN_S = 0.1
-"""The nearest foot changes for at least this long, or it did not change."""
-PULLED_M = 0.06
-"""A load that moves this much farther from its foot while the other one stands is shared between them."""
+SWING_COST_M = 0.1  # added to the distance of a foot that swings: it may pass near the load, but does not carry it
+SWING_MARGIN_S = 0.1  # a foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s
+SHORTEST_TURN_S = 0.1  # the nearest foot changes for at least this long, or it did not change
+PULLED_M = 0.06  # a load that moves this much farther from its foot while the other one stands is shared between them
 SHARED_S = 0.05
-LIGHT_N = 50.0
-"""Below this the centre of pressure is too noisy to judge by."""
+LIGHT_N = 50.0  # below this the centre of pressure is too noisy to judge by
 ANALYSIS_HZ = 250.0
 REVERSED = -0.2
 """Progress of the centre of pressure along the sole (in its lengths) from the first to the last third of a contact:
 a foot rolls from heel to toe by 0.5 or so."""
-SHARED = "both feet load it at once, so that neither's force is known: unusable"
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One stretch of load on one plate.
+    """One stretch of load on one plate."""
 
-    Attributes:
-        plate: its name.
-        side: the foot it was given to; None where it is neither's, or both feet's at once.
-        start_s, end_s: when the load passes 20 N. start_seen, end_seen: whether that lies inside the record.
-        distance_m: median distance of the centre of pressure from the nearest foot's heel-toe line; NaN where unknown.
-        doubt: why it should not be trusted, or None.
-    """
-
-    plate: str
-    side: str | None
-    start_s: float
+    plate: str  # its name
+    side: str | None  # the foot it was given to; None where it is neither's, or both feet's at once
+    start_s: float  # when the load passes 20 N
     end_s: float
-    start_seen: bool
+    start_seen: bool  # whether that lies inside the record
     end_seen: bool
-    distance_m: float
-    doubt: str | None = None
+    distance_m: float  # median distance of the centre of pressure from the nearest heel-toe line; NaN where unknown
+    doubt: str | None = None  # why it should not be trusted
 
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
-    """The forces on each foot.
+    """The forces on each foot."""
 
-    Attributes:
-        plates: by side, over the whole force record; a side without any contact is missing.
-        contacts: in order of time.
-        stances: by side, when the foot stands as its *motion* tells, measured or not.
-        unmeasured: by side, when the foot stands on ground that no plate measures (or shares a plate with the other
-            foot), 0.05 s wider: the force is not known there, though `plates` says zero.
-        notes: sentences on what was assumed or looks doubtful.
-    """
-
-    plates: dict[str, PlateRecording]
-    contacts: tuple[Contact, ...]
-    stances: dict[str, tuple[Stance, ...]]
+    plates: dict[str, PlateRecording]  # by side, over the whole force record; a side without any contact is missing
+    contacts: tuple[Contact, ...]  # in order of time
+    stances: dict[str, tuple[Stance, ...]]  # by side, when the foot stands as its *motion* tells, measured or not
     unmeasured: dict[str, tuple[Span, ...]]
-    notes: tuple[str, ...] = ()
+    """By side, when the foot stands on ground that no plate measures (or shares a plate with the other foot), 0.05 s
+    wider: the force is not known there, though `plates` says zero."""
+    notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
 
 
 @dataclass(frozen=True, eq=False)
 class _Load:
-    """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once).
-
-    `in_view`: the markers cover it. `shared`: both feet's. `contradicted`: given as stated, against its place.
-    """
+    """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once)."""
 
     plate: Plate
     time_s: np.ndarray
@@ -122,13 +97,17 @@ class _Load:
     side: str | None = None
     distance_m: float = np.nan
     doubt: str | None = None
-    in_view: bool = True
-    shared: bool = False
-    contradicted: bool = False
+    in_view: bool = True  # the markers cover it
+    shared: bool = False  # both feet's
+    contradicted: bool = False  # given as stated, against its place
+
+    def doubted(self, why: str, numbers: Mapping[str, Any] | None = None, /, **changes: Any) -> _Load:
+        """The same load with a doubt of `wording/feet.txt.j2`, and other changes."""
+        return replace(self, doubt=say("feet", why, **(numbers or {}))[0], **changes)
 
 
 def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, FootTrack], pelvis_W: np.ndarray, *,
-                  stated: dict[str, str | None] | None = None) -> Assignment:
+                  stated: Mapping[str, str | None] | None = None) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
     Args:
@@ -173,11 +152,9 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
                              load.distance_m, "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None)
                      for i, load in enumerate(found) if not load.scuff)
     for contact in contacts:
-        whose = f"the {contact.side} foot" if contact.side else "neither foot"
-        notes.append(f"Plate {contact.plate} from {contact.start_s:.3f} to {contact.end_s:.3f} s carries {whose}"
-                     + (f": {contact.doubt}." if contact.doubt else "."))
-    notes += [f"The {side} foot stands on ground that no plate measures for it alone from "
-              f"{', '.join(f'{a:.3f} to {b:.3f} s' for a, b in spans)}." for side, spans in missing.items() if spans]
+        notes += say("feet", "contact", c=contact)
+    for side, spans in missing.items():
+        notes += say("feet", "unmeasured", side=side, missing=spans) if spans else []
     return Assignment(sums, contacts, stances, missing, tuple(notes))
 
 
@@ -242,9 +219,8 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
             continue
         kept, dropped = (b, a) if distance(a, both) > distance(b, both) else (a, b)
         left_out.append(dropped)
-        first, last = time[both][[0, -1]]
-        notes.append(f"Plates {a.name} and {b.name} report the same force from {first:.3f} to {last:.3f} s: the same "
-                     f"load twice; plate {dropped.name} was left out and {kept.name} kept.")
+        notes += say("feet", "doubled", plates=(a.name, b.name), during=time[both][[0, -1]], dropped=dropped.name,
+                     kept=kept.name)
     return [plate for plate in recording.plates if plate not in left_out], notes
 
 
@@ -296,7 +272,7 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
     overlap = min(load.end_s, floor.time_s[-1]) - max(load.start_s, floor.time_s[0])
     rows = _rows(load, floor, THRESHOLD_N if load.scuff else LIGHT_N)
     if overlap <= 0.0 or (overlap < SHARED_S and not load.scuff):
-        return [replace(load, side=stated, doubt="the markers do not cover it", in_view=False)]
+        return [load.doubted("unseen", side=stated, in_view=False)]
     if len(rows) < 3:
         return [_by_time(load, floor, stated)]
     times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
@@ -308,32 +284,26 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         distance, nearer = (float(np.median(apart[s][0])) for s in (side, turns[0][2]))
         if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
-            doubt = (f"it is stated as the {stated} foot's, from which its centre of pressure is {distance:.2f} m; it "
-                     f"is {float(np.median(apart[other][0])):.2f} m from the {other} foot")
-            return [replace(load, side=stated, distance_m=distance, doubt=doubt, contradicted=True)]
+            numbers = {"stated": stated, "distance_m": distance, "other": other,
+                       "nearer_m": float(np.median(apart[other][0]))}
+            return [load.doubted("contradicted", numbers, side=stated, distance_m=distance, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
     distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]
     if max(distances) > FAR_M:
-        return [replace(load, distance_m=max(distances), doubt="for a while its centre of pressure is "
-                        f"{max(distances):.2f} m from the nearest foot")]
-    return [replace(load, start_s=load.start_s if first == 0 else float(times[first]),
-                    end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]),
-                    distance_m=distance, doubt=SHARED, shared=True)
+        return [load.doubted("far", {"distance_m": max(distances), "partly": True}, distance_m=max(distances))]
+    return [load.doubted("shared", start_s=load.start_s if first == 0 else float(times[first]), shared=True,
+                         end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]), distance_m=distance)
             for (first, last, _), distance in zip(turns, distances, strict=True)]
 
 
 def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load:
     if distance > FAR_M:
-        return replace(load, distance_m=distance,
-                       doubt=f"its centre of pressure is {distance:.2f} m from the nearest foot")
-    doubts = []
-    if distance > BESIDE_M:
-        doubts.append(f"its centre of pressure passes {100 * distance:.0f} cm beside the foot: are the plate's corners "
-                      "and axes right?")
+        return load.doubted("far", {"distance_m": distance, "partly": False}, distance_m=distance)
+    doubts = say("feet", "beside", distance_m=distance) if distance > BESIDE_M else []
     third = len(along) // 3
-    if load.start_seen and load.end_seen and third > 3:
-        if float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED:
-            doubts.append("its centre of pressure runs from toe to heel: is the plate turned round?")
+    if (load.start_seen and load.end_seen and third > 3
+            and float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED):
+        doubts += say("feet", "reversed")
     return replace(load, side=side, distance_m=distance, doubt="; ".join(doubts) or None)
 
 
@@ -345,8 +315,7 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
                          + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
                          + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
                          for s in floor.stances[side]), default=np.inf) for side in SIDES}
-    return replace(load, side=stated or min(SIDES, key=lambda s: misfit[s]),
-                   doubt="it has no centre of pressure; its foot was told by its times")
+    return load.doubted("by_time", side=stated or min(SIDES, key=lambda s: misfit[s]))
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
@@ -380,7 +349,7 @@ def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> 
         pulled |= both & on & ~elsewhere
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
-    return replace(load, side=None, shared=True, doubt=SHARED) if shared else load
+    return load.doubted("shared", side=None, shared=True) if shared else load
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
@@ -471,8 +440,7 @@ def _unmeasured(found: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 continue
             ends = [(start, end), *covering.values()]
             spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
-            doubts |= dict.fromkeys(
-                covering, f"the foot stands on no plate for {gap:.2f} s of this stance, or the clocks differ")
+            doubts |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
         wide = sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans)
         merged: list[Span] = []
         for a, b in wide:

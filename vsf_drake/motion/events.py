@@ -20,25 +20,28 @@ FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
 sample, if that is longer) over which it is looked at. Users of a prosthesis who walk fast load at 9 to 16 body weights
 a second, recorded and embedded walks show up to 27 at touch-down and 13 at lift-off; twice and more is a choice. A
 change of less than LEAST_JUMP_N says nothing: laboratories blank forces of up to some 50 N (a choice)."""
-Span = tuple[float, float]
-"""Start and end, s."""
+Span = tuple[float, float]  # start and end, s
+
+
+def common(a: Span, b: Span) -> Span | None:
+    """The part that two spans share."""
+    start, end = max(a[0], b[0]), min(a[1], b[1])
+    return (start, end) if end > start else None
+
+
+def words(span: Span) -> str:
+    """A span as messages show it."""
+    return f"{span[0]:.3f} to {span[1]:.3f} s"
 
 
 @dataclass(frozen=True)
 class Stance:
-    """One contact of the foot with the ground.
+    """One contact of the foot with the ground."""
 
-    Attributes:
-        start_s: touch-down, or the start of the record where the foot is loaded already.
-        end_s: lift-off, or the end of the record where the foot is loaded still.
-        start_seen: whether touch-down was recorded: it lies inside the record, and the force does not jump there.
-        end_seen: the same of lift-off.
-    """
-
-    start_s: float
-    end_s: float
-    start_seen: bool = True
-    end_seen: bool = True
+    start_s: float  # touch-down, or the start of the record where the foot is loaded already
+    end_s: float  # lift-off, or the end of the record where the foot is loaded still
+    start_seen: bool = True  # touch-down was recorded: it lies inside the record, and the force does not jump there
+    end_seen: bool = True  # the same of lift-off
 
     @property
     def complete(self) -> bool:
@@ -60,12 +63,7 @@ def find_stances(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n:
     peak. One that begins or ends by a jump that no foot makes is marked as cut there too: its force was switched on or
     off, or blanked, while the foot stood. Instants are interpolated linearly between samples.
 
-    Args:
-        time_s: (n,) s, increasing.
-        vertical_force: (n,) N on the foot, up positive.
-
-    Raises:
-        ValueError: the shapes differ, or a value is not finite.
+    Both (n,): increasing s, and N on the foot, up positive; finite, else ValueError.
     """
     return [contact for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s) if stands]
 
@@ -136,17 +134,13 @@ def longest_run(flags: ArrayLike) -> np.ndarray:
 # lift to the toe's largest upward acceleration. Against 20 N on the plates the sharpened events lie within 35 ms.
 
 
-SMALLEST_STEP_M = 0.15
-"""A foot that moves less than this to and fro under the pelvis does not walk."""
+SMALLEST_STEP_M = 0.15  # a foot that moves less than this to and fro under the pelvis does not walk
 PROMINENCE = 0.3
 """An extreme counts as an event if it stands out by this share of the foot's whole travel: ripples do not."""
-SHORTEST_S = 0.15
-"""Shortest stance or swing: events closer than this are one event."""
-AT_REST_M_PER_S = 0.5
-"""A foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more."""
+SHORTEST_S = 0.15  # shortest stance or swing: events closer than this are one event
+AT_REST_M_PER_S = 0.5  # a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
 TURNED_S = 0.08
-SHARPEN_S = 0.12
-"""How far from the coarse instant the sharper one is sought: twice the largest error seen."""
+SHARPEN_S = 0.12  # how far from the coarse instant the sharper one is sought: twice the largest error seen
 NEAR_FLOOR_M = 0.04
 
 

@@ -20,17 +20,9 @@ from vsf_drake.errors import InputError
 def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
     """`values` (n,) or (n, m) without what is faster than `cutoff_hz`, in phase with the input.
 
-    The ends are extended by odd reflection over two periods of the cut-off (or the length of
-    the record), which keeps level and slope there.
-
-    Args:
-        cutoff_hz: frequency at which the amplitude of the result is 1/sqrt(2).
-        order: order of the result, even: two passes of order / 2.
-
-    Raises:
-        InputError: the cut-off is not between 0 and half of the sampling rate; a value is
-            not finite; there are fewer than two samples.
-        ValueError: the order is not even and positive.
+    At the cut-off the amplitude is 1/sqrt(2). `order` is that of the result: two passes of order / 2. The ends are
+    extended by odd reflection over two periods of the cut-off (or the length of the record), which keeps level and
+    slope there. InputError where the cut-off is impossible at this rate, or a value is not finite.
     """
     values = np.asarray(values, dtype=float)
     if order < 2 or order % 2:

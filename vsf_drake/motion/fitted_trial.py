@@ -1,29 +1,31 @@
-"""A recording with what a contact fit found of it: the fitted model, offsets and joint angles."""
+"""A recording with what a contact fit found of it: the fitted model, offsets and joint angles over the gait cycle."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from vsf_drake.contact_file import FittedContact, FittedTrial, model_with
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check
+from vsf_drake.sentences import say
 
 MASS_TOLERANCE, STATURE_TOLERANCE = 0.05, 0.02
 """Shares by which a person may differ from day to day and still be the same (choices)."""
 APPLIED = "A fitted contact was applied"
-_GRAIN = 1e-6
-"""s, m, rad: numbers that differ by less are the same, whatever computed them."""
-_GRAIN_N = 1e-3
+_GRAIN, _GRAIN_N = 1e-6, 1e-3  # s, m, rad; and N: numbers that differ by less are the same, whatever computed them
 
 
 def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
@@ -47,18 +49,13 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     added = {"height_m": "offset.height", "fore_aft_m": "offset.fore_aft", "alignment_rad": "offset.alignment"}
     offsets = {key: getattr(trial.offsets, key) + contact.values.get(name, 0.0)
                + (own.height_m if own and key == "height_m" else 0.0) for key, name in added.items()}
-    parts = [f"{len(contact.values)} values"]
-    if contact.curves:
-        parts.append(f"curves of {', '.join(curve.coordinate for curve in contact.curves)}")
-    note = (f"{APPLIED}{'' if file is None else f' from {Path(file).name}'} (strategy {contact.strategy}): "
-            f"{', '.join(parts)}")
-    if own is not None:
-        note += ", with the height that was fitted to this trial" + (" and its path" if own.path else "")
-    note += "." if contact.converged else "; ITS FIT DID NOT CONVERGE."
+    notes = say("trial", "contact", applied=APPLIED, file=file and Path(file).name, strategy=contact.strategy,
+                values=len(contact.values), curves=[curve.coordinate for curve in contact.curves], own=own is not None,
+                path=own and own.path, converged=contact.converged)
     return dataclasses.replace(
         trial, model=model_with(trial.model, contact.values, file=file),
         offsets=check(GeometricOffsets(**offsets), file=file), trajectory=_trajectory(trial, contact, own),
-        notes=(*trial.notes, note),
+        notes=(*trial.notes, *notes),
         inputs=trial.inputs | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}))
 
 
@@ -99,25 +96,76 @@ def fingerprint(trial: Trial) -> str:
 
 def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -> CoordinateTrajectory:
     motion = trial.trajectory
-    added: dict[str, np.ndarray] = {}
-
-    def add(name: str, values: np.ndarray | float) -> None:
-        added[name] = added.get(name, np.zeros(len(motion.time_s))) + values
-
-    for name, value in contact.values.items():
-        if name.startswith("coordinate."):
-            add(name.removeprefix("coordinate."), value)
+    time, added = motion.time_s, list[tuple[str, np.ndarray | float]]()
+    added += [(name.removeprefix("coordinate."), value) for name, value in contact.values.items()
+              if name.startswith("coordinate.")]
     if contact.curves:
-        phase = gait_phase(trial)(motion.time_s)
-        for curve in contact.curves:
-            add(curve.coordinate, periodic_bsplines(len(curve.coefficients))(phase) @ np.array(curve.coefficients))
-    for name, coefficients in (own.path if own else {}).items():
-        basis = window_bsplines(trial.start_s, trial.end_s, len(coefficients))
-        add(name, basis(motion.time_s) @ np.array(coefficients))
+        phase = gait_phase(trial)(time)
+        added += [(curve.coordinate, periodic_bsplines(len(curve.coefficients))(phase) @ np.array(curve.coefficients))
+                  for curve in contact.curves]
+    added += [(name, window_bsplines(trial.start_s, trial.end_s, len(coefficients))(time) @ np.array(coefficients))
+              for name, coefficients in (own.path if own else {}).items()]
     if not added:
         return motion
-    motion.ordered(list(added))  # names what is missing
-    values = np.array(motion.values)
-    for name, course in added.items():
-        values[:, motion.names.index(name)] += course
-    return CoordinateTrajectory(motion.time_s, values, motion.names, source=motion.source)
+    motion.ordered(list(dict(added)))  # names what is missing
+    sums = np.zeros_like(motion.values)
+    for name, course in added:
+        sums[:, motion.names.index(name)] += course
+    return CoordinateTrajectory(time, motion.values + sums, motion.names, source=motion.source)
+
+
+# Where in the gait cycle an instant lies, told by the prosthetic foot's force plate.
+#
+#     phase    k at the k-th strike of the prosthetic foot, k + STANCE_SHARE at its lift-off
+#
+# Between these instants the phase is the quintic through them whose second derivative vanishes at each and whose rate
+# there is the harmonic mean of the mean rates before and after, at most 1.25 times the smaller one: its derivative then
+# has positive Bernstein coefficients, so that the phase rises all the way, and it is C2 in time, where straight lines
+# would bend the rate at every strike and lift-off. Before the first and after the last stance, and through a trial with
+# a single stance, it is a straight line at that stance's own mean rate.
+
+
+STANCE_SHARE = 0.62  # foot-off of slow walking: Schwartz 2008, doi 10.1016/j.jbiomech.2008.03.015
+STEEPEST = 1.25  # largest rate at an instant over the smaller of the mean rates beside it
+
+
+def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.ndarray]:
+    """The phase (n,), in cycles, of times (n,) s; it rises and is C2.
+
+    Args:
+        source: a trial, whose prosthetic plate tells its stances, or the stances of the prosthetic foot in order of
+            time (else ValueError). Only those count that were seen from strike to lift-off; one that was missed in
+            between counts as a cycle.
+
+    Raises:
+        InputError: no stance was seen as a whole.
+    """
+    if isinstance(source, Trial):
+        plate, file = source.prosthetic_plate, source.path
+        stances: Sequence[Stance] = find_stances(plate.time_s, plate.force_W[:, 2])
+    else:
+        stances, file = source, None
+    seen = [stance for stance in stances if stance.complete]
+    if not seen:
+        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance", file=file,
+                         where="forces", right="A gait cycle needs strike and lift-off of the prosthetic foot")
+    if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
+        raise ValueError("stances must follow each other")
+    stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE
+    cycles = np.cumsum([0, *(max(1, round((later.start_s - earlier.start_s) / stride_s))
+                             for earlier, later in pairwise(seen))])
+    phases = (cycles[:, None] + [0.0, STANCE_SHARE]).ravel()
+    instants = np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel()
+    rates = STANCE_SHARE / np.array([stance.duration_s for stance in (seen[0], seen[-1])])
+    mean = np.diff(phases) / np.diff(instants)
+    before, after = mean[:-1], mean[1:]
+    inner = np.minimum(2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after))
+    slopes = np.concatenate([rates[:1], inner, rates[1:]])
+    between = BPoly.from_derivatives(instants, np.column_stack([phases, slopes, np.zeros(len(slopes))]))
+
+    def phase(times: np.ndarray) -> np.ndarray:
+        times = np.asarray(times, dtype=float)
+        early, late = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
+        return between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late
+
+    return phase

@@ -43,11 +43,11 @@ from vsf_drake.model_file import load_model
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 from vsf_drake.parameters import SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
+from vsf_drake.sentences import say
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MARKER_FILES = (".c3d", ".trc")
-APART = 0.05
-"""A stated length that differs by more than this share from the markers' own is worth a note."""
+APART = 0.05  # a stated length that differs by more than this share from the markers' own is worth a note
 _MARKER_KEYS = ("standing", "marker_map", "hip_centre", "marker_cutoff_hz", "already_filtered", "laboratory")
 
 
@@ -97,10 +97,7 @@ class ManifestOffsets:
 class GeometricOffsets:
     """How the prosthetic foot sits under its pylon, which no recording tells to the millimetre.
 
-    Attributes:
-        height_m: + moves the foot up against the residual limb (a shorter prosthesis).
-        fore_aft_m: + moves it forward.
-        alignment_rad: + turns its toe up (dorsiflexion).
+    + moves the foot up against the residual limb (a shorter prosthesis), moves it forward, turns its toe up.
     """
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
@@ -136,13 +133,7 @@ class Manifest:
 
 
 def load_manifest(path: str | Path) -> Manifest:
-    """Reads a trial manifest and checks what its keys must share. Does not open the files it names.
-
-    Raises:
-        InputError: see `vsf_drake.schema.load_yaml`; it is a folder, or a file of another kind; neither `kinematics`
-            nor `markers` is given, or both are, or keys that belong to the other; `forces` is missing; the window does
-            not end after it starts.
-    """
+    """Reads a trial manifest and checks what its keys must share. Does not open the files it names."""
     path = Path(path)
     if path.is_dir():
         raise InputError("is a folder", file=path, right="Name the manifest of a trial (a .yaml file)")
@@ -205,11 +196,7 @@ def _check_markers(path: Path, manifest: Manifest) -> None:
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:
-    """The file that a key of the manifest names.
-
-    Raises:
-        InputError: there is no such file, or it is no path; see `user_path`.
-    """
+    """The file that a key of the manifest names; refused where there is none."""
     path = user_path(manifest_path.parent / user_path(value, file=manifest_path, where=key), file=manifest_path,
                      where=key)
     if not path.is_file():
@@ -233,21 +220,17 @@ class StatedSubject(PersonFacts, Subject):
 
 
 def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]]:
-    """What the subject's file says: facts for the calibration, and fields of `Subject` that win over the markers.
-
-    Raises:
-        InputError: see `vsf_drake.schema.load_yaml`.
-    """
+    """What the subject's file says: facts for the calibration, and fields of `Subject` that win over the markers."""
     stated = dict(vars(load_yaml(path, StatedSubject)))
     facts = PersonFacts(**{key.name: stated.pop(key.name) for key in dataclasses.fields(PersonFacts)})
     return facts, {name: value for name, value in stated.items() if value is not None}
 
 
-def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject, tuple[str, ...]]:
+def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject, list[str]]:
     """The person with what is stated in place of what the markers tell, and notes where these differ much."""
     notes = []
     for name, value in stated.items():
         found = getattr(subject, name)
         if name.endswith("length_m") and found is not None and abs(value - found) > APART * abs(found):
-            notes.append(f"{name} is stated as {value:.3f} m; the markers tell {found:.3f} m.")
-    return check(dataclasses.replace(subject, **stated)), tuple(notes)
+            notes += say("trial", "stated", name=name, value=value, found=found)
+    return check(dataclasses.replace(subject, **stated)), notes

@@ -22,19 +22,12 @@ class CoordinateTrajectory:
     zero, which keeps noise from blowing up there (a quintic without end conditions multiplies it by five) at the
     price of accelerations that are less exact over the first and last three or so samples. Nothing is filtered.
 
-    Attributes:
-        time_s: (n,) s, the recorded instants.
-        values: (n, m) rad and m, the recorded values.
-        names: the m coordinates.
+    `time_s` (n,) s and `values` (n, m) rad and m are as recorded, `names` the m coordinates, `source` the file.
     """
 
     def __init__(self, time_s: np.ndarray, values: np.ndarray, names: Sequence[str], *,
                  source: str | None = None) -> None:
-        """Fits the splines to (n, m) values of m different names at n >= 6 increasing times; `source` is the file.
-
-        Raises:
-            ValueError: shapes do not fit, time does not increase, a value is not finite, n < 6.
-        """
+        """Fits the splines to (n, m) values of m different names at n >= 6 increasing times."""
         self.time_s, self.values = np.array(time_s, dtype=float), np.array(values, dtype=float)
         self.names, self.source = tuple(names), source
         if self.values.shape != (len(self.time_s), len(self.names)) or len(set(self.names)) != len(self.names):
@@ -58,11 +51,7 @@ class CoordinateTrajectory:
         return float(self.time_s[-1])
 
     def sample(self, times: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions, velocities and accelerations, each (n, m) for n times; (1, m) for a single time.
-
-        Raises:
-            InputError: a time lies outside the recording (by more than 1 ns).
-        """
+        """Positions, velocities and accelerations, (n, m) for n times within the recording, (1, m) for one."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         outside = ~((times >= self.start_s - 1e-9) & (times <= self.end_s + 1e-9))
         if outside.any():
@@ -92,9 +81,6 @@ def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.nd
     The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first three are added up, and
     the last three: so they begin and end with zero rate and acceleration, and can go on as constants outside the
     window without a corner. The clamped ones themselves would bend there, and with them the walk's start.
-
-    Raises:
-        ValueError: fewer than the four that a cubic spline has by itself, or the window does not end after it starts.
     """
     if count < 4:
         raise ValueError(f"{count} splines are no correction of a path: at least 4 are needed")
@@ -110,9 +96,6 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
     """Corrections over a cycle: cubic B-splines (n, count) of phases (n,), periodic, C2, not negative, sum 1.
 
     The knots are `count` phases, evenly spaced from 0; the j-th spline is centred on j / count.
-
-    Raises:
-        ValueError: fewer than the four that a cubic needs to close on itself.
     """
     if count < 4:
         raise ValueError(f"{count} splines cannot close on themselves: at least 4 are needed")

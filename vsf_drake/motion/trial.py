@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -16,10 +17,8 @@ from vsf_drake.motion.contacts import assign_plates
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import SIDES, Plate, Recording, world_to_os
 from vsf_drake.motion.formats.tables import read_storage, write_forces_mot, write_storage
-from vsf_drake.motion.kinematics import read_kinematics
 from vsf_drake.motion.manifest import (
     ForceColumns,
-    GeometricOffsets,
     Manifest,
     Window,
     load_manifest,
@@ -31,22 +30,37 @@ from vsf_drake.motion.manifest import (
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.frames import prepared
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
-from vsf_drake.motion.markers.joint_angles import COORDINATES, orientations_of
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
-from vsf_drake.motion.plates import HEAVIEST_BW, PlateRecording, assign_prefixes, read_plate
+from vsf_drake.motion.opensim import HEAVIEST_BW, assign_prefixes, read_kinematics, read_plate
 from vsf_drake.motion.trial_record import Trial, check_mass, default_model, mass_from_walk
 from vsf_drake.motion.window import on_the_belt, trial_window
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, ModelParameters, Subject, person_coordinates
 from vsf_drake.schema import load_yaml
+from vsf_drake.sentences import say
 
 PLACEHOLDER_KG = 70.0
 """Stands for a mass that only the walk tells until the plates are assigned; then the person is calibrated again, since
 the weight says how far the prosthesis was pressed together."""
 LARGE_M = 0.05
 """A pelvis that has to move farther (RMS) than this does not belong to the leg: lengths or joint centres are wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """How markers and plates become a trial, as a manifest or an import says."""
+
+    stated: Mapping[str, float] = field(default_factory=dict)
+    """Fields of `Subject` that are known better than the markers tell, by name; they win."""
+    hip: str = "harrington"  # see `calibrate`
+    cutoff_hz: float | None = CUTOFF_HZ  # of the markers' filter; None leaves them as they are
+    longest_gap_s: float = LONGEST_GAP_S  # see `markers.gaps`
+    plate_sides: Mapping[str, str | None] | None = None  # plate names by side, where the user says which is which foot
+    window: Window | None = None
+    belt_speed_m_per_s: float = 0.0  # + when the treadmill's belt runs backward
 
 
 def load_trial(path: str | Path) -> Trial:
@@ -64,15 +78,11 @@ def load_trial(path: str | Path) -> Trial:
     Raises:
         InputError: with a message that names file, and key, column, line or time:
             - a file is missing or is not what its key needs; markers do not tell the motion;
-            - a key is unknown, doubled or missing; a value has the wrong type or is out of range; the fulcrum is
-              out of the carriage's reach;
-            - a table is truncated, has a doubled label or no `endheader`, or lacks a required column;
-            - a needed cell is blank, NaN or no number; time does not increase or has a gap; too few rows;
-            - angles cannot be in the unit stated, or no unit is stated; a pelvis position is not believable;
+            - a key is unknown, doubled or missing; a value has the wrong type or is out of range;
+            - a table is damaged, lacks a required column, or a needed cell is no number; time has a gap;
+            - angles or forces cannot be in the unit stated, or no unit is stated; the plates contradict the mass;
             - the column names do not tell which force is which foot; the prosthetic foot has no force;
-            - a force points down or sideways, or is far from the body weight; the plates contradict the mass;
-            - window, kinematics and forces do not overlap; the trial is shorter than one stance; the prosthetic
-              foot carries no load in it.
+            - window, kinematics and forces do not overlap, or leave less than a stance.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -90,7 +100,7 @@ def load_trial(path: str | Path) -> Trial:
                               where="prosthesis.fulcrum_mm")
     inputs = {path.name: sha256(path)} | {str(written[key]): sha256(file) for key, file in named.items()}
     if manifest.markers is None:
-        trial = _trial_from_angles(path, manifest, named, sides, model, fulcrum_m, inputs)
+        trial = _trial_from_angles(path, manifest, named, sides, model, fulcrum_m)
     else:
         person, stated = load_stated_subject(named["subject"])
         axes = vars(manifest.laboratory)
@@ -99,17 +109,20 @@ def load_trial(path: str | Path) -> Trial:
         marker_map = None
         if manifest.marker_map is not None:
             marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
-        trial = trial_from_recordings(
-            standing, walk, marker_map, person, fulcrum_m=fulcrum_m, stated=stated, hip=manifest.hip_centre,
-            cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz, plate_sides=sides,
-            window=manifest.window, belt_speed_m_per_s=manifest.belt_speed_m_per_s, model=model,
-            offsets=to_si(manifest.offsets), path=path, name=manifest.name, synthetic=manifest.synthetic, inputs=inputs)
+        options = TrialOptions(
+            stated=stated, hip=manifest.hip_centre, plate_sides=sides, window=manifest.window,
+            cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
+            belt_speed_m_per_s=manifest.belt_speed_m_per_s)
+        trial = trial_from_recordings(standing, walk, marker_map, person, options, fulcrum_m=fulcrum_m, model=model,
+                                      path=path)
+    trial = dataclasses.replace(trial, name=manifest.name or path.stem, synthetic=manifest.synthetic, inputs=inputs,
+                                offsets=to_si(manifest.offsets))
     check_mass(trial, file=named["subject"])
     return trial
 
 
 def _trial_from_angles(path: Path, manifest: Manifest, named: dict[str, Path], sides: dict[str, str | None] | None,
-                       model: ModelParameters, fulcrum_m: float, inputs: dict[str, str]) -> Trial:
+                       model: ModelParameters, fulcrum_m: float) -> Trial:
     subject = load_yaml(named["subject"], Subject)
     trajectory, notes = read_kinematics(read_storage(named["kinematics"]), prosthetic_side=subject.prosthetic_side,
                                         unit=manifest.kinematics_unit)
@@ -119,32 +132,25 @@ def _trial_from_angles(path: Path, manifest: Manifest, named: dict[str, Path], s
         raise InputError(f"there is no force for the {subject.prosthetic_side} (prosthetic) foot", file=path,
                          where=f"forces.{subject.prosthetic_side}", right=f"Name its prefix in {storage.path.name}; or "
                          "is the subject's prosthetic_side the other one?")
-    notes += storage.notes
-    plates: dict[str, PlateRecording] = {}
-    for side, prefix in prefixes.items():
-        plates[side], more = read_plate(storage, prefix, mass_kg=subject.mass_kg)
-        notes += more
-    notes += tuple(f"There is no force plate for the {side} foot." for side in SIDES if side not in plates)
-    trajectory, plates, belt_notes = on_the_belt(trajectory, plates, speed_m_per_s=manifest.belt_speed_m_per_s)
+    read = {side: read_plate(storage, prefix, mass_kg=subject.mass_kg) for side, prefix in prefixes.items()}
+    notes += [*storage.notes, *(note for _, more in read.values() for note in more)]
+    notes += say("trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False)
+    trajectory, plates, belt_notes = on_the_belt(trajectory, {side: plate for side, (plate, _) in read.items()},
+                                                 speed_m_per_s=manifest.belt_speed_m_per_s)
     window, window_notes = trial_window(path, manifest.window, trajectory, plates, subject)
-    return Trial(path=path, name=manifest.name or path.stem, subject=subject, synthetic=manifest.synthetic,
-                 fulcrum_m=fulcrum_m, start_s=window[0], end_s=window[1], trajectory=trajectory, plates=plates,
-                 notes=notes + belt_notes + window_notes, model=model, inputs=inputs, offsets=to_si(manifest.offsets))
+    return Trial(path=path, name=path.stem, subject=subject, synthetic=False, fulcrum_m=fulcrum_m, start_s=window[0],
+                 end_s=window[1], trajectory=trajectory, plates=plates, notes=(*notes, *belt_notes, *window_notes),
+                 model=model, inputs={})
 
 
 # From markers and force plates: calibrate, track, give the plates to the feet.
 
 
 def trial_from_recordings(
-    standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts, *,
-    fulcrum_m: float, standing_fulcrum_m: float | None = None, stated: Mapping[str, float] | None = None,
-    calibration: Calibration | None = None,
-    hip: str = "harrington", cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s: float = LONGEST_GAP_S,
-    plate_sides: Mapping[str, str | None] | None = None, window: Window | None = None,
-    belt_speed_m_per_s: float = 0.0, model: ModelParameters | None = None,
-    offsets: GeometricOffsets = GeometricOffsets(),  # noqa: B008 (frozen: one default can serve all)
-    path: Path | None = None, name: str | None = None, synthetic: bool = False,
-    inputs: Mapping[str, str] | None = None,
+    standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts,
+    options: TrialOptions = TrialOptions(), *,
+    fulcrum_m: float, standing_fulcrum_m: float | None = None, calibration: Calibration | None = None,
+    model: ModelParameters | None = None, path: Path | None = None,
 ) -> Trial:
     """The trial of a person who walks over force plates with markers on.
 
@@ -158,15 +164,9 @@ def trial_from_recordings(
         marker_map: what the labels are; None: the shipped map that finds most of them.
         person: what is stated of the person; without a mass it is what a file states, or taken from the forces of the
             standing trial or of the walk.
-        fulcrum_m: where the fulcrum stood.
-        standing_fulcrum_m: where it stood in the standing trial, if elsewhere.
-        stated: fields of `Subject` that are known better than the markers tell, by name; they win.
+        fulcrum_m: where the fulcrum stood; `standing_fulcrum_m` in the standing trial, if elsewhere.
         calibration: of the same person and map, from before; then `standing` is not looked at.
-        hip, cutoff_hz, longest_gap_s: see `calibrate` and `track`; a cut-off of None leaves the markers as they are.
-        plate_sides: plate names by side, where the user says which plate is which foot.
-        window, belt_speed_m_per_s, model, offsets, name, synthetic: as in the manifest.
         path: the manifest, for messages; the walk's file if None.
-        inputs: SHA-256 by file, for the record.
 
     Raises:
         InputError: see `calibrate`, `track`, `assign_plates` and `load_trial`; the body mass is not known.
@@ -174,32 +174,30 @@ def trial_from_recordings(
     path = walk.path if path is None else path
     model = model or default_model()
     force_file = walk.force_path or walk.path
-    person, person_notes = with_files(person, standing, walk)
-    notes = [*person_notes]
+    person, notes = with_files(person, standing, walk)
     if marker_map is None:
-        marker_map, note = choose_map(walk if standing is None else standing)
-        notes.append(note)
+        marker_map, more = choose_map(walk if standing is None else standing)
+        notes += more
     walk = prepared(walk, marker_map)
     notes += walk.notes
     source = walk if standing is None else standing
-    by = partial(calibrate, source, marker_map, hip=hip, model=model,
+    by = partial(calibrate, source, marker_map, hip=options.hip, model=model,
                  fulcrum_m=fulcrum_m if standing_fulcrum_m is None else standing_fulcrum_m)
     weighed = True
     if calibration is None:
         calibration, weighed = _calibrated(by, person, on_plates=bool(standing is not None and source.plates))
         notes += [f"Standing trial: {note}" for note in standing.notes] if standing is not None else []
     notes += calibration.notes
-    tracked = track(walk, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
-    if cutoff_hz is None:
-        notes.append("The markers are said to be filtered already; they were not filtered again.")
+    tracked = track(walk, calibration, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)
+    if options.cutoff_hz is None:
+        notes += say("trial", "already_filtered")
     pelvis = tracked.values[:, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]] * [1, -1, 1]
-    assignment = assign_plates(walk, tracked.time_s, tracked.feet, pelvis,
-                               stated=dict(plate_sides) if plate_sides else None)
+    assignment = assign_plates(walk, tracked.time_s, tracked.feet, pelvis, stated=options.plate_sides)
     if not weighed:
-        mass, note = mass_from_walk(walk, assignment)
+        mass, more = mass_from_walk(walk, assignment)
         calibration, _ = _calibrated(by, dataclasses.replace(person, mass_kg=mass))
-        notes.append(note)
-    subject, stated_notes = with_stated(calibration.subject, stated or {})
+        notes += more
+    subject, stated_notes = with_stated(calibration.subject, options.stated)
     calibration = dataclasses.replace(calibration, subject=subject)
     for foot, plate in assignment.plates.items():
         peak = float(plate.force_W[:, 2].max()) / (subject.mass_kg * GRAVITY)
@@ -211,17 +209,17 @@ def trial_from_recordings(
     if side not in assignment.plates:
         raise InputError(f"no plate carries the {side} (prosthetic) foot alone", file=force_file, where="forces",
                          right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None)
-    values, reach_note = reaching_pelvis(tracked, calibration, subject)
+    values, reach_notes = reaching_pelvis(tracked, calibration, subject)
     trajectory = dataclasses.replace(tracked, values=values).trajectory(person_coordinates(side), source=str(walk.path))
-    trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates, speed_m_per_s=belt_speed_m_per_s)
-    span, window_notes = trial_window(path, window, trajectory, plates, subject, assignment.unmeasured)
-    notes = list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes]))
-    missing = [f"No plate carries the {s} foot alone." for s in SIDES if s not in plates]
-    return Trial(path=path, name=name or path.stem, subject=subject, synthetic=synthetic, fulcrum_m=fulcrum_m,
-                 start_s=span[0], end_s=span[1], trajectory=trajectory, plates=plates,
-                 notes=(*notes, reach_note, *missing, *belt_notes, *window_notes), model=model,
-                 inputs=dict(inputs or {}), offsets=offsets, unmeasured=assignment.unmeasured, recording=walk,
-                 calibration=calibration, tracked=tracked, contacts=assignment.contacts)
+    trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates,
+                                                 speed_m_per_s=options.belt_speed_m_per_s)
+    span, window_notes = trial_window(path, options.window, trajectory, plates, subject, assignment.unmeasured)
+    notes = list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes])) + reach_notes
+    notes += say("trial", "no_plates", sides=[s for s in SIDES if s not in plates], alone=True)
+    return Trial(path=path, name=path.stem, subject=subject, synthetic=False, fulcrum_m=fulcrum_m, start_s=span[0],
+                 end_s=span[1], trajectory=trajectory, plates=plates, notes=(*notes, *belt_notes, *window_notes),
+                 model=model, inputs={}, unmeasured=assignment.unmeasured, recording=walk, calibration=calibration,
+                 tracked=tracked, contacts=assignment.contacts)
 
 
 def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: bool = False) -> tuple[Calibration, bool]:
@@ -249,19 +247,16 @@ def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: boo
 # people: the resultant's error changed by -0.04 to +0.02 body weights, that of the fore-aft force tripled.
 
 
-def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: Subject) -> tuple[np.ndarray, str]:
+def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: Subject
+                    ) -> tuple[np.ndarray, list[str]]:
     """`tracked.values` with another pelvis translation, for the lengths of `subject`, and a note on how far it moved.
     """
     moved = tracked.feet[subject.prosthetic_side].ankle_W - model_ankle(tracked, calibration, subject)
     values = np.array(tracked.values)
     values[:, [tracked.names.index(name) for name in PELVIS_TRANSLATIONS]] += world_to_os(moved)
-    mean, spread = 1e3 * moved.mean(axis=0), 1e3 * moved.std(axis=0)
-    note = (f"The pelvis was moved so that the model's {subject.prosthetic_side} (prosthetic) ankle is where its "
-            "markers show it: forward, left, up by "
-            + ", ".join(f"{m:+z.0f} ± {s:.0f}" for m, s in zip(mean, spread, strict=True)) + " mm.")
-    if np.sqrt(np.mean(np.sum(moved**2, axis=1))) > LARGE_M:
-        note += " That is much: the lengths of the leg or the joint centres are doubtful."
-    return values, note
+    large = np.sqrt(np.mean(np.sum(moved**2, axis=1))) > LARGE_M
+    return values, say("trial", "pelvis", side=subject.prosthetic_side, mean_mm=1e3 * moved.mean(axis=0),
+                       spread_mm=1e3 * moved.std(axis=0), large=large)
 
 
 def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subject) -> np.ndarray:

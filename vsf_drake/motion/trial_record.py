@@ -13,64 +13,46 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.contacts import Assignment, Contact
-from vsf_drake.motion.events import Span, find_stances
-from vsf_drake.motion.formats.recording import Recording
+from vsf_drake.motion.events import Span, common, find_stances
+from vsf_drake.motion.formats.recording import PlateRecording, Recording
 from vsf_drake.motion.manifest import GeometricOffsets, load_manifest, named_file
+from vsf_drake.motion.markers.person_facts import LEAST_MASS_KG, MOST_MASS_KG
 from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
-from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.schema import load_yaml
+from vsf_drake.sentences import say
 from vsf_drake.yaml_file import read_yaml
 
 LONGEST_STRIDE_S = 2.5
-LIGHTEST_KG, HEAVIEST_KG = 20.0, 250.0
 CONTRADICTED = (0.52, 1.25)
 """Share of a stated mass that plates may carry. More: over a step vertical momentum returns but for some 6 % of the
 weight (0.3 m/s in half a second), plates are gauged to a few percent, shoes and a bag weigh 10 % (a choice). Less: a
 harness or a rail may bear up to half of the weight; pounds taken for kilograms leave 0.45."""
-POUND_KG, LIKE_POUNDS = 0.45359237, 0.1
-"""What a pound is, and how near to it a ratio suggests pounds."""
+POUND_KG, LIKE_POUNDS = 0.45359237, 0.1  # what a pound is, and how near to it a ratio suggests pounds
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One recording of somebody walking, ready to drive the model. SI and radians.
+    """One recording of somebody walking, ready to drive the model. SI and radians."""
 
-    Attributes:
-        path: the manifest, or the recording where there is none.
-        name: the manifest's `name`, or its file name without suffix.
-        subject: the person.
-        synthetic: whether the recording was constructed rather than measured.
-        fulcrum_m: where the fulcrum stood, from the keel's posterior end A.
-        start_s, end_s: the window: kinematics, forces and the manifest's wish all cover it.
-        trajectory: the person's coordinates (see `motion.kinematics`), over the whole recording.
-        plates: the force on each foot by "left" and "right", over the whole recording, in the world frame
-            (x forward, y left, z up); the prosthetic side is always there, the other may be missing.
-        notes: sentences on what was assumed, filled, turned or cut.
-        model: the device's and the contact's parameters.
-        inputs: SHA-256 of every file read, by its path as the manifest writes it.
-        offsets: how the prosthesis sits under the person.
-        unmeasured: by side, when the foot stands on ground that no plate measures, so that its force is unknown though
-            `plates` says zero; known only of a trial from markers.
-        recording, calibration, tracked, contacts: what a trial from markers was made of; None and () without them.
-    """
-
-    path: Path
-    name: str
+    path: Path  # the manifest, or the recording where there is none
+    name: str  # as the manifest says, or its file's name without suffix
     subject: Subject
-    synthetic: bool
-    fulcrum_m: float
-    start_s: float
+    synthetic: bool  # constructed rather than measured
+    fulcrum_m: float  # where the fulcrum stood, from the keel's posterior end A
+    start_s: float  # the window: kinematics, forces and the manifest's wish all cover it
     end_s: float
-    trajectory: CoordinateTrajectory
-    plates: dict[str, PlateRecording]
-    notes: tuple[str, ...]
+    trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
+    plates: dict[str, PlateRecording]  # by side, over the whole recording; the prosthetic side is always there
+    notes: tuple[str, ...]  # sentences on what was assumed, filled, turned or cut
     model: ModelParameters
-    inputs: dict[str, str]
+    inputs: dict[str, str]  # SHA-256 of every file read, by its path as the manifest writes it
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
     unmeasured: dict[str, tuple[Span, ...]] = field(default_factory=dict)
-    recording: Recording | None = None
+    """By side, when the foot stands on ground that no plate measures, so that its force is unknown though `plates` says
+    zero; known only of a trial from markers."""
+    recording: Recording | None = None  # this and the rest: what a trial from markers was made of
     calibration: Calibration | None = None
     tracked: TrackedMotion | None = None
     contacts: tuple[Contact, ...] = ()
@@ -86,11 +68,7 @@ def default_model() -> ModelParameters:
 
 
 def load_subject(path: str | Path) -> Subject:
-    """Reads subject.yaml, or the subject that a trial manifest names (a file with the key `subject`).
-
-    Raises:
-        InputError: a file is missing or not what it should be; see `vsf_drake.schema.load_yaml`.
-    """
+    """Reads subject.yaml, or the subject that a trial manifest names (a file with the key `subject`)."""
     path = Path(path)
     try:
         node = read_yaml(path)
@@ -104,14 +82,12 @@ def load_subject(path: str | Path) -> Subject:
 # Body mass from the force plates of a walk.
 
 
-def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]:
+def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list[str]]:
     """Mean vertical force of both feet over a stride, in kg, and a note that says so.
 
     Over a stride the body's vertical momentum returns, so the mean force is the weight. Only strides, from one strike
     of a foot on a plate to its next, in which both feet stand on plates throughout, count; the mean of all is taken.
-
-    Raises:
-        InputError: there is no such stride, or the mass is nobody's.
+    Refused if there is no such stride, or the mass is nobody's.
     """
     time = walk.force_time_s
     vertical = sum(plate.force_W[:, 2] for plate in assignment.plates.values())
@@ -119,28 +95,22 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, str]
                for side in assignment.plates}
     strides = [(start, end) for own in strikes.values() for start, end in pairwise(own)
                if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)]
-    file, where = walk.force_path or walk.path, "mass_kg (--mass-kg)"
-    right = "State the body mass, prosthesis included"
+    place = {"file": walk.force_path or walk.path, "where": "mass_kg (--mass-kg)",
+             "right": "State the body mass, prosthesis included"}
     if len(assignment.plates) < 2 or not strides:
         raise InputError("the body mass is not stated, and there is no stride in which both feet stand on plates "
-                         "throughout", file=file, where=where, right=right)
+                         "throughout", **place)
     mass = float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides])) / GRAVITY
-    if not LIGHTEST_KG <= mass <= HEAVIEST_KG:
-        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight", file=file,
-                         where=where, right=right)
-    spans = ", ".join(f"{a:.3f} to {b:.3f} s" for a, b in strides)
-    return mass, (f"Body mass {mass:.1f} kg is the mean vertical force over {spans}, a stride; it is good to one or "
-                  "two percent: state mass_kg (--mass-kg).")
+    if not LEAST_MASS_KG <= mass <= MOST_MASS_KG:
+        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight", **place)
+    return mass, say("trial", "mass", mass_kg=mass, strides=strides)
 
 
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:
-    """Refuses a body mass that the plates contradict, where they can tell.
+    """Refuses a body mass that the plates contradict: mean vertical force over weight is outside CONTRADICTED.
 
     They tell it over steps: from the strike of one foot to that of the other, each time with the other foot on its
     plate, so that they carry the body throughout. Where there is no such step, any mass passes.
-
-    Raises:
-        InputError: mean vertical force over weight is outside CONTRADICTED.
     """
     stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
     strikes = sorted((s.start_s, side) for side, found in stances.items() for s in found if s.start_seen)
@@ -165,4 +135,4 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
 
 def _measured(span: Span, unmeasured: dict[str, tuple[Span, ...]]) -> bool:
     """Whether both feet are on plates or in the air throughout."""
-    return not any(a < span[1] and b > span[0] for spans in unmeasured.values() for a, b in spans)
+    return not any(common(span, other) for spans in unmeasured.values() for other in spans)

@@ -120,8 +120,7 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
 
 COLOURS = {"right": "#31688e", "left": "#c8553d"}
 MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
-MOST_POINTS = 1500
-"""A force curve is thinned to about this many points; peaks of walking are far wider."""
+MOST_POINTS = 1500  # a force curve is thinned to about this many points; peaks of walking are far wider
 _ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic list"),
            ("pelvis_rotation", "Pelvic rotation"), ("ankle_angle", "Ankle (dorsiflexion +)"),
            ("hip_flexion", "Hip flexion"), ("hip_adduction", "Hip adduction"),

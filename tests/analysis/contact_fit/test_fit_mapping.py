@@ -17,7 +17,7 @@ from vsf_drake.analysis.contact_fit.parameters import (
     standard_parameters,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 
 ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")

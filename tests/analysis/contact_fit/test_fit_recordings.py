@@ -12,7 +12,7 @@ import pytest
 from vsf_drake.analysis.contact_fit import ContactFit, assess
 from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_of
 from vsf_drake.errors import InputError
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 
 SERIES = ("vertical", "cop_fore_aft")
 

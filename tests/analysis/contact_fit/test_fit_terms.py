@@ -10,7 +10,7 @@ import pytest
 from vsf_drake.analysis.contact_fit import problem as module
 from vsf_drake.analysis.contact_fit.options import FitNoise
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 
 NOISE = FitNoise(fore_aft=0.01, lateral=0.02, vertical=0.03, resultant=0.04, cop_fore_aft=0.05, correlation_s=0.06)
 SERIES = ("fore_aft", "lateral", "vertical", "cop_fore_aft")

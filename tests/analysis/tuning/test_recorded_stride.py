@@ -16,7 +16,7 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY

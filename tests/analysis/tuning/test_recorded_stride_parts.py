@@ -29,8 +29,8 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.events import Stance
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.plates import PlateRecording
 from vsf_drake.parameters import Subject
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker

@@ -7,7 +7,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation.settings_walks import SPLINES, KinematicNoise, NoiseSizes, smooth_basis
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.fitted_trial import gait_phase
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from vsf_drake.analysis.validation.roll_over_section import (
     walked_shapes,
 )
 from vsf_drake.motion.events import Stance
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.plants.foot import mount_pose, sole_height
 
 

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
-from vsf_drake.motion.markers.joint_angles import COORDINATES, joint_rotation, orientations_of, segment_joint
+from vsf_drake.motion.markers.joints import COORDINATES, joint_rotation, orientations_of, segment_joint
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
 from vsf_drake.motion.markers.tracking import smooth_poses, track

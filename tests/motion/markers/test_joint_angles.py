@@ -5,7 +5,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.joint_angles import (
+from vsf_drake.motion.markers.joints import (
     COORDINATES,
     coordinates_of,
     gimbal_notes,
@@ -152,7 +152,7 @@ def test_angles_are_continuous_through_half_a_turn():
 
 def test_adduction_near_a_right_angle_is_noted():
     values = np.zeros((3, len(COORDINATES)))
-    assert gimbal_notes(values) == ()
+    assert gimbal_notes(values) == []
     values[1, COORDINATES.index("hip_adduction_l")] = 1.4
     (note,) = gimbal_notes(values)
     assert "hip_adduction_l" in note and "80 degrees" in note

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.joint_centres import (
+from vsf_drake.motion.markers.joints import (
     HIP_METHODS,
     beside,
     chord,

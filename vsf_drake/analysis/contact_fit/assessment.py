@@ -20,10 +20,10 @@ from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.analysis.sentences import say
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.sentences import say
 
 FITTED, HELD_OUT = "fitted", "held out"
 PAPER_BW = 0.053

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.gait_cycle import gait_phase
+from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import SIDES

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from vsf_drake.analysis.sentences import say
+from vsf_drake.sentences import say
 
 MARKS = ("good", "doubtful", "unusable")
 GOOD_BW, DOUBTFUL_BW = 0.03, 0.10

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.recorded_curves import (
     HARMONICS,
     FootForce,
@@ -56,9 +55,9 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     targets,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.motion.plates import GRAVITY
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.parameters import PELVIS_ROTATIONS
+from vsf_drake.parameters import GRAVITY, PELVIS_ROTATIONS
+from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 

@@ -15,7 +15,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from vsf_drake.analysis.bench_metrics import stiffness
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.bench_lines import (
     LEAST_LOAD_N,
     LOAD_N,
@@ -41,6 +40,7 @@ from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_in
 from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.foot import with_elements
+from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM
 
 PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}

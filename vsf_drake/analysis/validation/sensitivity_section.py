@@ -16,7 +16,6 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from vsf_drake.analysis.comparison import compare_sensitivity
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.sensitivity_walks import (
     AT_ONCE,
     OUTPUTS,
@@ -35,6 +34,7 @@ from vsf_drake.analysis.validation.sensitivity_walks import (
 from vsf_drake.analysis.validation.study import HELD_OUT, STEP_S, Progress, Section, Study, StudyWalk
 from vsf_drake.files import plain
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.sentences import say
 from vsf_drake.simulation.many.processes import chosen
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")

@@ -48,7 +48,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import t as student
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.settings_walks import (
     NAMES,
     OUTCOMES,
@@ -73,6 +72,7 @@ from vsf_drake.analysis.validation.study import (
 from vsf_drake.errors import InputError
 from vsf_drake.files import plain
 from vsf_drake.parameters import FootParameters
+from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 

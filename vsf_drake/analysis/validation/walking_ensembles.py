@@ -33,7 +33,7 @@ from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.sweep_table import as_walk
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, spread
 from vsf_drake.files import plain
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.results import WalkResult

@@ -14,7 +14,6 @@ from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.comparison import PERCENT, r_squared, rmse, uniform_grid
 from vsf_drake.analysis.contact_fit.assessment import FulcrumSweep
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.study import (
     FITTED,
     HELD_OUT,
@@ -44,6 +43,7 @@ from vsf_drake.errors import raise_if_interrupted
 from vsf_drake.files import plain
 from vsf_drake.motion.events import longest_run, runs
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.sentences import say
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)

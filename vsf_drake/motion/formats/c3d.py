@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.recording import RawForces, RawMarkers, RawPlate, RawTrial
+from vsf_drake.motion.formats.recording import RawPlate, RawTrial
 from vsf_drake.motion.formats.text import (
     file_length_factor,
     first_of_each,
@@ -27,66 +27,56 @@ from vsf_drake.motion.formats.text import (
     pieces,
     without_prefix,
 )
+from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label
 
-LARGEST = 1e9
-"""No force, moment or position is as large, in any unit."""
+LARGEST = 1e9  # no force, moment or position is as large, in any unit
 MASSES_KG, STATURES_M = (20.0, 250.0), (0.8, 2.5)
 MOST_FRAMES, MOST_PLATES, MOST_RECORDS = 100_000_000, 64, 100_000
-MOST_16_BITS = 65535
-"""What the header says as last frame where there are more."""
+MOST_16_BITS = 65535  # what the header says as last frame where there are more
 LOADED_N, FAR_M = 50.0, 0.3
 """A centre of pressure this far off a plate that carries so much is not on it, whatever the noise."""
 SMALLEST_M2 = 1e-3
 _BLOCK = 512
-_CHUNK = 1 << 20
-"""Bytes of the file that are converted at a time."""
+_CHUNK = 1 << 20  # bytes of the file that are converted at a time
 _INTEL, _DEC, _MIPS = 84, 85, 86
-_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
-"""Bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats."""
-_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
-"""Analog channels of each type of plate."""
+_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
+_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}  # analog channels of each type of plate
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
 _DAMAGED = "Is the file damaged?"
 
 
 def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """Reads a C3D file into its laboratory frame, SI.
-
-    Raises:
-        InputError: the file is truncated or damaged, or its unit is unknown.
-    """
+    """A C3D file in its laboratory frame, SI; refused where it is truncated or damaged, or its unit unknown."""
     c3d = _C3d(path)
     rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
         raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
     factor = file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
     notes: list[str] = []
-    start = (c3d.first_frame - 1) / rate
+    start, fast = (c3d.first_frame - 1) / rate, rate * c3d.subframes
     labels, kept = _labels(c3d, notes)
-    markers = None
+    positions = None
     if labels:
         positions = c3d.read_points(kept, length_m=factor)
         unseen = np.isnan(positions[..., 0]).all(axis=0)
         first = first_of_each(labels, notes, lambda i: bool(unseen[i]))
         if len(first) < len(labels):
             labels, positions = [labels[i] for i in first], positions[:, first]
-        markers = RawMarkers(labels, positions, rate, start)
     if c3d.subframes != c3d.stated_subframes and c3d.channels:
-        notes.append(f"The header of {path.name} says {c3d.stated_subframes} analog samples a frame; its parameters "
-                     f"and the numbers that a frame holds say {c3d.subframes}, which was used.")
+        notes += say("files", "said", file=path.name, said=f"{c3d.stated_subframes} analog samples a frame",
+                     used=f"its parameters and the numbers that a frame holds say {c3d.subframes}, which was used")
     plates = _read_plates(c3d, factor, notes)
-    if markers is None and not plates:
+    if positions is None and not plates:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
                          right=" ".join(notes) or "Export the trial with its marker labels")
-    stated, fast = c3d.number("ANALOG:RATE"), rate * c3d.subframes
+    stated = c3d.number("ANALOG:RATE")
     if plates and stated and abs(stated / fast - 1.0) > 1e-3:
-        notes.append(f"ANALOG:RATE of {path.name} says {stated:g} Hz; {c3d.subframes} samples a frame make "
-                     f"{fast:g} Hz, which was used.")
+        notes += say("files", "analog_rate", file=path.name, stated=stated, subframes=c3d.subframes, rate=fast)
     screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
     screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
-    return RawTrial(markers, RawForces(plates, fast, start) if plates else None, notes=notes,
+    return RawTrial(labels, positions, rate, start, plates, fast, start, notes=notes,
                     up=screen if screen[1:] in ("x", "y", "z") else None, person=_person(c3d, notes))
 
 
@@ -101,11 +91,8 @@ def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
     kept = [i for i, label in enumerate(labels) if label and not label.startswith("*") and label not in computed]
     left_out = [label for label in labels if label in computed and label]
-    if left_out:
-        notes.append(f"{len(left_out)} computed quantities stored as points were left out ({left_out[0]}, ...).")
-    nameless = c3d.points - len(kept) - len(left_out)
-    if nameless:
-        notes.append(f"{nameless} points of {c3d.path.name} without a label were left out.")
+    notes += say("files", "points", file=c3d.path.name, computed=left_out,
+                 nameless=c3d.points - len(kept) - len(left_out))
     short, more = without_prefix([labels[i] for i in kept])
     notes += more
     return short, kept
@@ -121,7 +108,7 @@ def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
         if fitting:
             found[key] = fitting[0]
         elif value:
-            notes.append(f"PROCESSING:{name} of {c3d.path.name} says {value:g}, which is nobody's, and was not used.")
+            notes += say("files", "person", file=c3d.path.name, name=name, value=value)
     return found
 
 
@@ -136,34 +123,33 @@ def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]
     if used > MOST_PLATES:
         raise InputError(f"{used:g} force plates are stated", file=c3d.path, where="FORCE_PLATFORM:USED",
                          right=_DAMAGED)
-    plates, broken = [], list[InputError]()
+    plates, broken = list[RawPlate](), list[InputError]()
     for i in range(int(used)):
         try:
-            plates.append(_read_plate(c3d, i, length_m, notes))
+            plate = _read_plate(c3d, i, length_m, notes)
+            plates += [plate] if plate is not None else []
         except InputError as error:
             if not (error.where or "").startswith("FORCE_PLATFORM:"):
                 raise
             broken.append(error)
-            notes.append(f"Force plate {i + 1} of {c3d.path.name} was left out, and what stood on it counts as not "
-                         f"measured: {error.where} {error.what}.")
-    found = [plate for plate in plates if plate is not None]
-    if broken and not found:
+            notes += say("files", "broken_plate", file=c3d.path.name, plate=i + 1, error=error)
+    if broken and not plates:
         raise broken[0]
-    return found
+    return plates
 
 
 def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlate | None:
     types = c3d.values("FORCE_PLATFORM:TYPE").ravel(order="F")
     kind = int(types[i]) if i < len(types) and np.isfinite(types[i]) else 0
     if kind not in _CHANNELS:
-        notes.append(f"Force plate {i + 1} of {c3d.path.name} is of type {kind}, which is not read: it was left out.")
+        notes += say("files", "unread_plate", file=c3d.path.name, plate=i + 1, kind=kind)
         return None
     corners = _of_plate(c3d, "CORNERS", i, 12).reshape(4, 3) * length_m
     x, y = corners[0] - corners[1], corners[0] - corners[3]
     z = np.cross(x, y)
     bent = float(np.linalg.norm(z)) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
     if bent or np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0 < SMALLEST_M2:
-        notes.append(f"Force plate {i + 1} of {c3d.path.name} has no corners that span a surface: it was left out.")
+        notes += say("files", "unread_plate", file=c3d.path.name, plate=i + 1, kind=None)
         return None
     channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, _CHANNELS[kind])]
     if min(channels) < 0 or max(channels) >= c3d.channels:
@@ -188,8 +174,7 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
     choice = next((choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit)
     if choice != unit:
-        notes.append(f"The moments of force plate {i + 1} were read as multiples of {choice:g} N m: as {unit:g} N m, "
-                     "which the file states, the centre of pressure would lie far off the plate.")
+        notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
     force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
     point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
     for piece in pieces(len(raw), raw.shape[1]):
@@ -240,7 +225,7 @@ def _calibration(c3d: _C3d, i: int, notes: list[str]) -> np.ndarray:
     if matrices.ndim == 2:
         matrices = matrices[:, :, None]
     if matrices.ndim != 3 or matrices.shape[0] < 6 or matrices.shape[1] < 6 or matrices.shape[2] <= i:
-        notes.append(f"Force plate {i + 1} has no calibration matrix: its channels were taken as newtons.")
+        notes += say("files", "no_calibration", plate=i + 1)
         return np.eye(6)
     return matrices[:6, :6, i]
 
@@ -259,12 +244,9 @@ def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
 
 
 class _C3d:
-    """A C3D file.
+    """A C3D file: counts of points, channels, frames (the first counts from 1) and analog samples a frame.
 
-    Attributes:
-        points, channels, subframes, frames: counts; analog channels have `subframes` samples a frame.
-        stated_subframes, rate_hz: what the header says of them, and of the rate of frames.
-        first_frame: counts from 1.
+    `stated_subframes` and `rate_hz` are what the header says.
     """
 
     def __init__(self, path: Path) -> None:
@@ -274,7 +256,7 @@ class _C3d:
             self._size = path.stat().st_size
             with open(path, "rb") as stream:
                 head = stream.read(_BLOCK)
-                if self._size == 0:
+                if not head:
                     raise InputError("the file is empty", file=path)
                 if len(head) < _BLOCK or head[1] != 0x50:
                     raise InputError("is not a C3D file", file=path, where="header",

@@ -9,21 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.sentences import say
 
-LONGEST_STEP_S, LONGEST_STEPS = 0.1, 5.0
-"""A step longer than this, or than so many median ones, is a gap."""
-LATEST_S = 1e7
-"""Seconds; four months of recording."""
-RATE_SHARE = 2e-3
-"""A stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)."""
-STEP_SHARE = 0.05
-"""A time may lie this share of a step off the even ones (clock jitter), or by its rounding."""
-FINEST_S = 5e-10
-"""Half the finest rounding that is told from a number in full."""
-TIE = 1e-6
-"""Share of half a unit within which a time lies half-way between two."""
-MOST_PROBED = 100
-"""Steps of a clock that are tried, each of which halves what is left; after 60 no number lies between."""
+LONGEST_STEP_S, LONGEST_STEPS = 0.1, 5.0  # a step longer than this, or than so many median ones, is a gap
+LATEST_S = 1e7  # seconds; four months of recording
+RATE_SHARE = 2e-3  # a stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)
+STEP_SHARE = 0.05  # a time may lie this share of a step off the even ones (clock jitter), or by its rounding
+FINEST_S = 5e-10  # half the finest rounding that is told from a number in full
+TIE = 1e-6  # share of half a unit within which a time lies half-way between two
+MOST_PROBED = 100  # steps of a clock that are tried, each of which halves what is left; after 60 no number lies between
 
 
 class EvenClock(NamedTuple):
@@ -33,12 +27,11 @@ class EvenClock(NamedTuple):
     step_s: float
     unit_s: float
 
-    def doubts(self, path: Path) -> tuple[str, ...]:
+    def doubts(self, path: Path) -> list[str]:
         """A sentence where the times are written so coarsely that they do not tell every row from the next."""
         if self.unit_s < 0.9 * self.step_s or _whole(self.step_s, np.array(self.unit_s)):
-            return ()
-        return (f"Times in {path.name} are written to {self.unit_s:g} s where rows are {self.step_s:.4g} s apart: "
-                "their even spacing was restored, but a missing row might not show.",)
+            return []
+        return say("files", "coarse_clock", file=path.name, unit_s=self.unit_s, step_s=self.step_s)
 
 
 @np.errstate(all="ignore")
@@ -105,20 +98,15 @@ def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int = 2
-                ) -> tuple[np.ndarray, tuple[str, ...]]:
+                ) -> tuple[np.ndarray, list[str]]:
     """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
 
     Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that rounding alone makes
-    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is.
-
-    Args:
-        time_s, lines: (n,) s, and the file's line of each.
-        rows: how many instants are needed.
-
-    Raises:
-        InputError: there are fewer rows; time does not increase; a step is longer than 0.1 s or five median steps.
+    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is. `lines`
+    are the file's, of each time, and `rows` how many are needed; time must increase without a step longer than 0.1 s or
+    five median steps.
     """
-    time, doubts = time_s, tuple[str, ...]()
+    time, doubts = time_s, list[str]()
     if len(time) < rows:
         raise InputError(f"has {len(time)} rows", file=path, right=f"At least {rows} are needed")
     even = even_clock(time)
@@ -142,15 +130,11 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
 
 
 def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
-              stated_hz: float | None = None) -> tuple[float, float, tuple[str, ...]]:
+              stated_hz: float | None = None) -> tuple[float, float, list[str]]:
     """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
 
-    Args:
-        time_s, lines: (n,) s, and the file's line of each.
-        stated_hz: what the header says, which is returned where the times agree.
-
-    Raises:
-        InputError: there are fewer than two rows, or the times are uneven or do not increase.
+    `lines` are the file's, of each time. The rate is `stated_hz`, which the header says, where the times agree; times
+    that are uneven or do not increase are refused.
     """
     if len(time_s) < 2:
         raise InputError(f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed")

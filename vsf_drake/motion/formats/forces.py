@@ -22,15 +22,14 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.clock import even_rate
-from vsf_drake.motion.formats.recording import RawForces, RawPlate, RawTrial
+from vsf_drake.motion.formats.recording import RawPlate, RawTrial
 from vsf_drake.motion.formats.tables import Storage, read_cortex, read_csv, read_storage
 from vsf_drake.motion.formats.text import wanted_length_factor
+from vsf_drake.sentences import say
 
 FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
-FARTHEST_M = 20.0
-"""A centre of pressure under load farther from the laboratory's origin than this is in another unit."""
-NEAREST_M = 0.02
-"""One that never leaves this distance from the origin, though in millimetres, is in metres."""
+FARTHEST_M = 20.0  # a centre of pressure under load farther from the laboratory's origin than this is in another unit
+NEAREST_M = 0.02  # one that never leaves this distance from the origin, though in millimetres, is in metres
 LARGEST_N = 20_000.0
 _POINTS = ("cop{a}{n}", "cop_{a}{n}", "cop{a}_{n}", "cop_{a}_{n}", "cop{n}_{a}", "cop{n}{a}", "p{a}{n}", "p{a}_{n}",
            "{a}{n}")
@@ -50,14 +49,10 @@ class PlateColumns:
 
 
 def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """Reads a force file into the laboratory frame.
+    """A force file in the laboratory frame.
 
-    Args:
-        length_unit: of positions and (times newton) moments, where the file or its format does not state it; tried
-            first.
-
-    Raises:
-        InputError: the file is damaged, has no force columns, or its positions are in another unit.
+    `length_unit` is that of positions and (times newton) moments, where the file or its format does not state it; it is
+    tried first. Refused if the file is damaged, has no force columns, or its positions are in another unit.
     """
     suffix = path.suffix.lower()
     table = {".forces": read_cortex, ".csv": read_csv}.get(suffix, read_storage)(path)
@@ -74,11 +69,12 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     used = {name for plate in found for name in (*plate.force, *plate.point, *plate.torque, plate.twist)}
     unused = [name for name in table.names if name not in used]
     if unused:
-        notes.append(f"Columns of {path.name} that belong to no plate were left out: {', '.join(unused)[:200]}.")
+        notes += say("files", "unused", file=path.name, names=unused)
     plates = _in_metres(table, found, length_unit, notes)
     opensim = all(plate.force[0].endswith("_vx") for plate in found)
     z_up = any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in found) or (suffix == ".csv" and not opensim)
-    return RawTrial(forces=RawForces(plates, rate, start), up_convention=None if z_up else "+y", notes=notes)
+    return RawTrial(plates=plates, force_rate_hz=rate, force_start_s=start, up_convention=None if z_up else "+y",
+                    notes=notes)
 
 
 def _in_metres(table: Storage, found: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
@@ -90,7 +86,7 @@ def _in_metres(table: Storage, found: list[PlateColumns], wanted: str | None, no
         wrong = _wrong_unit(plates, unit)
         if wrong is None:
             if unit != convention or len(set(units)) > 1:
-                notes.append(f"Positions and moments of {table.path.name} were read as multiples of {unit:g} m.")
+                notes += say("files", "force_unit", file=table.path.name, unit=unit)
             return plates
     row, name, far = wrong
     raise InputError(f"a centre of pressure {far:.4g} m from the origin is not believable", file=table.path,
@@ -122,15 +118,10 @@ def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate
         raise InputError(f"a force of {size[row]:.4g} N is not believable", file=table.path,
                          where=f"line {table.lines[row]}, plate {plate.name}", right="Newtons are needed")
     loaded = size > THRESHOLD_N
-
-    def numbers(name: str | None) -> np.ndarray:
-        values = np.zeros(len(force)) if name is None else np.where(loaded, table.column(name, rows=loaded), 0.0)
-        return values * length_m
-
-    point, torque = (np.column_stack([numbers(name) for name in names]) for names in (plate.point, plate.torque))
+    point, torque, twist = (length_m * table.vectors(names, loaded) for names in
+                            (plate.point, plate.torque, (plate.twist,)))
     has_point = sum(name is not None for name in plate.point) >= 2
-    twist = None if plate.twist is None else numbers(plate.twist)
-    return RawPlate(plate.name, force, point if has_point else None, torque, twist)
+    return RawPlate(plate.name, force, point if has_point else None, torque, twist[:, 0] if plate.twist else None)
 
 
 def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:

@@ -8,34 +8,29 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.motion.events import THRESHOLD_N, common
 from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
-from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawPlate, RawTrial, Recording, floor_load
+from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
 from vsf_drake.motion.formats.text import pieces, turn
+from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
 LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = 10.0, 0.02, 0.25, 200.0
 """Markers of one person never reach farther, nor less far (a dozen markers), nor lie farther from the origin."""
 AXES = "xyz"
-TRAVEL_M = 0.5
-"""A person whose markers travel farther than this walks through the laboratory."""
-LEVEL = 0.999
-"""Cosine of the tilt (2.6 degrees) up to which a plate is level."""
-WHOLE_MARKERS = 12
-"""So many markers are taken for a person's (both legs at least), who extends most along the vertical."""
+TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
+LEVEL = 0.999  # cosine of the tilt (2.6 degrees) up to which a plate is level
+WHOLE_MARKERS = 12  # so many markers are taken for a person's (both legs at least), who extends most along the vertical
 NARROW = 0.6
 """A standing or walking person's height is never less than this share of their length or width (arms spread)."""
 BELOW_M = 0.3
 """Markers whose lowest lies this far below the floor, and whose middle is below it too, stand on their head."""
 STRONG_N = 100.0
-BASELINE_N = 5.0
-"""An unloaded plate that shows more than this was not zeroed."""
-FLOOR_M = 0.02
-"""Plates this near z = 0 lie in the floor at 0; farther ones show where the floor is."""
-VERTICAL_SHARE = 0.8
-"""Of a walking person's ground reaction, at its strongest, this share at least is vertical."""
+BASELINE_N = 5.0  # an unloaded plate that shows more than this was not zeroed
+FLOOR_M = 0.02  # plates this near z = 0 lie in the floor at 0; farther ones show where the floor is
+VERTICAL_SHARE = 0.8  # of a walking person's ground reaction, at its strongest, this share at least is vertical
 
 
 def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | None = None,
@@ -85,30 +80,30 @@ def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
     read = read_c3d if path.suffix.lower() == ".c3d" else read_trc
     trial = read(path, length_unit=length_unit)
     try:
-        _check_size(trial.markers, path)
+        _check_size(trial, path)
     except InputError as wrong:
         if length_unit is None:
             raise
         try:
             trial = read(path)
-            _check_size(trial.markers, path)
+            _check_size(trial, path)
         except InputError:
             raise wrong from None
-        trial.notes.append(f"{path.name} was read in the unit that it states: in {length_unit} it would show nobody.")
+        trial.notes += say("files", "own_unit", file=path.name, unit=length_unit)
     return trial
 
 
-def _check_size(markers: RawMarkers | None, path: Path) -> None:
+def _check_size(trial: RawTrial, path: Path) -> None:
     """Refuses markers that reach over more or less than a person does: their unit is wrong."""
-    if markers is None:
+    if trial.positions is None:
         return
-    reach = float(np.linalg.norm(_extents(markers.positions)))
-    smallest = SMALLEST_WHOLE_M if len(markers.labels) >= WHOLE_MARKERS else SMALLEST_M
-    if np.isfinite(reach) and (reach > LARGEST_M or (len(markers.labels) >= 3 and reach < smallest)):
+    reach, count = float(np.linalg.norm(_extents(trial.positions))), len(trial.labels)
+    smallest = SMALLEST_WHOLE_M if count >= WHOLE_MARKERS else SMALLEST_M
+    if np.isfinite(reach) and (reach > LARGEST_M or (count >= 3 and reach < smallest)):
         raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
                          right="The stated unit is wrong: give laboratory.length_unit (--length-unit)")
-    farthest = max(np.fmax.reduce(markers.positions, axis=None, initial=0.0),
-                   -np.fmin.reduce(markers.positions, axis=None, initial=0.0))
+    farthest = max(np.fmax.reduce(trial.positions, axis=None, initial=0.0),
+                   -np.fmin.reduce(trial.positions, axis=None, initial=0.0))
     if farthest > FARTHEST_M:
         raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
                          right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)")
@@ -116,41 +111,39 @@ def _check_size(markers: RawMarkers | None, path: Path) -> None:
 
 def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
     """Adds the plates of a force file to a trial that has none."""
-    if trial.forces is not None:
-        raise InputError(f"has {len(trial.forces.plates)} force plates of its own", file=path, where="forces",
+    if trial.plates:
+        raise InputError(f"has {len(trial.plates)} force plates of its own", file=path, where="forces",
                          right=f"Leave {force_path.name} out")
     if force_path.suffix.lower() not in FORCE_FILES:
         raise InputError("is no force file", file=force_path, right=f"Use {', '.join(FORCE_FILES)}")
     more = read_forces(force_path, length_unit=length_unit)
-    trial.forces = more.forces
+    trial.plates, trial.force_rate_hz, trial.force_start_s = more.plates, more.force_rate_hz, more.force_start_s
     trial.notes += more.notes
-    markers, plates = trial.markers, trial.forces
-    if markers is None or plates is None:
+    if trial.positions is None:
         return
-    if plates.start_s is None:
-        plates.start_s = markers.start_s
-        trial.notes.append(f"{force_path.name} has no times: its first sample was taken as that of the first frame.")
-    seen = (markers.start_s, markers.start_s + (len(markers.positions) - 1) / markers.rate_hz)
-    felt = (plates.start_s, plates.start_s + (len(plates.plates[0].force) - 1) / plates.rate_hz)
-    start, end = max(seen[0], felt[0]), min(seen[1], felt[1])
-    if end <= start:
+    if trial.force_start_s is None:
+        trial.force_start_s = trial.marker_start_s
+        trial.notes += say("files", "untimed", file=force_path.name)
+    seen, felt = ((start, start + (samples - 1) / rate) for start, samples, rate in (
+        (trial.marker_start_s, len(trial.positions), trial.marker_rate_hz),
+        (trial.force_start_s, len(trial.plates[0].force), trial.force_rate_hz)))
+    both = common(seen, felt)
+    if both is None:
         raise InputError(f"covers {felt[0]:g} to {felt[1]:g} s, the markers {seen[0]:g} to {seen[1]:g} s",
                          file=force_path, right="Markers and forces must overlap in time: are they of one trial?")
-    if max(abs(seen[0] - felt[0]), abs(seen[1] - felt[1])) > 1.0 / markers.rate_hz:
-        trial.notes.append(f"Markers cover {seen[0]:g} to {seen[1]:g} s, forces {felt[0]:g} to {felt[1]:g} s: both "
-                           f"are there from {start:g} to {end:g} s.")
+    if max(abs(seen[0] - felt[0]), abs(seen[1] - felt[1])) > 1.0 / trial.marker_rate_hz:
+        trial.notes += say("files", "cover", seen=seen, felt=felt, both=both)
 
 
 def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
               forward: str | None) -> Recording:
-    notes, marked, felt = trial.notes, trial.markers, trial.forces
+    notes, waiting, with_plates = trial.notes, trial.plates, bool(trial.plates)
     rotation = _rotation_to_world(trial, path, up=up, forward=forward)
-    raw, waiting = [], felt.plates if felt else []
+    raw = []
     while waiting:  # one plate at a time, so that memory holds no second copy of all
         raw.append(_rotated(waiting.pop(0), rotation, force_path or path, notes))
     floor = _floor_height(raw, force_path or path)
-    if floor:
-        notes.append(f"The force plates lie at {1e3 * floor:.0f} mm: this was taken as the floor, z = 0.")
+    notes += say("files", "floor", height_m=floor) if floor else []
     for plate in raw:
         for points in (plate.point, plate.corners):
             if points is not None:
@@ -158,16 +151,17 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
     plates: list[Plate] = []
     while raw:
         plates.append(_on_the_floor(raw.pop(0), notes))
-    notes += [f"Plates {one.name} and {other.name} overlap: their corners may be wrong."
-              for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)]
+    notes += [note for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)
+              for note in say("files", "overlap", one=one.name, other=other.name)]
     markers: dict[str, np.ndarray] = {}
-    for k, label in enumerate(marked.labels if marked else ()):
-        markers[label] = marked.positions[:, k]
+    for k, label in enumerate(trial.labels if trial.positions is not None else ()):
+        markers[label] = trial.positions[:, k]
         turn(markers[label], rotation)
         markers[label][:, 2] -= floor
-    return Recording(path, markers, marked.rate_hz if marked else None, tuple(plates),
-                     felt.rate_hz if felt else None, marked.start_s if marked else 0.0,
-                     (felt.start_s or 0.0) if felt else 0.0, force_path, rotation, tuple(notes), trial.person)
+    return Recording(path, markers, None if trial.positions is None else trial.marker_rate_hz, tuple(plates),
+                     trial.force_rate_hz if with_plates else None, trial.marker_start_s,
+                     (trial.force_start_s or 0.0) if with_plates else 0.0, force_path, rotation, tuple(notes),
+                     trial.person)
 
 
 # From a laboratory's axes to the world frame: which way is up, which way the person goes.
@@ -191,14 +185,10 @@ def axis_name(vector: np.ndarray) -> str:
 
 
 def _rotation_to_world(trial: RawTrial, path: Path, *, up: str | None, forward: str | None) -> np.ndarray:
-    """(3, 3) that takes a vector of the laboratory frame to W, with notes on how it was chosen.
-
-    Refused if `up` or `forward` is no axis, they are not perpendicular, nothing tells the vertical, or the markers
-    contradict it.
-    """
+    """(3, 3) that takes a vector of the laboratory frame to W, with notes on how it was chosen."""
     vertical = _axis_vector(up, "laboratory.up (--up)") if up is not None else _vertical(trial, path)
-    if trial.markers is not None:
-        _check_upright(trial.markers, vertical, path)
+    if trial.positions is not None:
+        _check_upright(trial.positions, vertical, path)
     where = "laboratory.forward (--forward)"
     ahead = _ahead(trial, vertical) if forward is None else _axis_vector(forward, where)
     if abs(ahead @ vertical) > 0.5:
@@ -209,20 +199,15 @@ def _rotation_to_world(trial: RawTrial, path: Path, *, up: str | None, forward: 
 
 def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
     """As the file states it, else normal to the plates, else by the format's convention."""
-    normals = np.abs([_normal(p.corners) for p in (trial.forces.plates if trial.forces else [])
-                      if p.corners is not None]).reshape(-1, 3)
+    normals = np.abs([_normal(p.corners) for p in trial.plates if p.corners is not None]).reshape(-1, 3)
     axis = int(np.argmax(normals.sum(axis=0)))
     normal = np.eye(3)[axis] if len(normals) and (normals[:, axis] > LEVEL).all() else None
     if trial.up is not None:
         stated = _axis_vector(trial.up, "Y_SCREEN")
         if normal is None or abs(stated @ normal) > LEVEL:
             return stated
-        trial.notes.append(f"{path.name} states {trial.up} as the screen's vertical, but its force plates lie across "
-                           f"{axis_name(normal)}: this was taken as up.")
-        return normal
     if normal is not None:
-        trial.notes.append(f"{path.name} does not state the vertical; its force plates lie across {axis_name(normal)}, "
-                           "which was taken as up.")
+        trial.notes += say("files", "vertical", file=path.name, axis=axis_name(normal), screen=trial.up)
         return normal
     if trial.up_convention is not None:
         return _axis_vector(trial.up_convention, "up")
@@ -241,9 +226,9 @@ def _extents(positions: np.ndarray) -> np.ndarray:
     return np.median(np.nanmax(some, axis=1) - np.nanmin(some, axis=1), axis=0) if len(some) else np.full(3, np.nan)
 
 
-def _check_upright(markers: RawMarkers, vertical: np.ndarray, path: Path) -> None:
-    reach = _extents(markers.positions)
-    if len(markers.labels) < WHOLE_MARKERS or not np.isfinite(reach).all():
+def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> None:
+    reach = _extents(positions)
+    if positions.shape[1] < WHOLE_MARKERS or not np.isfinite(reach).all():
         return
     along = reach[int(np.argmax(np.abs(vertical)))]
     if along < NARROW * reach.max():
@@ -251,7 +236,7 @@ def _check_upright(markers: RawMarkers, vertical: np.ndarray, path: Path) -> Non
         raise InputError(f"the markers extend {reach.max():.2f} m along {tall} and only {along:.2f} m along "
                          f"{axis_name(vertical)}, which was taken as up", file=path,
                          right=f"Give laboratory.up (--up), probably {tall}")
-    heights = markers.positions[::max(1, len(markers.positions) // 200)] @ vertical
+    heights = positions[::max(1, len(positions) // 200)] @ vertical
     seen = ~np.isnan(heights).all(axis=1)
     lowest, middle = np.median(np.nanmin(heights[seen], axis=1)), np.nanmedian(heights)
     if lowest < -BELOW_M and middle < 0.0:
@@ -265,22 +250,19 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
     The markers' travel is the median of their own from their first to their last place, gaps left out.
     """
     own = np.eye(3)[0] if abs(vertical[0]) < 0.5 else np.eye(3)[1]
-    if trial.markers is None:
+    if trial.positions is None:
         return own
     travels = []
-    for place in trial.markers.positions.transpose(1, 0, 2):
+    for place in trial.positions.transpose(1, 0, 2):
         seen = np.flatnonzero(~np.isnan(place[:, 0]))
         if len(seen) >= 2 and seen[-1] - seen[0] >= 0.2 * len(place):
             travels.append(place[seen[-1]] - place[seen[0]])
     way = np.median(travels, axis=0) if travels else np.zeros(3)
     way = way - (way @ vertical) * vertical
-    if np.linalg.norm(way) <= TRAVEL_M:
-        trial.notes.append(f"The markers do not travel: forward is the laboratory's {axis_name(own)}.")
-        return own
     i = int(np.argmax(np.abs(way)))
-    ahead = np.sign(way[i]) * np.eye(3)[i]
-    trial.notes.append(f"Forward is the laboratory's {axis_name(ahead)}, along which the markers travel "
-                       f"{abs(way[i]):.2f} m.")
+    walks = np.linalg.norm(way) > TRAVEL_M
+    ahead = np.sign(way[i]) * np.eye(3)[i] if walks else own
+    trial.notes += say("files", "forward", axis=axis_name(ahead), travel_m=abs(way[i]) if walks else None)
     return ahead
 
 
@@ -288,10 +270,7 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
 
 
 def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
-    """The plate in W, its force that on the person; the arrays given are those changed.
-
-    Refused if the force is not mainly vertical, or a loaded plate is not level.
-    """
+    """The plate in W, its force that on the person, mainly vertical; the arrays given are those changed."""
     force, torque, point = plate.force, plate.torque, plate.point
     for vectors in (force, torque, point):
         if vectors is not None:
@@ -315,8 +294,7 @@ def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[st
         if mean[2] < 0.0:
             np.negative(force, out=force)
             np.negative(torque, out=torque)
-            notes.append(f"The force of plate {plate.name} points down: it was taken as the person's on the plate and "
-                         "turned.")
+            notes += say("files", "turned", plate=plate.name)
     return RawPlate(plate.name, force, point, torque, corners=corners)
 
 
@@ -344,32 +322,24 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
     """Force, centre of pressure on z = 0 and free moment of a plate in W, with notes on what looks wrong."""
     vertical, corners = plate.force[:, 2], plate.corners
     loaded, strong = vertical > THRESHOLD_N, vertical > STRONG_N
-    cop, moment = np.full((len(vertical), 3), np.nan), np.zeros(len(vertical))
-    if plate.point is not None:
+    cop, moment, height, outside = np.full((len(vertical), 3), np.nan), np.zeros(len(vertical)), 0.0, 0.0
+    if plate.point is None:
+        moment[loaded] = plate.torque[loaded, 2]
+    else:
         point = np.broadcast_to(plate.point, plate.force.shape)
         for piece in pieces(len(vertical)):
             on = loaded[piece]
             cop[piece][on], moment[piece][on] = floor_load(
                 point[piece][on], plate.force[piece][on], plate.torque[piece][on])
         height = float(np.median(point[loaded, 2])) if loaded.any() else 0.0
-        if abs(height) > 1e-3:
-            notes.append(f"Plate {plate.name} lies at {1e3 * height:.1f} mm: its centre of pressure was taken to the "
-                         "floor at 0.")
-    else:
-        moment[loaded] = plate.torque[loaded, 2]
-        notes.append(f"There is no centre of pressure for plate {plate.name}.")
     peak = vertical.max(initial=0.0)
     unloaded = vertical < (0.1 * peak if peak > STRONG_N else STRONG_N)
     rest = np.median(plate.force[unloaded], axis=0) if unloaded.sum() >= max(1.0, 0.05 * len(vertical)) else np.zeros(3)
-    if np.linalg.norm(rest) > BASELINE_N:
-        notes.append(f"Plate {plate.name} shows ({rest[0]:.1f}, {rest[1]:.1f}, {rest[2]:.1f}) N while it is unloaded; "
-                     "nothing was subtracted.")
     if corners is not None and strong.any():
         low, high = corners[:, :2].min(axis=0) - FLOOR_M, corners[:, :2].max(axis=0) + FLOOR_M
         outside = ((cop[strong, :2] < low) | (cop[strong, :2] > high)).any(axis=1).mean()
-        if outside > 0.05:
-            notes.append(f"The centre of pressure of plate {plate.name} lies off the plate in {100 * outside:.0f} % of "
-                         "the loaded samples: its corners, origin or units may be wrong.")
+    notes += say("files", "plate", name=plate.name, cop=plate.point is not None, height_m=height, outside=outside,
+                 rest=rest if np.linalg.norm(rest) > BASELINE_N else None)
     return Plate(plate.name, plate.force, cop, moment, corners)
 
 

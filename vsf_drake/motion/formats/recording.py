@@ -13,51 +13,41 @@ SIDES = ("right", "left")
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """One force plate, in W (x forward, y left, z up, floor at z = 0).
+    """One force plate, in W (x forward, y left, z up, floor at z = 0)."""
 
-    Attributes:
-        name: how the file calls it, or "1", "2", ... in the file's order.
-        force_n: (samples, 3) N, on the person.
-        cop_m: (samples, 3) m, centre of pressure on the floor (z = 0); NaN where the plate carries 20 N or less, or
-            where the file has none.
-        free_moment_nm: (samples,) N m on the person about the vertical through the centre of pressure, up +;
-            zero where the plate carries 20 N or less.
-        corners_m: (4, 3) m of the plate's surface; None where the file does not say.
-    """
+    name: str  # how the file calls it, or "1", "2", ... in the file's order
+    force_n: np.ndarray  # (samples, 3) N, on the person
+    cop_m: np.ndarray  # (samples, 3) m on the floor (z = 0); NaN where it carries 20 N or less, or the file has none
+    free_moment_nm: np.ndarray  # (samples,) about the vertical through the centre of pressure, up +; zero up to 20 N
+    corners_m: np.ndarray | None = None  # (4, 3) of the plate's surface, if the file says
 
-    name: str
-    force_n: np.ndarray
-    cop_m: np.ndarray
-    free_moment_nm: np.ndarray
-    corners_m: np.ndarray | None = None
+
+@dataclass(frozen=True, eq=False)
+class PlateRecording:
+    """What the ground did to one foot, in the world frame W (x forward, y left, z up, ground z = 0)."""
+
+    time_s: np.ndarray  # (n,)
+    force_W: np.ndarray  # (n, 3) N, acting on the person
+    cop_W: np.ndarray  # (n, 3) m, z = 0; NaN where the load is 20 N or less, or `has_cop` is False
+    free_moment_nm: np.ndarray  # (n,) about the vertical through the centre of pressure, up +; zero up to 20 N
+    has_cop: bool  # whether the file has a centre of pressure
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Markers and plates of one file, or of a marker file and its force file. SI, world frame W.
-
-    Attributes:
-        path, force_path: the file, and the force file where it is another one.
-        markers: (frames, 3) m by label, NaN in gaps, in the file's order.
-        marker_rate_hz, force_rate_hz: frames and samples per second; None without markers or plates.
-        marker_start_s, force_start_s: time of the first frame and, on the same clock, of the first sample.
-        plates: in the file's order, all sampled alike.
-        rotation_W: (3, 3) takes a vector of the file's laboratory frame to W.
-        notes: sentences on what was assumed (units, axes, doubled labels, ...).
-        person: what the file states of `mass_kg` and `stature_m`.
-    """
+    """Markers and plates of one file, or of a marker file and its force file. SI, world frame W."""
 
     path: Path
-    markers: dict[str, np.ndarray]
-    marker_rate_hz: float | None
-    plates: tuple[Plate, ...] = ()
-    force_rate_hz: float | None = None
+    markers: dict[str, np.ndarray]  # (frames, 3) m by label, NaN in gaps, in the file's order
+    marker_rate_hz: float | None  # None without markers
+    plates: tuple[Plate, ...] = ()  # in the file's order, all sampled alike
+    force_rate_hz: float | None = None  # None without plates
     marker_start_s: float = 0.0
-    force_start_s: float = 0.0
-    force_path: Path | None = None
-    rotation_W: np.ndarray = field(default_factory=lambda: np.eye(3))
-    notes: tuple[str, ...] = ()
-    person: Mapping[str, float] = field(default_factory=dict)
+    force_start_s: float = 0.0  # on the same clock
+    force_path: Path | None = None  # where the forces are in another file
+    rotation_W: np.ndarray = field(default_factory=lambda: np.eye(3))  # takes a vector of the laboratory frame to W
+    notes: tuple[str, ...] = ()  # sentences on what was assumed (units, axes, doubled labels, ...)
+    person: Mapping[str, float] = field(default_factory=dict)  # `mass_kg` and `stature_m`, if the file states them
 
     @property
     def frames(self) -> int:
@@ -81,59 +71,31 @@ class Recording:
 
 @dataclass(eq=False)
 class RawPlate:
-    """One plate's load as force and torque about a point.
-
-    Attributes:
-        force: (n, 3) N; on the person or on the plate, which its direction tells later.
-        point: (n, 3) m, or (3,) where it is the same throughout, or None where the file has none.
-        torque: (n, 3) N m about `point`, free moment included.
-        twist: (n,) N m, added to the torque about the vertical, for files that give only this.
-        corners: (4, 3) m, or None.
-    """
+    """One plate's load as force and torque about a point."""
 
     name: str
-    force: np.ndarray
-    point: np.ndarray | None
-    torque: np.ndarray
-    twist: np.ndarray | None = None
-    corners: np.ndarray | None = None
-
-
-@dataclass(eq=False)
-class RawMarkers:
-    """Markers as (frames, markers, 3) m, NaN in gaps, with rate (1/s) and time of the first frame (s)."""
-
-    labels: list[str]
-    positions: np.ndarray
-    rate_hz: float
-    start_s: float
-
-
-@dataclass(eq=False)
-class RawForces:
-    """Plates sampled alike; `start_s` is None where the file has no clock of its own."""
-
-    plates: list[RawPlate]
-    rate_hz: float
-    start_s: float | None
+    force: np.ndarray  # (n, 3) N; on the person or on the plate, which its direction tells later
+    point: np.ndarray | None  # (n, 3) m, or (3,) where it is the same throughout; None where the file has none
+    torque: np.ndarray  # (n, 3) N m about `point`, free moment included
+    twist: np.ndarray | None = None  # (n,) N m more about the vertical, for files that give only this
+    corners: np.ndarray | None = None  # (4, 3) m
 
 
 @dataclass(eq=False)
 class RawTrial:
-    """A file's content.
+    """A file's content."""
 
-    Attributes:
-        up: the signed axis such as "+z" that the file states for the vertical; None where it states none.
-        up_convention: the vertical of this format where the file states none; None where there is no convention.
-        person: what the file states of `mass_kg` and `stature_m`.
-    """
-
-    markers: RawMarkers | None = None
-    forces: RawForces | None = None
-    up: str | None = None
-    up_convention: str | None = None
+    labels: list[str] = field(default_factory=list)
+    positions: np.ndarray | None = None  # (frames, markers, 3) m, NaN in gaps; None without markers
+    marker_rate_hz: float = 1.0
+    marker_start_s: float = 0.0
+    plates: list[RawPlate] = field(default_factory=list)
+    force_rate_hz: float = 1.0
+    force_start_s: float | None = None  # None where the file has no clock of its own
+    up: str | None = None  # the signed axis such as "+z" that the file states for the vertical
+    up_convention: str | None = None  # the vertical of this format where the file states none
     notes: list[str] = field(default_factory=list)
-    person: dict[str, float] = field(default_factory=dict)
+    person: dict[str, float] = field(default_factory=dict)  # what the file states of `mass_kg` and `stature_m`
 
 
 # Between W and OpenSim's frame (x forward, y up, z right); and the same load wherever its moment was taken.
@@ -152,10 +114,8 @@ def world_to_os(vectors: np.ndarray) -> np.ndarray:
 def floor_load(point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where on z = 0 a load has a moment about the vertical only, (n, 3) m, and that moment, (n,) N m, up +.
 
-    World frame W. With r = centre - point: torque = r x force + (0, 0, moment) and r_z = -point_z.
-
-    Args:
-        point, force, torque: (n, 3) m, N with a vertical component that is not zero, and N m about `point`.
+    World frame W. With r = centre - point: torque = r x force + (0, 0, moment) and r_z = -point_z. All (n, 3); the
+    vertical force is not zero.
     """
     r_z = -point[:, 2]
     r_x = (r_z * force[:, 0] - torque[:, 1]) / force[:, 2]

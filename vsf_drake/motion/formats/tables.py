@@ -16,7 +16,7 @@ import difflib
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.clock import even_rate
-from vsf_drake.motion.formats.recording import Plate, RawMarkers, RawTrial, world_to_os
+from vsf_drake.motion.formats.recording import Plate, RawTrial, world_to_os
 from vsf_drake.motion.formats.text import (
     file_length_factor,
     first_of_each,
@@ -35,13 +35,13 @@ from vsf_drake.motion.formats.text import (
     pieces,
     without_prefix,
 )
+from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
 LARGEST = 1e9
 """No number of a recording is as large, in any unit; what programs write for a marker that was not seen is larger."""
 MOST_MARKERS = 20_000
-_HEADER_LINES = 50
-"""Lines that may stand above the labels of a CSV or Cortex file."""
+_HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
 _HEADER_KEYS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
 _FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
@@ -49,37 +49,21 @@ _FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec":
 
 @dataclass(frozen=True, eq=False)
 class Storage:
-    """One table, in its own units and frame; in SI where the file states its units.
-
-    Attributes:
-        names: the m labels, without `time`.
-        time_s: (n,) s; not yet checked for order or gaps (see `formats.clock`).
-        values: (n, m); NaN where the file has a blank, "nan" or something that is no number.
-        in_degrees: what the header says about angles; None where it says nothing.
-        lines: (n,) the line of the file on which each row stands, from 1.
-        oddities: what stands in the cells whose value is not finite, by (row, column).
-        notes: what is odd in the file but does no harm.
-        length_m: metres in the unit of positions that the file or its format states; None where none is.
-        rate_hz: of a file that states it and has no clock of its own.
-    """
+    """One table, in its own units and frame; in SI where the file states its units."""
 
     path: Path
-    names: tuple[str, ...]
-    time_s: np.ndarray
-    values: np.ndarray
-    in_degrees: bool | None
-    lines: np.ndarray
-    oddities: dict[tuple[int, int], str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    length_m: float | None = None
-    rate_hz: float | None = None
+    names: tuple[str, ...]  # the m labels, without `time`
+    time_s: np.ndarray  # (n,); not yet checked for order or gaps (see `formats.clock`)
+    values: np.ndarray  # (n, m); NaN where the file has a blank, "nan" or something that is no number
+    in_degrees: bool | None  # what the header says about angles; None where it says nothing
+    lines: np.ndarray  # (n,) the line of the file on which each row stands, from 1
+    oddities: dict[tuple[int, int], str] = field(default_factory=dict)  # cells not finite, as they stand, by place
+    notes: tuple[str, ...] = ()  # what is odd in the file but does no harm
+    length_m: float | None = None  # metres in the unit of positions that the file or its format states
+    rate_hz: float | None = None  # of a file that states it and has no clock of its own
 
     def column(self, name: str, *, rows: np.ndarray | None = None, most: float = LARGEST) -> np.ndarray:
-        """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite numbers up to `most`.
-
-        Raises:
-            InputError: there is no such column, or a cell holds no finite number, with line, time and column.
-        """
+        """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite numbers up to `most`."""
         if name not in self.names:
             near = difflib.get_close_matches(name, self.names, n=1)
             raise InputError("there is no such column", file=self.path, where=f"column {name}",
@@ -96,13 +80,18 @@ class Storage:
                 where=self.place(row, name), right="Numbers need a decimal point" if "," in text else None)
         return values
 
+    def vectors(self, names: Sequence[str | None], rows: np.ndarray) -> np.ndarray:
+        """(n, len(names)): columns that are numbers in `rows`; zero elsewhere, and where there is no name."""
+        return np.column_stack([np.zeros(len(self.time_s)) if name is None else
+                                np.where(rows, self.column(name, rows=rows), 0.0) for name in names])
+
     def place(self, row: int, name: str) -> str:
         """Where a cell is, for messages: line, time and column."""
         return f"line {self.lines[row]}, time {self.time_s[row]:g} s, column {name}"
 
 
 def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray, oddities: dict[tuple[int, int], str],
-           *, notes: tuple[str, ...] = (), in_degrees: bool | None = None) -> Storage:
+           *, notes: Sequence[str] = (), in_degrees: bool | None = None) -> Storage:
     """The table of which every column stands once; the first is time."""
     if not len(numbers):
         raise InputError("there are no rows of numbers", file=path)
@@ -121,11 +110,7 @@ def read_storage(path: str | Path) -> Storage:
 
     Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns nobody needs do no
     harm. A wrong number of columns in the header is only noted where labels and rows agree: files from which columns
-    were taken out are common, and OpenSim reads them.
-
-    Raises:
-        InputError: the file is missing or no text; `endheader` or the labels are missing; the number of rows differs
-            from what the header says; a row is shorter or longer than the labels; a time is not a number.
+    were taken out are common, and OpenSim reads them. Other damage is refused, with its line.
     """
     path = Path(path)
     lines = text_lines(path, needed="An OpenSim .mot or .sto file is needed")
@@ -154,8 +139,8 @@ def read_storage(path: str | Path) -> Storage:
             raise InputError(f"the header says {stated} rows, the file has {len(numbers)}", file=path,
                              where=f"line {number}",
                              right="Is the file truncated?" if stated > len(numbers) else None)
-    notes = tuple(f"Line {number} of {path.name} says {stated} columns; labels and all rows have {len(labels)}."
-                  for kind, stated, number in counts if kind == "columns" and stated != len(labels))
+    notes = [note for kind, stated, number in counts if kind == "columns" and stated != len(labels)
+             for note in say("files", "columns", file=path.name, line=number, stated=stated, labels=len(labels))]
     return _table(path, labels, numbers, places, oddities, notes=notes, in_degrees=in_degrees)
 
 
@@ -180,13 +165,8 @@ def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...
                   in_degrees: bool = False, title: str | None = None) -> None:
     """Writes a table that OpenSim reads, in full precision; an existing file is replaced at the end.
 
-    Args:
-        time_s, names, values: (n,) s, m labels without `time`, (n, m) in the units that the file's user expects.
-        in_degrees: whether the angles among `values` are in degrees.
-        title: first line of the file; the file's name if None.
-
-    Raises:
-        ValueError: the shapes do not fit, or a label is empty, doubled, `time` or holds a tab.
+    (n,) s, m labels without `time`, and (n, m) values, of which `in_degrees` says the angles' unit. `title` is the
+    file's first line, its name if None.
     """
     time_s, values = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
     if time_s.ndim != 1 or values.shape != (len(time_s), len(names)):
@@ -223,12 +203,7 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
 
 
 def read_csv(path: Path) -> Storage:
-    """Reads a table of forces. Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them.
-
-    Raises:
-        InputError: there is no row of labels that begins with time, a column has no label, a row does not fit, a cell
-            is no number (a decimal comma among them), or a unit is unknown.
-    """
+    """A table of forces. Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them."""
     lines: Iterator[tuple[int, str]] = text_lines(path)
     labels, separator, number = _csv_labels(lines, path)
     units = [""] * len(labels)
@@ -302,11 +277,7 @@ def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple
 
 
 def read_cortex(path: Path) -> Storage:
-    """Reads a .forces file of Cortex.
-
-    Raises:
-        InputError: labels or rate are missing, a row does not fit, samples are missing.
-    """
+    """A .forces file of Cortex."""
     lines = text_lines(path)
     head: dict[str, str] = {}
     for number, line in lines:
@@ -342,18 +313,14 @@ def read_cortex(path: Path) -> Storage:
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """Reads a TRC file into its laboratory frame (by convention y up), metres, NaN where a marker was not seen.
-
-    Raises:
-        InputError: no TRC file; fewer rows than the header says; a row or cell that is none; uneven times; an unknown
-            unit.
-    """
+    """A TRC file in its laboratory frame (by convention y up), metres, NaN where a marker was not seen."""
     lines = text_lines(path)
     header, labels, label_line = _trc_header(lines, path)
     labels, notes = without_prefix(labels)
     count, frames, stated = (_stated(header, key) for key in ("nummarkers", "numframes", "datarate"))
     if count is not None and int(count) != len(labels):
-        notes.append(f"The header of {path.name} says {count:.0f} markers; there are {len(labels)} labels.")
+        notes += say("files", "said", file=path.name, said=f"{count:.0f} markers",
+                     used=f"there are {len(labels)} labels")
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
     table, places, cut = table_rows(
@@ -364,17 +331,17 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         raise InputError(f"no row has as many cells as {len(labels)} markers need", file=path,
                          where=f"line {label_line}", right="Labels and columns must fit")
     if cut:
-        notes.append(f"{cut} rows of {path.name} end before the last marker, which was taken as not seen there.")
+        notes += say("files", "cut_rows", file=path.name, rows=cut)
     if frames is not None and frames > len(table):
         raise InputError(f"the header says {frames:.0f} frames, the file has {len(table)}", file=path,
                          where="line 3, NumFrames", right="Is the file truncated?")
     if frames is not None and frames < len(table):
-        notes.append(f"The header of {path.name} says {frames:.0f} frames; all {len(table)} were read.")
+        notes += say("files", "said", file=path.name, said=f"{frames:.0f} frames", used=f"all {len(table)} were read")
     rate, start, doubts = even_rate(table[:, 1], places, path, stated_hz=stated)
     notes += doubts
     if stated is not None and rate != stated:
-        notes.append(f"The header of {path.name} says {stated:g} frames a second; the times say {rate:.6g}, which was "
-                     "used.")
+        notes += say("files", "said", file=path.name, said=f"{stated:g} frames a second",
+                     used=f"the times say {rate:.6g}, which was used")
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
     for piece in pieces(len(positions), 3 * len(labels)):
         some = positions[piece]
@@ -383,7 +350,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     first = first_of_each(labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all()))
     if len(first) < len(labels):
         labels, positions = [labels[i] for i in first], positions[:, first]
-    return RawTrial(RawMarkers(labels, positions, rate, start), up_convention="+y", notes=notes)
+    return RawTrial(labels, positions, rate, start, up_convention="+y", notes=notes)
 
 
 def trc_labels(path: Path) -> list[str]:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.sentences import say
 
-LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
-"""Metres in each unit of length."""
+LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}  # metres in each unit of length
 _LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
          "inch": "in", "inches": "in"}
 _PIECE = 1 << 18
@@ -31,7 +31,7 @@ def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
     short = [label.removeprefix(prefix) for label in labels]
     if not prefix or not all(label.strip() for label in short) or len(set(short)) != len(set(labels)):
         return labels, []
-    return short, [f"The labels' prefix {prefix} was taken away."]
+    return short, say("files", "prefix", prefix=prefix)
 
 
 def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *,
@@ -42,9 +42,8 @@ def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int]
         places.setdefault(label, []).append(i)
     kept = {label: found[0] if len(found) == 1 else next((i for i in found if not empty(i)), found[0])
             for label, found in places.items()}
-    notes += [f"The {what} {label} stands {'twice' if len(found) == 2 else f'{len(found)} times'}: the first that "
-              f"holds anything was used (column {kept[label] + 1} of {len(labels)})."
-              for label, found in places.items() if len(found) > 1]
+    notes += [note for label, found in places.items() if len(found) > 1 for note in say(
+        "files", "doubled", what=what, label=label, times=len(found), column=kept[label] + 1, columns=len(labels))]
     return sorted(kept.values())
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.frames import NOTE, Anatomy, facing, find_anatomy, right_handed, typical
-from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, joint_angles
-from vsf_drake.motion.markers.joint_centres import HIP_METHODS
+from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, coordinates_of, joint_angles
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import (
@@ -31,9 +30,9 @@ from vsf_drake.motion.markers.posture import (
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
+from vsf_drake.sentences import say
 
-UNEQUAL = 0.05
-"""Left and right lengths that differ by more than this are worth a note (a choice)."""
+UNEQUAL = 0.05  # left and right lengths that differ by more than this are worth a note (a choice)
 
 
 def calibrate(
@@ -47,7 +46,7 @@ def calibrate(
         marker_map: says what the labels are; labels in the result are in its spelling, sides as in a right-handed frame
             (`frames.prepared` brings other recordings to both).
         person: what is stated beside the markers.
-        hip: one of `joint_centres.HIP_METHODS`; Harrington's full regression by default.
+        hip: one of `joints.HIP_METHODS`; Harrington's full regression by default.
         model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it
             is than it was under the person.
 
@@ -70,10 +69,10 @@ def calibrate(
     _check_proportions(lengths, posture, standing.path)
 
     intact = "left" if prosthetic == "right" else "right"
-    mass, mass_note = body_mass(person, standing, posture.start_s, posture.end_s, posture.still)
+    mass, mass_notes = body_mass(person, standing, posture.start_s, posture.end_s, posture.still)
     head = posture.at("head_top") if posture.still else None
-    height, height_note = stature(person, lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"],
-                                  None if head is None else float(head[0, 2]))
+    height, height_notes = stature(person, lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"],
+                                   None if head is None else float(head[0, 2]))
     hips = np.mean([segments[f"thigh_{side}"].p_PB * [1, -1 if side == "right" else 1, 1] for side in SIDES], axis=0)
     subject = check(Subject(
         mass_kg=mass, stature_m=height, sex=sex, prosthetic_side=prosthetic, name=person.name,
@@ -92,20 +91,17 @@ def calibrate(
     hidden = [label for labels in posture.found.segments.values() for label in labels if label not in used]
     pairs = [(name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
              for name in ("thigh", "shank", "ankle_height", "foot")]
-    unequal = [f"Right and left {name} differ: {right:.0f} and {left:.0f} mm." for name, right, left in pairs
-               if abs(right - left) > UNEQUAL * max(right, left)]
-    notes = (NOTE if NOTE in standing.notes else "", *posture.notes,
-             f"Hardly or not seen and not used: {', '.join(hidden)}." if hidden else "", *anatomy.notes, mass_note,
-             height_note, *unequal)
-    what = "Standing: mean over the quietest stretch" if posture.still else "A walk in place of standing"
-    method = (f"{what}, {posture.start_s:.2f} to {posture.end_s:.2f} s.", *anatomy.method,
-              f"The prosthesis was measured under {load:.0f} N ({source}): without load it is {1e3 * more:.1f} mm "
-              "longer, by the statics of this model.",
-              f"Right less left: {', '.join(f'{name} {right - left:+z.0f} mm' for name, right, left in pairs)}.")
+    notes = [*(note for note in standing.notes if note == NOTE), *posture.notes,
+             *say("markers", "hidden", labels=hidden), *anatomy.notes, *mass_notes, *height_notes]
+    for name, right, left in pairs:
+        if abs(right - left) > UNEQUAL * max(right, left):
+            notes += say("markers", "unequal", name=name, right=right, left=left)
+    method = (*say("markers", "stretch", still=posture.still, start_s=posture.start_s, end_s=posture.end_s),
+              *anatomy.method,
+              *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more))
     angles = np.nanmedian(coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
-    return Calibration(subject=unloaded, segments=segments, feet=feet, lengths_m=lengths, method=method,
-                       angles_rad=dict(zip(COORDINATES, angles.tolist(), strict=True)),
-                       notes=tuple(filter(None, notes)))
+    return Calibration(unloaded, segments, feet, dict(zip(COORDINATES, angles.tolist(), strict=True)), lengths, method,
+                       tuple(notes))
 
 
 def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
@@ -126,14 +122,13 @@ def _average(vectors_W: np.ndarray, R_W: np.ndarray) -> np.ndarray:
 
 
 def _lengths(segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], anatomy: Anatomy) -> dict[str, float]:
-    lengths = dict(anatomy.lengths_m)
-    lengths["hip_width"] = float(np.linalg.norm(segments["thigh_left"].p_PB - segments["thigh_right"].p_PB))
-    for side in SIDES:
-        points = feet[side]
+    lengths = anatomy.lengths_m | {
+        "hip_width": float(np.linalg.norm(segments["thigh_left"].p_PB - segments["thigh_right"].p_PB))}
+    for side, foot in feet.items():
         lengths |= {f"thigh_{side}": float(np.linalg.norm(segments[f"shank_{side}"].p_PB)),
                     f"shank_{side}": float(np.linalg.norm(segments[f"foot_{side}"].p_PB)),
-                    f"ankle_height_{side}": -float(points.p_FHeel[2]),
-                    f"foot_{side}": float(points.p_FToe[0] - points.p_FHeel[0])}
+                    f"ankle_height_{side}": -float(foot.p_FHeel[2]),
+                    f"foot_{side}": float(foot.p_FToe[0] - foot.p_FHeel[0])}
     return lengths
 
 
@@ -143,8 +138,7 @@ def _lengths(segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], a
 BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
 """Heel to metatarsal head (second, first, fifth) / foot length, where no marker is on the toe's tip: typical of adults'
 feet, a choice, unverified."""
-SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38
-"""Shod feet of children and adults (a choice)."""
+SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38  # shod feet of children and adults (a choice)
 OVER_M = 0.05
 """Farther ahead of the ankle or behind it the hip is not in standing: of a walk, such frames count (a choice)."""
 
@@ -207,8 +201,7 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
 
 ASTRAY_M = 0.05
 """A marker that is this much nearer to another thigh or shank than to its own is on the other one (a choice)."""
-SAME_PLACE_M = 1e-3
-"""No two markers are nearer to each other than their own size; a millimetre is the same one twice."""
+SAME_PLACE_M = 1e-3  # no two markers are nearer to each other than their own size; a millimetre is the same one twice
 ASKEW_RAD = np.radians(45.0)
 """The lines over both ASIS and over both PSIS are nearly parallel, and the former nearly level (a choice)."""
 LEAST_RATIO, MOST_RATIO = 0.65, 1.6

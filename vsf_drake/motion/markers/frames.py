@@ -23,7 +23,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.read import axis_name
 from vsf_drake.motion.formats.recording import SIDES, Recording
-from vsf_drake.motion.markers.joint_centres import (
+from vsf_drake.motion.markers.joints import (
     NEEDS_LEG_LENGTH,
     beside,
     chord,
@@ -36,33 +36,41 @@ from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.poses import FEWEST_MARKERS, mean_shape, rigid_poses
 from vsf_drake.motion.markers.posture import Posture
+from vsf_drake.sentences import say
 
-LEAST_HINGE_RAD = np.radians(30.0)
-"""A knee that turns less than this does not show its axis (a choice)."""
+LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
 ODD_HINGE_RAD = np.radians(30.0)
 """A functional knee axis that departs more than this from the pelvis' sideways one is doubtful (a choice)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """Frames in W over the n frames of a posture.
+    """Frames in W over the n frames of a posture."""
 
-    Attributes:
-        R_W, p_W: (n, 3, 3) and (n, 3) by segment; the feet's are NaN where they are not flat.
-        lengths_m: pelvis_width, pelvis_depth, leg_length, as the hip regression took them.
-        method, notes: sentences.
-    """
-
-    R_W: dict[str, np.ndarray]
-    p_W: dict[str, np.ndarray]
-    lengths_m: dict[str, float]
+    R_W: dict[str, np.ndarray]  # (n, 3, 3) by segment; the feet's are NaN where they are not flat
+    p_W: dict[str, np.ndarray]  # (n, 3) m
+    lengths_m: dict[str, float]  # pelvis_width, pelvis_depth, leg_length, as the hip regression took them
     method: tuple[str, ...]
     notes: tuple[str, ...]
 
 
 def find_anatomy(posture: Posture, person: PersonFacts, hip: str) -> Anatomy:
-    """The segments' frames; `hip` is one of `joint_centres.HIP_METHODS`."""
-    return _Builder(posture, person).build(hip)
+    """The segments' frames, from pelvis to feet; `hip` is one of `joints.HIP_METHODS`."""
+    made = _Builder(posture, person)
+    lengths = made.pelvis(hip)
+    up = np.array([0.0, 0.0, 1.0])
+    for side in SIDES:
+        knee, knee_axis = made.knee(side)
+        made.R[f"thigh_{side}"] = frame_from(made.p[f"thigh_{side}"] - knee, knee_axis)
+        made.p[f"shank_{side}"] = knee
+        ankle, ankle_axis = made.ankle(side, made.R[f"thigh_{side}"][..., :, 1])
+        made.R[f"shank_{side}"] = frame_from(knee - ankle, ankle_axis)
+        made.p[f"foot_{side}"] = ankle
+        along = posture.forefoot(side) - posture.needed(f"heel_{side}")
+        foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
+        foot[~posture.foot_flat[side]] = np.nan
+        made.R[f"foot_{side}"] = foot
+    return Anatomy(made.R, made.p, lengths, tuple(dict.fromkeys(made.method)), tuple(dict.fromkeys(made.notes)))
 
 
 class _Builder:
@@ -71,42 +79,25 @@ class _Builder:
     def __init__(self, posture: Posture, person: PersonFacts) -> None:
         self.posture, self.found, self.person = posture, posture.found, person
         self.at, self.needed = posture.at, posture.needed
-        self.radius = 1e-3 * person.marker_radius_mm
         self.R: dict[str, np.ndarray] = {}
         self.p: dict[str, np.ndarray] = {}
         self.method: list[str] = []
         self.notes: list[str] = []
 
-    def build(self, hip: str) -> Anatomy:
-        lengths = self.pelvis(hip)
-        up = np.array([0.0, 0.0, 1.0])
-        for side in SIDES:
-            knee, knee_axis = self.knee(side)
-            self.R[f"thigh_{side}"] = frame_from(self.p[f"thigh_{side}"] - knee, knee_axis)
-            self.p[f"shank_{side}"] = knee
-            ankle, ankle_axis = self.ankle(side, self.R[f"thigh_{side}"][..., :, 1])
-            self.R[f"shank_{side}"] = frame_from(knee - ankle, ankle_axis)
-            self.p[f"foot_{side}"] = ankle
-            along = self.posture.forefoot(side) - self.needed(f"heel_{side}")
-            self.R[f"foot_{side}"] = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
-            self.R[f"foot_{side}"][~self.posture.foot_flat[side]] = np.nan
-        return Anatomy(self.R, self.p, lengths, tuple(dict.fromkeys(self.method)), tuple(dict.fromkeys(self.notes)))
-
     def pelvis(self, hip: str) -> dict[str, float]:
         asis_r, asis_l, back = self.needed("asis_right"), self.needed("asis_left"), self.posture.pelvis_back()
         if any(self.at(f"psis_{side}") is None for side in SIDES):
-            self.notes.append("The sacrum marker stands for the midpoint of the PSIS.")
+            self.notes += say("markers", "sacrum")
         self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, back)
         width = float(np.nanmedian(np.linalg.norm(asis_r - asis_l, axis=-1)))
         depth = float(np.nanmedian(np.linalg.norm(self.p["pelvis"] - back, axis=-1)))
         leg = self.leg_length(hip)
         forward, up, lateral = hip_offset(
-            hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, marker_radius=self.radius,
-            base_plate=1e-3 * self.person.base_plate_mm)
+            hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, base_plate=1e-3 * self.person.base_plate_mm,
+            marker_radius=1e-3 * self.person.marker_radius_mm)
         for side, out in (("right", -1.0), ("left", 1.0)):
             self.p[f"thigh_{side}"] = self.p["pelvis"] + self.R["pelvis"] @ np.array([forward, out * lateral, up])
-        self.method.append(f"Hip centres: {hip} regression, pelvis width {1e3 * width:.0f} mm, depth "
-                           f"{1e3 * depth:.0f} mm, leg length {1e3 * leg:.0f} mm.")
+        self.method += say("markers", "hips", method=hip, width=width, depth=depth, leg=leg)
         return {"pelvis_width": width, "pelvis_depth": depth, "leg_length": leg}
 
     def leg_length(self, hip: str) -> float:
@@ -119,7 +110,7 @@ class _Builder:
         if ankle is None:
             ankle = self.needed(f"ankle_lateral_{side}")
             if hip in NEEDS_LEG_LENGTH:
-                self.notes.append("Leg length is to the lateral malleolus, for want of a medial marker.")
+                self.notes += say("markers", "lateral_leg")
         return float(np.nanmedian(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
 
     def knee(self, side: str) -> tuple[np.ndarray, np.ndarray]:
@@ -127,24 +118,18 @@ class _Builder:
         hip, lateral = self.p[f"thigh_{side}"], self.needed(f"knee_lateral_{side}")
         left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"knee_medial_{side}"), self.at(f"thigh_plane_{side}")
-        if medial is not None:
-            self.method.append(f"Knee centre {side}: midway between lateral and medial marker, axis along them.")
-            return 0.5 * (lateral + medial), left * (medial - lateral)
         medially = left * self.R["pelvis"][..., :, 1]
         distance, width = self.half_width("knee")
+        axis = self.hinge(side, medially) if medial is None and plane is None else None
+        self.method += say("markers", "knee", side=side, width=width, medial=medial is not None,
+                           plane=plane is not None and self.found.roles[f"thigh_plane_{side}"], hinge=axis is not None)
+        if medial is not None:
+            return 0.5 * (lateral + medial), left * (medial - lateral)
         if plane is not None:
-            self.method.append(f"Knee centre {side}: chord construction in the plane of "
-                               f"{self.found.roles[f'thigh_plane_{side}']}, {width}.")
             centre = chord(hip, lateral, plane, medially, distance)
-            return centre, left * (centre - lateral)
-        axis = self.hinge(side, medially)
-        if axis is None:
-            self.method.append(f"Knee centre {side}: beside the lateral marker, {width}; axis parallel to the pelvis'.")
-            self.notes.append(f"The {side} knee's axis is not measured (no medial or plane marker) but assumed "
-                              "parallel to the pelvis' sideways axis. Hip rotation is doubtful by what it is off.")
         else:
-            self.method.append(f"Knee centre {side}: beside the lateral marker along the functional axis, {width}.")
-        centre = beside(hip, lateral, medially if axis is None else axis, distance)
+            self.notes += say("markers", "no_knee_axis", side=side) if axis is None else []
+            centre = beside(hip, lateral, medially if axis is None else axis, distance)
         return centre, left * (centre - lateral)
 
     def hinge(self, side: str, medially: np.ndarray) -> np.ndarray | None:
@@ -160,8 +145,7 @@ class _Builder:
         axis = thigh @ a
         along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
         if abs(along) < np.cos(ODD_HINGE_RAD):
-            self.notes.append(f"The functional axis of the {side} knee lies {np.degrees(np.arccos(abs(along))):.0f} "
-                              "degrees from the pelvis' sideways axis.")
+            self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
         return axis * np.sign(along)
 
     def cluster(self, segment: str) -> np.ndarray | None:
@@ -181,25 +165,20 @@ class _Builder:
         knee, lateral = self.p[f"shank_{side}"], self.needed(f"ankle_lateral_{side}")
         left = 1.0 if side == "right" else -1.0
         medial, plane = self.at(f"ankle_medial_{side}"), self.at(f"shank_plane_{side}")
-        if medial is not None:
-            self.method.append(f"Ankle centre {side}: midway between the malleoli, the shank's y along them.")
-            return 0.5 * (lateral + medial), left * (medial - lateral)
         distance, width = self.half_width("ankle")
+        self.method += say("markers", "ankle", side=side, width=width, medial=medial is not None,
+                           plane=plane is not None and self.found.roles[f"shank_plane_{side}"])
+        if medial is not None:
+            return 0.5 * (lateral + medial), left * (medial - lateral)
         medially = left * knee_axis
-        if plane is not None:
-            how = f"chord construction in the plane of {self.found.roles[f'shank_plane_{side}']}"
-            centre = chord(knee, lateral, plane, medially, distance)
-        else:
-            how = "beside the lateral marker along the knee's axis"
-            centre = beside(knee, lateral, medially, distance)
-        self.method.append(f"Ankle centre {side}: {how}, {width}; the shank's y along the knee's axis, so that "
-                           "knee rotation is zero in this posture.")
+        centre = (beside(knee, lateral, medially, distance) if plane is None else
+                  chord(knee, lateral, plane, medially, distance))
         return centre, knee_axis
 
     def half_width(self, joint: str) -> tuple[float, str]:
         """From a joint's centre to that of the marker beside it (m), and where the width comes from."""
         width, source = joint_width_m(self.person, joint)
-        return 0.5 * width + self.radius, source
+        return 0.5 * width + 1e-3 * self.person.marker_radius_mm, source
 
 
 # Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a left hand.
@@ -217,8 +196,7 @@ FEWEST_PAIRS = 4
 ASIDE_RAD = np.radians(60.0)
 """A pelvis that faces farther from x than this shows that x is not forward: the nearest axis is within 45 degrees, and
 a walk that goes obliquely through the laboratory is left as it is (a choice)."""
-SAME_WAY = 0.5
-"""Length of the mean of the unit vectors that a person faces, below which they turn round (a choice)."""
+SAME_WAY = 0.5  # length of the mean of the unit vectors that a person faces, below which they turn round (a choice)
 NOTE = ("Every left marker lies to the right of its right one: the file's axes were taken for a left hand's and the "
         "recording mirrored sideways. If instead the labels left and right are exchanged, the sides are wrong.")
 
@@ -227,9 +205,6 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     """`recording` with its labels in the map's spelling, in a right-handed frame whose x is ahead of the person.
 
     Turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than x.
-
-    Raises:
-        InputError: two labels become one, or left and right ones are exchanged.
     """
     recording = right_handed(marker_map.rename(recording), marker_map)
     points = _points(recording, marker_map)
@@ -245,19 +220,15 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     turn = 0.5 * np.pi * round(angle / (0.5 * np.pi))
     x, y = np.round([np.cos(turn), np.sin(turn)])
     R = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]])
-    faced = axis_name(R[0] @ recording.rotation_W)
-    return _turned(recording, R, f"The person faces the laboratory's {faced}: this was taken as forward, whatever the "
-                   "markers' travel or a statement said.")
+    return _turned(recording, R, *say("markers", "faces", axis=axis_name(R[0] @ recording.rotation_W)))
 
 
 def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
     """`recording`, mirrored sideways (y) with a note if every left marker is to the right of its right one.
 
     Markers, forces, centres of pressure and plate corners change sides. Free moments keep their sign: where axes are
-    merely renamed, the vertical moment is carried over as it was.
-
-    Raises:
-        InputError: the force plates show that the axes are those of a right hand, so that labels are exchanged.
+    merely renamed, the vertical moment is carried over as it was. Refused where the force plates show that the axes are
+    those of a right hand, so that labels are exchanged.
     """
     if not _is_mirrored(recording, marker_map):
         return recording

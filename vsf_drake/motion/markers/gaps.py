@@ -25,7 +25,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.events import runs
+from vsf_drake.motion.events import runs, words
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.formats.text import listed
 from vsf_drake.motion.markers.poses import (
@@ -37,36 +37,25 @@ from vsf_drake.motion.markers.poses import (
     with_joint_centre,
 )
 from vsf_drake.motion.markers.schema import PARENTS, Gap, SegmentMarkers
+from vsf_drake.sentences import say
 
 LONGEST_GAP_S = 0.1
-SHORTEST_STRETCH_S = 0.5
-"""Shorter than a step at any walking speed: nothing in it can be analysed."""
-FEWEST_FRAMES = 6
-"""What a quintic spline through the coordinates needs."""
-SPLINE_FRAMES = 4
-"""Frames on either side of a gap that shape the spline across it."""
+SHORTEST_STRETCH_S = 0.5  # shorter than a step at any walking speed: nothing in it can be analysed
+FEWEST_FRAMES = 6  # what a quintic spline through the coordinates needs
+SPLINE_FRAMES = 4  # frames on either side of a gap that shape the spline across it
 MOST_LISTED = 6
 
 
 @dataclass(frozen=True, eq=False)
 class FilledMarkers:
-    """The usable part of a recording without gaps.
+    """The usable part of a recording without gaps."""
 
-    Attributes:
-        segments: the calibration's, with those markers that the recording has.
-        markers: (n, 3) m by label, without NaN.
-        seen: (n,) bool by label, False where filled.
-        start_frame: first frame of the recording that is used; n frames from there are.
-        gaps: what was filled within these.
-        notes: sentences on what was left out, trimmed or filled at length.
-    """
-
-    segments: dict[str, SegmentMarkers]
-    markers: dict[str, np.ndarray]
-    seen: dict[str, np.ndarray]
-    start_frame: int
-    gaps: tuple[Gap, ...]
-    notes: tuple[str, ...]
+    segments: dict[str, SegmentMarkers]  # the calibration's, with those markers that the recording has
+    markers: dict[str, np.ndarray]  # (n, 3) m by label, without NaN
+    seen: dict[str, np.ndarray]  # (n,) bool by label, False where filled
+    start_frame: int  # first frame of the recording that is used; n frames from there are
+    gaps: tuple[Gap, ...]  # what was filled within these
+    notes: tuple[str, ...]  # sentences on what was left out, trimmed or filled at length
 
 
 @dataclass
@@ -83,16 +72,12 @@ class _Work:
         return self.recording.marker_start_s + frames / self.rate_hz
 
     def interval(self, start: int, stop: int) -> str:
-        return f"{self.seconds(start):.3f} to {self.seconds(stop - 1):.3f} s"
+        return words((self.seconds(start), self.seconds(stop - 1)))
 
 
 def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
               longest_gap_s: float = LONGEST_GAP_S) -> FilledMarkers:
-    """The usable part of `recording` without gaps in the markers of `segments`, by the rules above.
-
-    Raises:
-        InputError: a segment lacks markers; a gap cannot be filled; too few frames have every needed marker.
-    """
+    """The usable part of `recording` without gaps in the markers of `segments`, by the rules above."""
     if not longest_gap_s >= 0.0:
         raise InputError(f"the longest gap to fill is {longest_gap_s:g} s", where="longest_gap_s (--longest-gap-s)",
                          right="It must be zero or more")
@@ -121,7 +106,7 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
         if first < last:
             gaps.append(Gap(label, work.seconds(first), work.seconds(last - 1), how))
             if last - first > work.longest:
-                notes.append(f"{label} was not seen from {work.interval(first, last)}: its segment goes on without it")
+                notes += say("markers", "long_gap", label=label, interval=work.interval(first, last))
     return FilledMarkers(
         segments=present, markers={label: path[start:stop] for label, path in work.markers.items()},
         seen={label: np.isfinite(recording.markers[label][start:stop]).all(axis=1) for label in labels},
@@ -136,15 +121,14 @@ def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
         absent = [label for label in markers.labels if label not in recording.markers
                   or not np.isfinite(recording.markers[label]).all(axis=1).any()]
         present[name] = subset(markers, [label for label in markers.labels if label not in absent])
-        words, one = name.replace("_", " "), len(absent) == 1
+        segment, one = name.replace("_", " "), len(absent) == 1
         if not determines(name, present[name].p_BM):
             what = (f"{', '.join(absent)} never appear{'s' * one}, and without {'it' if one else 'them'} too few "
                     "markers are left" if absent else "too few markers are mapped, or they lie on one line")
-            raise InputError(f"{what} to follow the {words} (left: {', '.join(present[name].labels) or 'none'})",
+            raise InputError(f"{what} to follow the {segment} (left: {', '.join(present[name].labels) or 'none'})",
                              file=recording.path,
                              right="Three markers that do not lie on a line are needed, or two and the joint centre")
-        if absent:
-            notes.append(f"{', '.join(absent)} never seen: the {words} is followed without")
+        notes += say("markers", "absent", labels=absent, segment=segment) if absent else []
     return present, notes
 
 
@@ -180,11 +164,8 @@ def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int,
     """Where point `own` of a rigid cluster is in a gap [start, stop), of p_BM (k, 3) and p_WM (frames, k, 3) m.
 
     It has the offset from the others' pose that it has at the gap's edges, in the segment's frame, passed linearly from
-    one edge to the other.
-
-    Returns:
-        The first frame that could be filled and (n, 3) m from there on: all of the gap where enough others are seen
-        throughout, at an end of the recording as far out as they are seen without a break; else none.
+    one edge to the other. Gives the first frame that could be filled and (n, 3) m from there on: all of the gap where
+    enough others are seen throughout, at an end of the recording as far out as they are seen without a break.
     """
     frames, nothing = len(p_WM), np.empty((0, 3))
     first, last = max(start - 1, 0), min(stop + 1, frames)
@@ -261,6 +242,6 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
         raise InputError(f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere", file=file,
                          right=f"At least {FEWEST_FRAMES} are needed")
     if (start, stop) != (0, frames):
-        notes.append(f"only {work.interval(start, stop)} of {work.interval(0, frames)} is used: outside, "
-                     f"{lacking} not always seen")
+        notes += say("markers", "trimmed", used=work.interval(start, stop), whole=work.interval(0, frames),
+                     lacking=lacking)
     return start, stop

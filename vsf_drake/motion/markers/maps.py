@@ -22,6 +22,7 @@ from vsf_drake.files import resource, user_path
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.formats.text import listed
 from vsf_drake.schema import load_yaml
+from vsf_drake.sentences import say
 
 SIDED_CLUSTERS, MIDDLE_CLUSTERS = ("thigh", "shank", "foot"), ("pelvis",)
 SEGMENT_ROLES = {
@@ -220,8 +221,7 @@ def _block(role: str) -> tuple[str, str]:
 # Which shipped map fits a recording's labels, and a first map of a recording's own.
 
 
-ALIKE = 0.75
-"""Least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)."""
+ALIKE = 0.75  # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
 VIRTUAL = ("HJC", "KJC", "AJC")
 """Endings of computed points that some files hold beside the markers; they are not guessed for anything."""
 WORDS = {
@@ -245,8 +245,7 @@ WORDS = {
     "sacrum": ("sacrum", "sacral", "sacr", "sac"), "head_top": ("tophead", "headtop", "vertex"),
     "pelvis": ("iliaccrest", "crest", "pelvis")}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
-SHORT = 3
-"""After a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder."""
+SHORT = 3  # after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
 WIDE_M = 0.03
 """The inner and the outer marker of a joint lie farther apart than this (a choice; ankles are 50 mm wide or more)."""
 _ACROSS = (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5"))
@@ -259,7 +258,7 @@ _PLACES = {role: np.array(weights) for role, weights in {
 foot's midline (weights, a choice). The heel's is the rearmost, low and near the midline."""
 
 
-def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
+def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
     """The shipped map that finds a complete set of markers in a standing trial and knows most of its labels; a note.
 
     Raises:
@@ -288,8 +287,7 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, str]:
     if any(found != best[0][1] for _, found in best):
         raise InputError(f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
                          file=recording.path, where=where, right="Say which one")
-    return best[0][0], (f"No marker map was stated; {best[0][0].name}, which knows {most} of the "
-                        f"{len(recording.markers)} labels, was taken.")
+    return best[0][0], say("markers", "chosen_map", name=best[0][0].name, known=most, labels=len(recording.markers))
 
 
 def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> str:

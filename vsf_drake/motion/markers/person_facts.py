@@ -11,6 +11,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.parameters import GRAVITY, SIDES
 from vsf_drake.schema import check, choice, quantity
+from vsf_drake.sentences import say
 
 SEXES = ("male", "female")
 WIDTHS_MM = {"knee": {"male": 100.0, "female": 90.0}, "ankle": {"male": 73.0, "female": 65.0}}
@@ -19,10 +20,8 @@ LEG_TO_STATURE = {"male": (422.2 + 434.0 * 44.59 / 43.95) / 1741.0, "female": (3
 """Hip to ankle centre / stature: means of de Leva (1996, doi 10.1016/0021-9290(95)00178-6)."""
 LEAST_MASS_KG, MOST_MASS_KG = 20.0, 250.0
 LEAST_STATURE_M, MOST_STATURE_M = 0.8, 2.5
-FILES_APART = 0.02
-"""A file that states another mass or stature than was taken, by this share, is worth a note."""
-STEADY_FORCE = 0.05
-"""Most relative standard deviation of the vertical force on somebody who stands still (a choice)."""
+FILES_APART = 0.02  # a file that states another mass or stature than was taken, by this share, is worth a note
+STEADY_FORCE = 0.05  # most relative standard deviation of the vertical force on somebody who stands still (a choice)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,41 +64,36 @@ def check_facts(person: PersonFacts) -> tuple[str, str]:
     return str(person.sex), str(person.prosthetic_side)
 
 
-def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[PersonFacts, tuple[str, ...]]:
+def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[PersonFacts, list[str]]:
     """The person with mass and stature as the files state them, the first that does, where nobody else states them."""
     notes = []
     for key, words, unit in (("mass_kg", "body mass", "kg"), ("stature_m", "stature", "m")):
-        stated = {one.path.name: one.person[key] for one in recordings if one is not None and key in one.person}
-        if not stated:
+        found = {one.path.name: one.person[key] for one in recordings if one is not None and key in one.person}
+        if not found:
             continue
-        file, value = next(iter(stated.items()))
-        own = getattr(person, key)
+        own, (file, value) = getattr(person, key), next(iter(found.items()))
         if own is None:
             person = dataclasses.replace(person, **{key: value})
-            notes.append(f"The {words} of {value:.4g} {unit} is what {file} states (PROCESSING).")
-        notes += [f"{other} states a {words} of {found:.4g} {unit}, where {getattr(person, key):.4g} {unit} "
-                  f"{'is stated' if own is not None else 'was taken'}." for other, found in stated.items()
-                  if abs(found / getattr(person, key) - 1.0) > FILES_APART]
-    return person, tuple(notes)
+            notes += say("markers", "file_states", words=words, value=value, unit=unit, file=file)
+        taken = getattr(person, key)
+        notes += [note for other, value in found.items() if abs(value / taken - 1.0) > FILES_APART for note in say(
+            "markers", "file_differs", file=other, words=words, value=value, unit=unit, taken=taken,
+            stated=own is not None)]
+    return person, notes
 
 
 def joint_width_m(person: PersonFacts, joint: str) -> tuple[float, str]:
     """Width of the "knee" or "ankle" (m) and where it comes from."""
     stated = getattr(person, f"{joint}_width_mm")
-    if stated is not None:
-        return 1e-3 * stated, f"{joint} width {stated:g} mm as stated"
-    typical = WIDTHS_MM[joint][str(person.sex)]
-    return 1e-3 * typical, f"{joint} width {typical:g} mm assumed, a typical adult's ({joint}_width_mm is not stated)"
+    width = WIDTHS_MM[joint][str(person.sex)] if stated is None else stated
+    return 1e-3 * width, say("markers", "width", joint=joint, mm=width, stated=stated is not None)[0]
 
 
-def body_mass(person: PersonFacts, standing: Recording, start_s: float, end_s: float, still: bool) -> tuple[float, str]:
-    """Body mass (kg) as stated, else from the plates while the person stands still; and a note ("" if stated).
-
-    Raises:
-        InputError: neither tells it, or the plates carry no steady person.
-    """
+def body_mass(person: PersonFacts, standing: Recording, start_s: float, end_s: float, still: bool
+              ) -> tuple[float, list[str]]:
+    """Body mass (kg) as stated, else from the plates while the person stands still; and a note unless it is stated."""
     if person.mass_kg is not None:
-        return person.mass_kg, ""
+        return person.mass_kg, []
     time, mean, spread = standing.force_time_s, 0.0, 0.0
     during = (time >= start_s) & (time <= end_s)
     if standing.plates:
@@ -118,26 +112,17 @@ def body_mass(person: PersonFacts, standing: Recording, start_s: float, end_s: f
     if what:
         raise InputError(what, file=standing.path, where="mass_kg (--mass-kg)",
                          right="State the body mass, prosthesis included")
-    return mean / GRAVITY, (f"Body mass {mean / GRAVITY:.1f} kg is from the force plates while standing; it is right "
-                            "only if both feet stood on plates.")
+    return mean / GRAVITY, say("markers", "mass", kg=mean / GRAVITY)
 
 
-def stature(person: PersonFacts, leg_length_m: float, head_height_m: float | None) -> tuple[float, str]:
-    """Stature (m) as stated, else the height of the marker on the head, else from hip to ankle; and a note.
-
-    Raises:
-        InputError: the estimate is nobody's stature.
-    """
+def stature(person: PersonFacts, leg_length_m: float, head_height_m: float | None) -> tuple[float, list[str]]:
+    """Stature (m) as stated, else the height of the marker on the head, else from hip to ankle; and a note."""
     if person.stature_m is not None:
-        return person.stature_m, ""
-    if head_height_m is not None and np.isfinite(head_height_m):
-        found = head_height_m - 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
-        note = f"Stature {found:.3f} m is the height of the marker on the head above the floor."
-    else:
-        found = leg_length_m / LEG_TO_STATURE[str(person.sex)]
-        note = (f"Stature {found:.3f} m is an estimate from hip to ankle after de Leva (1996); state stature_m "
-                "(--stature-m) instead.")
+        return person.stature_m, []
+    head = head_height_m is not None and np.isfinite(head_height_m)
+    found = (head_height_m - 1e-3 * (person.marker_radius_mm + person.base_plate_mm) if head else
+             leg_length_m / LEG_TO_STATURE[str(person.sex)])
     if not LEAST_STATURE_M <= found <= MOST_STATURE_M:
         raise InputError(f"the markers make a stature of {found:.2f} m", where="stature_m (--stature-m)",
                          right="State it, or check the unit of the markers' file")
-    return found, note
+    return found, say("markers", "stature", m=found, head=head)

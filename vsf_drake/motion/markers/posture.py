@@ -13,17 +13,14 @@ from vsf_drake.laws.beam import section_inertia
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.maps import FoundMarkers
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
+from vsf_drake.sentences import say
 
-QUIET_S = 1.0
-"""Length of the stretch that is averaged (a choice: longer than a period of postural sway's fast part)."""
-NOT_NEEDED = ("trochanter", "head_top")
-"""Roles that the anatomical frames do without."""
-SEEN_PART = 0.2
-"""A marker counts if it is seen in this part of the stretch at least (a choice)."""
+QUIET_S = 1.0  # length of the stretch that is averaged (a choice: longer than a period of postural sway's fast part)
+NOT_NEEDED = ("trochanter", "head_top")  # roles that the anatomical frames do without
+SEEN_PART = 0.2  # a marker counts if it is seen in this part of the stretch at least (a choice)
 STILL_M = 0.010
 """Most RMS distance of a marker from its mean in the stretch. Quiet standing sways by some millimetres (a choice)."""
-STEPPING_M = 0.20
-"""A recording in which both heels travel farther than this against the pelvis is a walk (a choice)."""
+STEPPING_M = 0.20  # a recording in which both heels travel farther than this against the pelvis is a walk (a choice)
 LOW_M = 0.04
 """Heel and forefoot marker stand at most so far above their lowest while the foot is flat: heels and toes dip lower
 when they touch and push off (a choice)."""
@@ -38,22 +35,13 @@ HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = 0.15, -0.02
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """Where markers are, from which anatomical frames are made.
+    """Where markers are, from which anatomical frames are made."""
 
-    Attributes:
-        found: what the labels are.
-        points: (n, 3) m by label; n = 1, the mean, if `still`, else every frame of the walk, NaN where not seen.
-        still: whether the person stood.
-        foot_flat: (n,) bool by side.
-        start_s, end_s: the stretch.
-        notes: sentences.
-    """
-
-    found: FoundMarkers
-    points: dict[str, np.ndarray]
-    still: bool
-    foot_flat: dict[str, np.ndarray]
-    start_s: float
+    found: FoundMarkers  # what the labels are
+    points: dict[str, np.ndarray]  # (n, 3) m by label; n = 1, the mean, if `still`, else all of a walk, NaN if unseen
+    still: bool  # whether the person stood
+    foot_flat: dict[str, np.ndarray]  # (n,) bool by side
+    start_s: float  # the stretch
     end_s: float
     notes: tuple[str, ...] = ()
 
@@ -85,9 +73,7 @@ def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
 def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
     """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk.
 
-    Raises:
-        InputError: a marker with a role is hardly ever seen; nobody stands still nor walks; the feet are not on the
-            floor z = 0.
+    Refused if a marker with a role is hardly ever seen, nobody stands still nor walks, or the feet are off z = 0.
     """
     labels = list(dict.fromkeys((*found.roles.values(), *(m for s in found.segments.values() for m in s))))
     needed = {label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)}
@@ -105,9 +91,8 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
     elif _steps(recording, found) > STEPPING_M:
         points = {label: x[:, k] for k, label in enumerate(labels)}
         flat = {side: _foot_flat(points, found, side, recording) for side in SIDES}
-        posture = Posture(found, points, False, flat, float(time[0]), float(time[-1]), (
-            "Nobody stood still: joint centres and axes are from all frames of a walk, the feet's from the frames in "
-            "which they are flat. Doubtful; record a standing trial.",))
+        posture = Posture(found, points, False, flat, float(time[0]), float(time[-1]),
+                          tuple(say("markers", "walk_for_standing")))
     else:
         raise InputError(
             f"nobody stands still: in the quietest {width / rate:.1f} s it moves {1e3 * moved[worst]:.0f} mm RMS",
@@ -207,13 +192,11 @@ def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, re
 # limb.
 
 
-STANDING_SHARE = 0.5
-"""Share of the weight on the prosthesis in standing, where it was not measured (a choice: even)."""
+STANDING_SHARE = 0.5  # share of the weight on the prosthesis in standing, where it was not measured (a choice: even)
 WALKING_SHARE = 0.85
 """Vertical force in mid-stance over the weight: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015) at
 1.1 m/s; for a walk that stands in for the standing trial."""
-MID_FULCRUM_M = 0.108
-"""Where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)."""
+MID_FULCRUM_M = 0.108  # where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)
 LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
 """A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and twice as far from the
 other; the feet carry the person if their loads make up the weight to this part (choices)."""
@@ -264,7 +247,7 @@ def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str,
     """
     weight = mass_kg * GRAVITY
     if not posture.still:
-        return WALKING_SHARE * weight, f"taken as {WALKING_SHARE:g} of the weight, as in mid-stance"
+        return WALKING_SHARE * weight, say("markers", "load", still=False, share=WALKING_SHARE)[0]
     loads = dict.fromkeys(ankles_W, 0.0)
     time = standing.force_time_s
     during = (time >= posture.start_s) & (time <= posture.end_s)
@@ -278,5 +261,5 @@ def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str,
             loads[near] += float(np.mean(vertical))
     if min(loads.values()) > 0.0 and abs(sum(loads.values()) / weight - 1.0) < SAME_WEIGHT:
         share = loads[prosthetic_side] / sum(loads.values())
-        return share * weight, f"{share:.2f} of the weight by the plates"
-    return STANDING_SHARE * weight, "taken as half of the weight, not measured"
+        return share * weight, say("markers", "load", still=True, share=share)[0]
+    return STANDING_SHARE * weight, say("markers", "load", still=True, share=None)[0]

@@ -15,26 +15,21 @@ import numpy as np
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import Subject
 
-SEGMENTS = ("pelvis", "thigh_right", "shank_right", "foot_right", "thigh_left", "shank_left", "foot_left")
 PARENTS = {"pelvis": None, "thigh_right": "pelvis", "shank_right": "thigh_right", "foot_right": "shank_right",
            "thigh_left": "pelvis", "shank_left": "thigh_left", "foot_left": "shank_left"}
-"""The segment from which each hangs."""
+"""The segment from which each hangs, parents first."""
+SEGMENTS = tuple(PARENTS)
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentMarkers:
-    """Markers that a rigid segment carries, in its own frame B.
+    """Markers that a rigid segment carries, in its own frame B."""
 
-    Attributes:
-        labels: (k,) as in the recordings.
-        p_BM: (k, 3) m.
-        p_PB: (3,) m, the segment's origin (its proximal joint centre) in the parent's frame; zero for the pelvis. The
-            model's person, whose segments hang straight under each other, need not have exactly these.
-    """
-
-    labels: tuple[str, ...]
-    p_BM: np.ndarray
+    labels: tuple[str, ...]  # (k,) as in the recordings
+    p_BM: np.ndarray  # (k, 3) m
     p_PB: np.ndarray
+    """(3,) m, the segment's origin (its proximal joint centre) in the parent's frame; zero for the pelvis. The model's
+    person, whose segments hang straight under each other, need not have exactly these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,26 +45,17 @@ class FootPoints:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A person's markers on segments, from a standing trial.
+    """A person's markers on segments, from a standing trial."""
 
-    Attributes:
-        subject: mass, stature and every measured length.
-        segments, feet: by name, all seven of `SEGMENTS`, and by side ("right", "left").
-        angles_rad: the coordinates at standing, by name, both ankles included (nothing is zeroed); the pelvis's
-            translations among them in m.
-        lengths_m: what was measured, by name and side, for the report: thigh_right, shank_right, foot_right,
-            ankle_height_right, hip_width, ... with the same for left.
-        method: sentences on how each joint centre and axis was found.
-        notes: sentences on what was assumed or looks doubtful.
-    """
-
-    subject: Subject
-    segments: dict[str, SegmentMarkers]
-    feet: dict[str, FootPoints]
+    subject: Subject  # mass, stature and every measured length
+    segments: dict[str, SegmentMarkers]  # all seven of `SEGMENTS`
+    feet: dict[str, FootPoints]  # by side ("right", "left")
     angles_rad: dict[str, float]
-    lengths_m: dict[str, float]
-    method: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    """The coordinates at standing, by name, both ankles included (nothing is zeroed); the pelvis's translations in m.
+    """
+    lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
+    method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
+    notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,44 +69,28 @@ class FootTrack:
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """A stretch in which a marker was not seen, and how it was filled.
-
-    `how` is "rigid cluster", "rigid cluster and joint centre" or "spline".
-    """
+    """A stretch in which a marker was not seen, and how it was filled."""
 
     label: str
     start_s: float
     end_s: float
-    how: str
+    how: str  # "rigid cluster", "rigid cluster and joint centre" or "spline"
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedMotion:
-    """Joint coordinates of a walk, from its markers.
+    """Joint coordinates of a walk, from its markers."""
 
-    Attributes:
-        time_s: (frames,) s, evenly spaced.
-        names: pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, `ankle_angle_l`, ...).
-        values: (frames, m) m and rad, filtered once.
-        feet: by side.
-        residual_rms_m: by label, RMS distance of a marker from where its segment's pose puts it.
-        cluster_motion_m: by segment, RMS over time of the markers' departure from a rigid body.
-        joint_gap_m: by joint, RMS distance between the two segments' ideas of the joint's centre.
-        gaps: what was filled.
-        start_frame: first frame of the recording that is used.
-        notes: sentences on what was assumed, filled or looks doubtful.
-    """
-
-    time_s: np.ndarray
-    names: tuple[str, ...]
-    values: np.ndarray
-    feet: dict[str, FootTrack]
-    residual_rms_m: dict[str, float]
-    cluster_motion_m: dict[str, float]
-    joint_gap_m: dict[str, float]
+    time_s: np.ndarray  # (frames,) evenly spaced
+    names: tuple[str, ...]  # pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)
+    values: np.ndarray  # (frames, m) m and rad, filtered once
+    feet: dict[str, FootTrack]  # by side
+    residual_rms_m: dict[str, float]  # by label, RMS distance of a marker from where its segment's pose puts it
+    cluster_motion_m: dict[str, float]  # by segment, RMS over time of the markers' departure from a rigid body
+    joint_gap_m: dict[str, float]  # by joint, RMS distance between the two segments' ideas of the joint's centre
     gaps: tuple[Gap, ...] = ()
-    start_frame: int = 0
-    notes: tuple[str, ...] = ()
+    start_frame: int = 0  # first frame of the recording that is used
+    notes: tuple[str, ...] = ()  # sentences on what was assumed, filled or looks doubtful
 
     def trajectory(self, names: tuple[str, ...], *, source: str | None = None) -> CoordinateTrajectory:
         """The C2 (quintic) splines through the coordinates `names`."""

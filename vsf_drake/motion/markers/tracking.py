@@ -7,7 +7,7 @@ apart at the joints, by what skin motion and wrong joint centres make: `TrackedM
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations, permutations
 
 import numpy as np
@@ -16,7 +16,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S, FilledMarkers, fill_gaps
-from vsf_drake.motion.markers.joint_angles import COORDINATES, coordinates_of, gimbal_notes, segment_joint
+from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, gimbal_notes, segment_joint
 from vsf_drake.motion.markers.poses import (
     NARROWEST_M,
     RigidPoses,
@@ -30,35 +30,36 @@ from vsf_drake.motion.markers.poses import (
     subset,
 )
 from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootTrack, SegmentMarkers, TrackedMotion
+from vsf_drake.sentences import say
 
 CUTOFF_HZ = 6.0
 
 
 def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None = CUTOFF_HZ,
           longest_gap_s: float = LONGEST_GAP_S) -> TrackedMotion:
-    """The coordinates of pelvis and both legs over the usable part of `recording`.
+    """The coordinates of pelvis and both legs over the usable part of `recording`, a walk.
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the centre of its proximal
     joint, as its parent's pose has it, for one more; the notes say so.
 
     Args:
-        recording: the walk.
         calibration: from the standing trial of the same session.
         cutoff_hz: of the fourth-order zero-phase Butterworth filter on the markers; None where the recording is
             filtered already.
         longest_gap_s: longest gap that a spline may close; see `gaps`.
 
     Raises:
-        InputError: see `gaps.fill_gaps`; the markers are not those of the calibration (another person, another unit,
-            exchanged or moved markers); the cut-off is impossible at this frame rate.
+        InputError: see `gaps`; the markers are not those of the calibration (another person, another unit, exchanged or
+            moved markers); the cut-off is impossible at this frame rate.
     """
     filled, markers, times, poses = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
-    helped = (f"the {name.replace('_', ' ')} is followed by {', '.join(segment.labels)} and the "
-              f"{segment_joint(name)[0]} centre of the segment above" for name, segment in filled.segments.items()
-              if PARENTS[name] is not None and needs_joint_centre(segment.p_BM))
-    return describe(calibration, filled, markers, times, poses, values, notes=tuple(helped))
+    helped = [note for name, segment in filled.segments.items()
+              if PARENTS[name] is not None and needs_joint_centre(segment.p_BM)
+              for note in say("markers", "helped", segment=name.replace("_", " "), labels=segment.labels,
+                              joint=segment_joint(name)[0])]
+    return describe(calibration, filled, markers, times, poses, values, notes=helped)
 
 
 def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
@@ -73,15 +74,16 @@ def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: f
     poses = segment_poses(filled.segments, markers)
     _check_swaps(recording, filled, poses, times)
     _check_places(recording, filled, poses)
-    if cutoff_hz is None:
-        return filled, markers, times, poses
-    smooth = low_pass(np.hstack(list(markers.values())), rate_hz=recording.marker_rate_hz or 1.0, cutoff_hz=cutoff_hz)
-    markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
-    return filled, markers, times, segment_poses(filled.segments, markers)
+    if cutoff_hz is not None:
+        smooth = low_pass(np.hstack(list(markers.values())), rate_hz=recording.marker_rate_hz or 1.0,
+                          cutoff_hz=cutoff_hz)
+        markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
+        poses = segment_poses(filled.segments, markers)
+    return filled, markers, times, poses
 
 
 def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray], times: np.ndarray,
-             poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: tuple[str, ...] = ()) -> TrackedMotion:
+             poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: Sequence[str] = ()) -> TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
     segments = filled.segments
     feet = {side: FootTrack(heel_W=poses[f"foot_{side}"].points(calibration.feet[side].p_FHeel),
@@ -134,20 +136,17 @@ def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPo
 # here is what no skin motion explains.
 
 
-OTHER_UNIT = 5.0
-"""A person is never five times as large as another: a scale beyond this is another unit."""
+OTHER_UNIT = 5.0  # a person is never five times as large as another: a scale beyond this is another unit
 OTHER_PERSON = 0.10
 """Skin motion changes distances of markers on one segment by some percent; a tenth over all of them is another body."""
-NEAR_M = 0.08
-"""Distances below this say little about scale."""
+NEAR_M = 0.08  # distances below this say little about scale
 LOST_JOINT_M = 0.08
 """Two segments that place their joint this far apart (RMS), several times the worst skin motion, do not belong
 together."""
 ASTRAY_RMS_M = 0.04
 """RMS over the trial beyond which a marker is not where the standing trial had it. Skin over the thigh moves by up to
 about 30 mm."""
-MOST_ASTRAY = 3
-"""Segments with markers astray beyond which it is not a marker that is wrong but the standing trial."""
+MOST_ASTRAY = 3  # segments with markers astray beyond which it is not a marker that is wrong but the standing trial
 
 
 def _check_scale(recording: Recording, filled: FilledMarkers) -> None:
@@ -211,29 +210,19 @@ def _check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[st
 # Markers that jump, and markers that exchange places, for a few frames or throughout.
 
 
-FASTEST_M_S = 10.0
-"""Twice what a foot in swing reaches in the fastest walk."""
-SMALLEST_JUMP_M = 0.05
-"""At a high frame rate noise alone is fast; what moves less than this is left to the residuals."""
-SWAP_M = 0.025
-"""A residual below this may still be skin motion."""
-SWAP_GAIN = 0.5
-"""Markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`."""
-AS_GOOD = 1.2
-"""Exchanges that leave a residual within this factor of the least are not told apart (a choice)."""
+FASTEST_M_S = 10.0  # twice what a foot in swing reaches in the fastest walk
+SMALLEST_JUMP_M = 0.05  # at a high frame rate noise alone is fast; what moves less than this is left to the residuals
+SWAP_M = 0.025  # a residual below this may still be skin motion
+SWAP_GAIN = 0.5  # markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
+AS_GOOD = 1.2  # exchanges that leave a residual within this factor of the least are not told apart (a choice)
 PARTNER_M = 0.05
 """Right and left marker are partners if one lies as near as this to the other's mirror image (a choice)."""
-LOST_M = 1.0
-"""Stands for a residual where the markers determine no pose."""
-MOST_SHOWN = 6
-"""Markers whose residuals a message shows."""
-SWAPPED_THROUGHOUT = 0.8
-"""Share of the frames beyond which the labels differ from the standing trial's."""
-MOST_TRIED = 25
-"""Frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)."""
+LOST_M = 1.0  # stands for a residual where the markers determine no pose
+MOST_SHOWN = 6  # markers whose residuals a message shows
+SWAPPED_THROUGHOUT = 0.8  # share of the frames beyond which the labels differ from the standing trial's
+MOST_TRIED = 25  # frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)
 RELABEL = "Correct the labels in the capture software"
-Exchange = tuple[tuple[str, str], ...]
-"""Pairs of labels, no label twice."""
+Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
 
 
 def _check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) -> None:
@@ -288,15 +277,14 @@ def _check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str
     if found is None:
         return
     exchange, left = found
-    equal = [other for other, cost in search.tried.items() if len(other) == len(exchange) and {*other} != {*exchange}
-             and cost < AS_GOOD * left and search.explains(other).any()]
+    equal = [_words(other) for other, cost in search.tried.items() if len(other) == len(exchange)
+             and {*other} != {*exchange} and cost < AS_GOOD * left and search.explains(other).any()]
     whole = _Search(filled, suspect)
     explained = whole.explains(exchange)
     changes = [f"{label} {1e3 * before:.0f} to {1e3 * after:.0f}"
                for label, (before, after) in whole.residuals(exchange, explained).items()]
     shown = f"; if undone, residuals change (mm RMS): {', '.join(changes)}"
-    if equal:
-        shown += f"; not to be told from an exchange of {' or of '.join(_words(other) for other in equal[:3])}"
+    shown += f"; not to be told from an exchange of {' or of '.join(equal[:3])}" if equal else ""
     frames = suspect[explained]
     if frames.size > SWAPPED_THROUGHOUT * len(times):
         raise InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",

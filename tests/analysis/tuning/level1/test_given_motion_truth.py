@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.tuning.level1 import solve, tuning_table
-from vsf_drake.motion.plates import PlateRecording
+from vsf_drake.motion.formats.recording import PlateRecording
 
 TRUE_MM = 93.4
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
 from vsf_drake.analysis.tuning.level1.costs import LABELS
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
@@ -16,6 +15,7 @@ from vsf_drake.analysis.tuning.level1.uncertainty import FulcrumUncertainty, dif
 from vsf_drake.errors import FitError
 from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
+from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 
 AT_BOUND = 1e-3

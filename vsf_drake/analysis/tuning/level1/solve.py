@@ -12,7 +12,6 @@ from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
 from vsf_drake.analysis.drake_solve import solved
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.common import Check
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
@@ -31,6 +30,7 @@ from vsf_drake.analysis.tuning.level1.sweep import (
 from vsf_drake.analysis.tuning.level1.uncertainty import drawn_sweeps, fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
+from vsf_drake.sentences import say
 
 COARSE_MM = 5.0
 """Of the sweep that searches begin from (a choice)."""

@@ -22,11 +22,11 @@ from scipy.stats import t as student
 
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standard_parameters
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import Progress, Sweep, lowest, positions, sweep
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.sentences import say
 from vsf_drake.simulation.walk import Walker
 
 FLAT = 0.01

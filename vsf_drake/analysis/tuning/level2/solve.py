@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.common import COSTS, FORMAT, OPTIMUM, RECORDED, SOFTEST, STIFFEST, WEIGHTED, Check
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.costs import LABELS
@@ -37,6 +36,7 @@ from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
+from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
 

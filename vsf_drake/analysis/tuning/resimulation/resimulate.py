@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.tuning.resimulation.regulator import (
     LinearSteps,
     RegulatorWeights,
@@ -33,6 +32,7 @@ from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates

@@ -1,0 +1,224 @@
+"""Joints: their centres from surface markers, and their coordinates from segments' orientations. Pure functions.
+
+Points are (..., 3) in m. Hip regressions give (forward, up, lateral towards the limb) from the midpoint of the anterior
+superior iliac spines, in the pelvis frame of Wu et al. (2002), from PW (inter-ASIS width), PD (mid-ASIS to mid-PSIS)
+and LL (ASIS to medial malleolus):
+
+    Harrington et al. 2007, doi 10.1016/j.jbiomech.2006.02.003; the forms with PW only and LL only as in
+        Sangeux et al. 2015 and the public pyCGM2
+    Hara et al. 2016, doi 10.1038/srep37707
+    Bell et al. 1990, doi 10.1016/0021-9290(90)90054-7, with 0.30 PW for the vertical as HAS-Motion's CODA pelvis has
+    Davis et al. 1991, doi 10.1016/0167-9457(91)90046-Z
+
+Harrington's and Hara's start from the bone, the pelvis' origin here lies at the markers' centres: their forward
+coordinate is reduced by the marker's radius and base plate, as pyCGM2 does. Davis' formula holds the radius itself;
+Bell's is used as published.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
+from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
+from vsf_drake.sentences import say
+
+HIP_METHODS = ("harrington", "harrington_pw", "harrington_ll", "hara", "bell", "davis")
+NEEDS_LEG_LENGTH = ("harrington", "harrington_ll", "hara", "davis")
+_DAVIS_THETA, _DAVIS_BETA = math.radians(28.4), math.radians(18.0)
+
+
+def hip_offset(
+    method: str, *, pelvis_width: float, pelvis_depth: float, leg_length: float, marker_radius: float,
+    base_plate: float
+) -> np.ndarray:
+    """(3,) m: forward, up and lateral coordinate of the hip centre from the midpoint of the ASIS markers."""
+    pw, pd, ll = (1e3 * length for length in (pelvis_width, pelvis_depth, leg_length))
+    skin = 1e3 * (marker_radius + base_plate)
+    if method == "harrington":
+        mm = (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9)
+    elif method == "harrington_pw":
+        mm = (-0.138 * pw - 10.4 - skin, -0.305 * pw - 10.9, 0.33 * pw + 7.3)
+    elif method == "harrington_ll":
+        mm = (-0.041 * ll - 6.3 - skin, -0.083 * ll - 7.9, 0.0874 * ll + 5.4)
+    elif method == "hara":
+        mm = (11 - 0.063 * ll - skin, -9 - 0.078 * ll, 8 + 0.086 * ll)
+    elif method == "bell":
+        mm = (-0.19 * pw, -0.30 * pw, 0.36 * pw)
+    elif method == "davis":
+        c, depth = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius
+        sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
+        along = c * math.cos(_DAVIS_THETA)
+        mm = (along * sin_b - depth * cos_b, -along * cos_b - depth * sin_b, pw / 2 - c * math.sin(_DAVIS_THETA))
+    else:
+        raise ValueError(f"{method!r} is none of {', '.join(HIP_METHODS)}")
+    return 1e-3 * np.array(mm)
+
+
+def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially: np.ndarray, distance: float
+          ) -> np.ndarray:
+    """The joint centre C in the plane of the proximal joint centre P, the lateral marker L and a plane marker.
+
+    |LC| is `distance` (half the joint's width and the marker's radius) and the angle PCL is a right one, so C lies on
+    the circle over the diameter PL; of the two such points the one on the side of `medially`. It is the construction
+    of Kadaba et al. (1990, doi 10.1002/jor.1100080310), derived here from its definition. NaN where the three points
+    lie on a line or `distance` exceeds |PL|.
+    """
+    to_proximal = np.asarray(proximal) - lateral
+    length = np.linalg.norm(to_proximal, axis=-1, keepdims=True)
+    u = to_proximal / length
+    w = _unit(_reject(np.asarray(plane) - lateral, u))
+    w = w * np.sign(np.sum(w * medially, axis=-1, keepdims=True))
+    cosine = distance / length
+    with np.errstate(invalid="ignore"):
+        sine = np.sqrt(1 - cosine**2)
+    return lateral + distance * (cosine * u + sine * w)
+
+
+def beside(proximal: np.ndarray, lateral: np.ndarray, axis_medially: np.ndarray, distance: float) -> np.ndarray:
+    """The joint centre at `distance` from the lateral marker, in the direction of `axis_medially` as seen from it and
+    at a right angle to the line from the centre to the `proximal` one: a chord whose plane holds the joint's axis."""
+    return chord(proximal, lateral, np.asarray(lateral) + axis_medially, axis_medially, distance)
+
+
+def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
+    """The axis about which a distal segment turns in a proximal one, by least squares over all frames.
+
+    The unit directions a (proximal) and b (distal) minimise sum |a - R b|^2: the singular vector of the stacked
+    [1, -R] with the smallest singular value, the direction that Ehrig et al. (2007, doi
+    10.1016/j.jbiomech.2006.10.026) find in their symmetrical axis of rotation approach. `R_relative` (n, 3, 3) is the
+    distal segment's orientation in the proximal one's frame; NaN frames are left out. Gives a, (3,), of either sense,
+    and the range (rad) of the rotation about it.
+    """
+    R = R_relative[np.isfinite(R_relative).all(axis=(1, 2))]
+    if not len(R):
+        return np.full(3, np.nan), 0.0
+    total = R.sum(axis=0)
+    normal = np.block([[len(R) * np.eye(3), -total], [-total.T, len(R) * np.eye(3)]])
+    a = np.linalg.eigh(normal)[1][:3, 0]
+    a = a / np.linalg.norm(a)
+    u = np.linalg.svd(a[None])[2][1]
+    turned = R @ (R[0].T @ u)
+    return a, float(np.ptp(np.unwrap(np.arctan2(turned @ np.cross(a, u), turned @ u))))
+
+
+def frame_from(z: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(..., 3, 3): columns x, y, z of the frame whose z is along `z` and whose y lies as near to `y` as it can."""
+    e_z = _unit(np.asarray(z))
+    e_y = _unit(_reject(np.asarray(y), e_z))
+    return np.stack([np.cross(e_y, e_z), e_y, e_z], axis=-1)
+
+
+def pelvis_frame(asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R_WP (..., 3, 3) and origin (..., 3) after Wu et al. (2002): y to the left along the ASIS line, x forward in the
+    plane of both ASIS and `back` (the midpoint of the PSIS or the sacrum), origin midway between the ASIS."""
+    origin = 0.5 * (np.asarray(asis_right) + asis_left)
+    e_y = _unit(np.asarray(asis_left) - asis_right)
+    e_x = _unit(_reject(origin - back, e_y))
+    return np.stack([e_x, e_y, np.cross(e_x, e_y)], axis=-1), origin
+
+
+def _reject(vector: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """The part of `vector` at a right angle to `unit`."""
+    return vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+# Joint coordinates of the model from the orientations of its segments, and back.
+#
+# Segment frames have x forward, y left, z up and are parallel in the anatomical zero pose. A joint turns the distal
+# segment D against the proximal P by three rotations one after the other, each about an axis of the frame the former
+# left behind: flexion f about the axis to the right, adduction a about the one forward, rotation r about the one up,
+#
+#     R_PD = Ry(-f) Rx(s a) Rz(s r),      s = 1 on the right, -1 on the left; the knee has +f,
+#
+# which for ISB axes (x forward, y up, z right) is the sequence Z-X-Y of Wu et al. (2002, doi
+# 10.1016/S0021-9290(01)00222-6) and the joint coordinate system of Grood & Suntay (1983, doi 10.1115/1.3138397): f
+# about the proximal segment's axis, r about the distal segment's, a about their common perpendicular. Hip flexion, knee
+# flexion, ankle dorsiflexion, adduction (the distal end towards the midline) and internal rotation are positive on both
+# sides. The pelvis turns against W likewise, unmirrored (tilt, list, rotation), after moving forward, up, to the right.
+
+
+COORDINATES = PELVIS_COORDINATES + tuple(name for side in SIDES for name in leg_coordinates(side, intact=True))
+"""The 24 coordinates of pelvis and two intact legs, in the model's order."""
+NEAR_GIMBAL_RAD = np.radians(70.0)
+"""Beyond this adduction flexion and rotation become one and the same: errors are amplified threefold."""
+
+
+def _signs(joint: str, side: str) -> np.ndarray:
+    """(3,): senses of flexion, adduction, rotation about the axes y, x and z."""
+    mirrored = -1.0 if side == "left" else 1.0
+    return np.array([1.0 if joint == "knee" else -1.0, mirrored, mirrored])
+
+
+def joint_angles(R_PD: np.ndarray, joint: str, side: str) -> np.ndarray:
+    """(..., 3) rad: flexion, adduction, rotation, from the distal segment's orientation in the proximal's (..., 3, 3).
+
+    `joint` "pelvis" (with side "right") gives tilt, list and rotation from R_WP.
+    """
+    R = np.asarray(R_PD, dtype=float)
+    y = np.arctan2(R[..., 0, 2], R[..., 2, 2])
+    x = np.arctan2(-R[..., 1, 2], np.hypot(R[..., 1, 0], R[..., 1, 1]))
+    z = np.arctan2(R[..., 1, 0], R[..., 1, 1])
+    return np.asarray(np.stack([y, x, z], axis=-1) * _signs(joint, side))
+
+
+def joint_rotation(angles: np.ndarray, joint: str, side: str) -> np.ndarray:
+    """(..., 3, 3): R_PD from flexion, adduction, rotation (..., 3) rad; the inverse of `joint_angles`."""
+    y, x, z = np.moveaxis(np.asarray(angles, dtype=float) * _signs(joint, side), -1, 0)
+    (sy, sx, sz), (cy, cx, cz) = (np.sin(y), np.sin(x), np.sin(z)), (np.cos(y), np.cos(x), np.cos(z))
+    rows = [[cy * cz + sy * sx * sz, -cy * sz + sy * sx * cz, sy * cx],
+            [cx * sz, cx * cz, -sx],
+            [-sy * cz + cy * sx * sz, sy * sz + cy * sx * cz, cy * cx]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def segment_joint(segment: str) -> tuple[str, str]:
+    """Joint and side that carry `segment`: ("knee", "left") for shank_left, ("pelvis", "right") for the pelvis."""
+    kind, _, side = segment.partition("_")
+    return {"thigh": "hip", "shank": "knee", "foot": "ankle"}.get(kind, kind), side or "right"
+
+
+def coordinates_of(R_W: Mapping[str, np.ndarray], p_WPelvis: np.ndarray) -> np.ndarray:
+    """(n, 24): the values of `COORDINATES` from the segments' orientations (n, 3, 3) and the pelvis' origin (n, 3) m.
+
+    Angles are continuous in time, the middle of each within half a turn of zero.
+    """
+    columns = [world_to_os(p_WPelvis)]
+    for segment in SEGMENTS:
+        R_PD = R_W[segment] if PARENTS[segment] is None else R_W[str(PARENTS[segment])].swapaxes(-1, -2) @ R_W[segment]
+        angles = joint_angles(R_PD, *segment_joint(segment))
+        for column in angles.T if angles.ndim > 1 else ():
+            there = np.isfinite(column)
+            if there.any():
+                unwrapped = np.unwrap(column[there])
+                column[there] = unwrapped - 2 * np.pi * np.round(np.median(unwrapped) / (2 * np.pi))
+        columns.append(angles)
+    return np.concatenate(columns, axis=-1)
+
+
+def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The inverse of `coordinates_of`: R_W by segment and p_WPelvis, from (n, 24) values of `COORDINATES`."""
+    values = np.asarray(values, dtype=float)
+    R_W: dict[str, np.ndarray] = {}
+    for k, segment in enumerate(SEGMENTS, start=1):
+        R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
+        R_W[segment] = R_PD if PARENTS[segment] is None else R_W[str(PARENTS[segment])] @ R_PD
+    return R_W, os_to_world(values[..., :3])
+
+
+def gimbal_notes(values: np.ndarray) -> list[str]:
+    """Sentences on the joints whose adduction (pelvis: list) in (n, 24) `values` comes near a right angle."""
+    triples = [COORDINATES[k:k + 3] for k in range(3, len(COORDINATES), 3)]
+    largest = np.nanmax(np.abs(values[:, 4::3]), axis=0)
+    return [note for (flexion, adduction, rotation), most in zip(triples, largest, strict=True)
+            if most > NEAR_GIMBAL_RAD for note in say("markers", "gimbal", adduction=adduction, flexion=flexion,
+                                                      rotation=rotation, degrees=np.degrees(most))]
