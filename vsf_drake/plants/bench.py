@@ -16,10 +16,16 @@ from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_wiring import wire_foot, wire_unloaded_foot
+from vsf_drake.plants.foot_wiring import ON_THE_GROUND, wire_foot, wire_unloaded_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
-from vsf_drake.plants.wiring import connect_kinematics, servo, share_generalized_forces, share_spatial_forces
+from vsf_drake.plants.wiring import (
+    connect_kinematics,
+    export_outputs,
+    servo,
+    share_generalized_forces,
+    share_spatial_forces,
+)
 from vsf_drake.systems.contact import TestingMachine
 from vsf_drake.systems.foot_forces import FootForces
 
@@ -43,20 +49,15 @@ class BenchDiagram:
     Inputs: fulcrum_position (1, m from A); platen (2, height in W in m and velocity in m/s).
     Outputs: load (1, N on the platen); depth (sites, m); state (nq + nv, [q; v] of the plant); support_force (1, N of
     the fulcrum on the keel along z_K).
-
-    Attributes:
-        forces: of keel and fulcrum, without contact.
-        machine_bodies: body of each site that the platen presses.
-        contact_height: height (m) in W at which the platen touches the unloaded foot.
     """
 
     diagram: Diagram
     plant: MultibodyPlant
     foot: FootHandles
-    forces: FootForces
+    forces: FootForces  # of keel and fulcrum, without contact
     machine: TestingMachine
-    machine_bodies: list
-    contact_height: float
+    machine_bodies: list  # body of each site that the platen presses
+    contact_height: float  # height (m) in W at which the platen touches the unloaded foot
 
 
 def make_bench(
@@ -70,9 +71,8 @@ def make_bench(
     same point of the foot. Weight is left out: a load cell is tared.
 
     Args:
-        heel: press the heel instead of the forefoot.
         scene_graph: in no diagram yet; it becomes a part of this one, the plant gets the shapes of the foot, to be seen
-            only, and the diagram the output `query`. None: no shapes.
+            only, and the diagram the output `query`.
     """
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)
@@ -89,18 +89,16 @@ def make_bench(
     share_spatial_forces(builder, plant, machine.GetOutputPort("spatial_forces"))
     builder.ExportInput(forces.GetInputPort("fulcrum_position"), "fulcrum_position")
     builder.ExportInput(machine.GetInputPort("platen"), "platen")
-    for name in ("load", "depth"):
-        builder.ExportOutput(machine.GetOutputPort(name), name)
+    export_outputs(builder, machine, ("load", "depth"))
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    builder.ExportOutput(forces.GetOutputPort("support_force"), "support_force")
+    export_outputs(builder, forces, ("support_force",))
     if scene_graph is not None:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
-    diagram, bodies = builder.Build(), pressed["body_indices"]
     context = plant.CreateDefaultContext()
     heights = [(plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
-               for body, point in zip(bodies, pressed["p_BS"], strict=True)]
-    return BenchDiagram(diagram=diagram, plant=plant, foot=foot, forces=forces, machine=machine, machine_bodies=bodies,
-                        contact_height=float(min(heights)))
+               for body, point in zip(pressed["body_indices"], pressed["p_BS"], strict=True)]
+    return BenchDiagram(diagram=builder.Build(), plant=plant, foot=foot, forces=forces, machine=machine,
+                        machine_bodies=pressed["body_indices"], contact_height=float(min(heights)))
 
 
 def _weightless_plant(builder: DiagramBuilder) -> MultibodyPlant:
@@ -142,7 +140,6 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
 
 MOUNT_COORDINATES = ("mount_forward", "mount_up", "mount_pitch")
 """Coordinates of the foot's mount in W: m, m, and rad with the toes up."""
-_MOUNT_MASS_KG, _MOUNT_SIZE_M = 1e-3, (0.01, 0.01, 0.01)
 _SERVO_INERTIA = 0.5
 
 
@@ -168,29 +165,22 @@ class RollOverDiagram:
     Inputs: fulcrum_position (1, m from A); desired_state (6: MOUNT_COORDINATES, then their rates).
     Outputs: grf (3, N in W, on the foot); cop (3, m in W); free_moment (1, N m about +z_W, on the foot); normal_force
     (N, N); depth (N, m); friction_force (3 N, N in W), of N spheres; state (nq + nv, [q; v] of the plant).
-
-    Attributes:
-        mount: body whose frame is the foot's mount M.
-        forces: on the foot.
     """
 
     diagram: Diagram
     plant: MultibodyPlant
     foot: FootHandles
-    mount: RigidBody
+    mount: RigidBody  # its body frame is the foot's mount M
     forces: FootForces
 
 
 def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> RollOverDiagram:
-    """The foot with all of its contact spheres under a mount with MOUNT_COORDINATES, on level ground at z = 0.
-
-    Args:
-        friction: the foot's friction with the ground, or none.
-    """
+    """The foot with all of its contact spheres under a mount with MOUNT_COORDINATES, on level ground at z = 0, with the
+    foot's friction or none."""
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)
     instance = plant.AddModelInstance("machine")
-    mount = plant.AddRigidBody("machine_mount", instance, box(_MOUNT_MASS_KG, _MOUNT_SIZE_M, (0.0, 0.0, 0.0)))
+    mount = plant.AddRigidBody("machine_mount", instance, box(1e-3, (0.01, 0.01, 0.01), (0.0, 0.0, 0.0)))
     forward, up, pitch = MOUNT_COORDINATES
     add_chain(plant, instance, plant.world_frame(), np.zeros(3), mount, [
         (forward, PrismaticJoint, FORWARD), (up, PrismaticJoint, UPWARD), (pitch, RevoluteJoint, RIGHTWARD)])
@@ -203,7 +193,6 @@ def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> Rol
     wired = wire_foot(builder, plant, foot, ground=Ground(patches=(patch,)))
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
-    for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
-        builder.ExportOutput(wired.GetOutputPort(name), name)
+    export_outputs(builder, wired, ON_THE_GROUND)
     builder.ExportOutput(plant.get_state_output_port(), "state")
     return RollOverDiagram(diagram=builder.Build(), plant=plant, foot=foot, mount=mount, forces=wired.forces)

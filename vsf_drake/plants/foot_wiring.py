@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +11,6 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, LeafSystem, OutputPort
 
-from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ActuatorParameters, FrictionParameters
@@ -35,6 +33,8 @@ from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, S
 
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
 """Corners of the smooth law (choices)."""
+ON_THE_GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force")
+"""What diagrams export of a foot that stands on our own ground."""
 
 
 @dataclass(frozen=True)
@@ -73,19 +73,22 @@ class WiredFoot:
         Which system it belongs to depends on contact and time step: export it, or evaluate it with
         `port.Eval(port.get_system().GetMyContextFromRoot(root_context))`.
         """
-        # In a plant with a time step `forces` has outputs of springs and support, too, but `device` tells them.
-        systems = (self.device, self.forces, self.reaction) if name in FORCES else (self.forces, self.reaction)
-        return _output(systems, name, self.forces.get_name())
+        return _output(self.outputs(), name, self.forces.get_name())
+
+    def outputs(self) -> dict[str, OutputPort]:
+        """The outputs by name. In a plant with a time step `device` tells what springs and support bear."""
+        return _outputs(self.forces, self.reaction) | (
+            {name: self.device.GetOutputPort(name) for name in FORCES} if self.device else {})
 
 
-def _output(systems: Sequence[LeafSystem | None], name: str, where: str) -> OutputPort:
-    """The first output of that name of `systems`, which may be None."""
-    there = [system for system in systems if system is not None]
-    for system in there:
-        if system.HasOutputPort(name):
-            return system.GetOutputPort(name)
-    names = [system.get_output_port(i).get_name() for system in there for i in range(system.num_output_ports())]
-    raise InputError(f"there is no output {name!r}", where=where, right=f"There are {', '.join(names)}")
+def _outputs(*systems: LeafSystem | None) -> dict[str, OutputPort]:
+    return {port.get_name(): port for system in systems if system is not None
+            for port in map(system.get_output_port, range(system.num_output_ports()))}
+
+
+def _output(ports: dict[str, OutputPort], name: str, where: str) -> OutputPort:
+    require(name in ports, f"there is no output {name!r}", where, f"There are {', '.join(ports)}")
+    return ports[name]
 
 
 def wire_foot(
@@ -301,7 +304,7 @@ class FulcrumDrive:
 
     def GetOutputPort(self, name: str) -> OutputPort:
         """An output of actuator, controller, recorder or sensor by its name; these differ."""
-        return _output((self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
+        return _output(_outputs(self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
 
     def SetPosition(self, root_context: Context, position: float) -> None:
         """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram.

@@ -12,10 +12,16 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.ground import Ground, check_ground
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.foot_wiring import add_rigid_foot, wire_foot
+from vsf_drake.plants.foot_wiring import ON_THE_GROUND, add_rigid_foot, wire_foot
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.visuals import add_visuals, connect_scene_graph, draw_ground
-from vsf_drake.plants.wiring import connect_kinematics, servo, share_generalized_forces, velocity_indices
+from vsf_drake.plants.wiring import (
+    connect_kinematics,
+    export_outputs,
+    servo,
+    share_generalized_forces,
+    velocity_indices,
+)
 from vsf_drake.systems.foot_forces import FootForces
 from vsf_drake.systems.joint_forces import GaitDriver, SocketBushing
 
@@ -60,19 +66,15 @@ class GaitDiagram:
     N); intact_depth (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the
     plant); support_force (1, N of the fulcrum on the keel along z_K); joint_moment (m, N m of the keel's springs and
     dampers); socket_wrench (6, N and N m, see `SocketBushing`); driver_force (nv, N or N m of the servos).
-
-    Attributes:
-        prescribed: names of the coordinates that follow `desired_state`, in its order.
-        forces: on the feet "prosthetic" and "intact"; contact, keel and ground are in their Contexts.
     """
 
     diagram: Diagram
     plant: MultibodyPlant
     person: PersonHandles
-    prescribed: tuple[str, ...]
+    prescribed: tuple[str, ...]  # the coordinates that follow `desired_state`, in its order
     bushing: SocketBushing
     driver: GaitDriver
-    forces: dict[str, FootForces]
+    forces: dict[str, FootForces]  # on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts
 
     def plant_context(self, context: Context) -> Context:
         """The plant's part of the diagram's `context`."""
@@ -89,7 +91,7 @@ def make_gait(
         ground: slopes, steps, compliant or slippery places under either foot; by default the plane z = 0.
         free: anatomical coordinates that are not prescribed but move under the forces on them.
         scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of person and ground, to
-            be seen only, and the diagram the output `query`. None: no shapes.
+            be seen only, and the diagram the output `query`.
 
     Raises:
         InputError: see `person.scale_body` and `check_ground`.
@@ -113,7 +115,11 @@ def make_gait(
     upright = plant.CalcMassMatrix(plant.CreateDefaultContext())  # with the carriage at A still
     inertia = np.maximum(np.diag(upright)[velocity_indices(plant, prescribed)], SERVO_INERTIA_FLOOR)
     driver = builder.AddNamedSystem("driver", servo(plant, prescribed, inertia))
-    bushing = builder.AddNamedSystem("bushing", _socket_bushing(plant, person))
+    socket, law = person.socket, ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
+    bushing = builder.AddNamedSystem("bushing", SocketBushing(
+        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, socket.coordinate_names),
+        stop_ratio=socket.parameters.stop_ratio,
+        **{name: np.array([getattr(axis, name) for axis in socket.axes]) for name in law}))
     connect_kinematics(builder, plant, [bushing, driver])
     for system in (bushing, driver):
         share_generalized_forces(builder, plant, system.GetOutputPort("generalized_force"))
@@ -121,24 +127,13 @@ def make_gait(
     intact = add_rigid_foot(builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot")
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
-    for prefix, foot in (("", wired), ("intact_", intact)):
-        for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
-            builder.ExportOutput(foot.GetOutputPort(name), prefix + name)
+    export_outputs(builder, wired, ON_THE_GROUND)
+    export_outputs(builder, intact, ON_THE_GROUND, "intact_")
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    for name in ("support_force", "joint_moment"):
-        builder.ExportOutput(wired.GetOutputPort(name), name)
+    export_outputs(builder, wired, ("support_force", "joint_moment"))
     builder.ExportOutput(bushing.GetOutputPort("wrench"), "socket_wrench")
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
     if scene_graph is not None:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     return GaitDiagram(diagram=builder.Build(), plant=plant, person=person, prescribed=prescribed, bushing=bushing,
                        driver=driver, forces={"prosthetic": wired.forces, "intact": intact})
-
-
-def _socket_bushing(plant: MultibodyPlant, person: PersonHandles) -> SocketBushing:
-    socket = person.socket
-    fields = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
-    return SocketBushing(
-        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, socket.coordinate_names),
-        stop_ratio=socket.parameters.stop_ratio,
-        **{name: np.array([getattr(axis, name) for axis in socket.axes]) for name in fields})

@@ -62,13 +62,14 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.plants.foot_wiring import WiredFoot, wire_foot
+from vsf_drake.plants.foot_handles import FootHandles, require
+from vsf_drake.plants.foot_wiring import ON_THE_GROUND, WiredFoot, wire_foot
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
-from vsf_drake.plants.wiring import connect_kinematics, share_generalized_forces
+from vsf_drake.plants.wiring import connect_kinematics, export_outputs, share_generalized_forces
 from vsf_drake.scenario import Scenario, ScenarioFoot, check_scenario, file_of, scenario_ground
+from vsf_drake.systems.foot_forces import FORCES
 from vsf_drake.systems.joint_forces import GaitDriver
 
 PACKAGE = "vsf_drake"
@@ -79,17 +80,14 @@ _ROTATION_TAGS = {frozenset(("deg",)): "!Rpy", frozenset(("angle_deg", "axis")):
 class Station:
     """A finished station; its ports are those of `diagram`, see the module.
 
-    Attributes:
-        plant: the bodies. Its part of a Context: `plant_context`.
-        feet: variable-stiffness feet by name.
-        parts: what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`, or a dict
-            of `WiredFoot` by name for a leg.
+    `parts` is what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`, or a dict
+    of `WiredFoot` by name for a leg.
     """
 
     scenario: Scenario
     diagram: Diagram
     plant: MultibodyPlant
-    feet: dict[str, FootHandles]
+    feet: dict[str, FootHandles]  # variable-stiffness feet by name
     parts: Any
 
     def plant_context(self, root: Context) -> Context:
@@ -124,7 +122,6 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         model = model_with(model, load_contact(path).values, file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
     builder, visual = DiagramBuilder(), visual or meshcat is not None
-    scene_graph = SceneGraph() if visual else None
     parts: Any
     if scenario.kind == "leg":
         plant, scene_graph, parts = _add_leg(builder, scenario, model, visual=visual)
@@ -133,6 +130,7 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         if meshcat is not None:
             MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     else:
+        scene_graph = SceneGraph() if visual else None
         if scenario.kind == "bench":
             parts = make_bench(model.foot, heel=scenario.heel, scene_graph=scene_graph)
             foot = parts.foot
@@ -208,10 +206,10 @@ def _add_leg(
     if any(plant.get_joint_actuator(i).model_instance() not in own for i in plant.GetJointActuatorIndices()):
         builder.ExportInput(plant.get_actuation_input_port(), "actuation")
     for name, foot in wired.items():
-        _export(builder, foot, f"{name}_" if len(wired) > 1 else "")
-    builder.ExportOutput(plant.get_state_output_port(), "state")
-    builder.ExportOutput(plant.get_body_poses_output_port(), "body_poses")
-    builder.ExportOutput(plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities")
+        prefix = f"{name}_" if len(wired) > 1 else ""
+        builder.ExportInput(foot.fulcrum_position, f"{prefix}fulcrum_position")
+        export_outputs(builder, foot, [name for name in (*ON_THE_GROUND, *FORCES) if name in foot.outputs()], prefix)
+    export_outputs(builder, plant, ("state", "body_poses", "body_spatial_velocities"))
     return plant, scene_graph, wired
 
 
@@ -275,10 +273,9 @@ def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[F
     """The ground as shapes, once, where a foot meets it by a contact of Drake's own; it is made for one friction."""
     meeting = [foot for foot in feet if foot.contact in DRAKE_CONTACTS]
     for foot in meeting:
-        if foot.parameters.friction != meeting[0].parameters.friction:
-            raise InputError(f"{foot.name!r} has another friction than {meeting[0].name!r}, and Drake's own contact "
-                             "takes one ground for both", where=f"feet[{feet.index(foot)}].model",
-                             right="Give both the same friction, or one of them another contact")
+        require(foot.parameters.friction == meeting[0].parameters.friction, f"{foot.name!r} has another friction than "
+                f"{meeting[0].name!r}, and Drake's own contact takes one ground for both",
+                f"feet[{feet.index(foot)}].model", "Give both the same friction, or one of them another contact")
     if meeting:
         contacts = {foot.contact for foot in meeting}
         add_ground_geometry(plant, scenario_ground(scenario), foot=meeting[0].parameters,
@@ -286,9 +283,8 @@ def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[F
 
 
 def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> None:
-    if plant.num_positions() != plant.num_velocities():
-        raise InputError("a body of the model floats freely, which guides cannot do with", where="guides",
-                         right="Weld it to the world, or give it joints of one degree of freedom")
+    require(plant.num_positions() == plant.num_velocities(), "a body of the model floats freely, which guides cannot "
+            "do with", "guides", "Weld it to the world, or give it joints of one degree of freedom")
     at = [_guided(plant, guide.joint, f"guides[{i}].joint").velocity_start() for i, guide in enumerate(scenario.guides)]
     driver = builder.AddNamedSystem("guides", GaitDriver(
         num_velocities=plant.num_velocities(), velocity_indices=at,
@@ -307,30 +303,13 @@ def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
     instance, _, own = name.rpartition("::")
     with _refused(where, f"{name!r} is not in the model", right="Give it as instance::joint"):
         joint = plant.GetJointByName(own, plant.GetModelInstanceByName(instance) if instance else None)
-    if joint.num_velocities() != 1:
-        raise InputError(f"{name!r} has {joint.num_velocities()} degrees of freedom", where=where,
-                         right="A guide is for a joint of one")
+    require(joint.num_velocities() == 1, f"{name!r} has {joint.num_velocities()} degrees of freedom", where,
+            "A guide is for a joint of one")
     return joint
 
 
-def _export(builder: DiagramBuilder, foot: WiredFoot, prefix: str) -> None:
-    """Input `fulcrum_position` and every output but the forces for the plant, behind `prefix`."""
-    builder.ExportInput(foot.fulcrum_position, f"{prefix}fulcrum_position")
-    for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force", "support_force",
-                 "joint_moment"):
-        try:
-            port = foot.GetOutputPort(name)
-        except InputError:
-            continue
-        builder.ExportOutput(port, f"{prefix}{name}")
-
-
 def add_model_package(parser: Parser) -> None:
-    """Lets `parser` find package://vsf_drake/vsf_foot.sdf, leg.urdf and foot_under_leg.dmd.yaml; twice does no harm.
-
-    Raises:
-        InputError: the parser knows another package of this name, or the files are missing.
-    """
+    """Lets `parser` find package://vsf_drake/vsf_foot.sdf, leg.urdf and foot_under_leg.dmd.yaml; twice does no harm."""
     package = resource("models/package.xml")
     packages = parser.package_map()
     if packages.Contains(PACKAGE) and packages.GetPath(PACKAGE) == str(package.parent):

@@ -20,7 +20,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
 from vsf_drake.plants.contact_geometry import box_under
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
 from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles
 from vsf_drake.plants.solids import frustum_taper
 
@@ -51,9 +51,6 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is registered as a source of
     a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it. The shapes are for looking at only (Drake's roles of
     perception and illustration); where a foot has Drake's own contact, its contact shapes stay what they are.
-
-    Raises:
-        InputError: the plant is not registered with a SceneGraph, or is finalized; the foot has these shapes already.
     """
     _check_drawable(plant, "add_foot_visuals")
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
@@ -79,13 +76,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
 
 
 def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
-    """Gives the bodies of `person` shapes to be seen by.
-
-    Call it after `add_person` and before `plant.Finalize()` on a plant that is registered as a source of a SceneGraph.
-
-    Raises:
-        InputError: the plant is not registered, or is finalized.
-    """
+    """Gives the bodies of `person` shapes to be seen by, on conditions as of `add_foot_visuals`."""
     _check_drawable(plant, "add_visuals")
     body = person.body
     trunk_height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
@@ -121,10 +112,8 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
 
 
 def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
-    """Gives the world a plate for each patch of `ground` (None: the plane z = 0).
-
-    A plate ends 3 m from the patch's point that is nearest to x = reference_x, y = 0.
-    """
+    """Gives the world a plate for each patch of `ground` (None: the plane z = 0), which ends 3 m from the patch's point
+    that is nearest to x = reference_x, y = 0."""
     for i, patch in enumerate((ground or Ground()).patches):
         bounds = {}
         for axis, about in (("x", patch.reference_x_m), ("y", 0.0)):
@@ -138,13 +127,9 @@ def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
 
 
 def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-    """Adds `scene_graph` to `builder`, registers `plant` with it and connects the two both ways.
+    """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and connects the two.
 
     As AddMultibodyPlantSceneGraph does it, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call.
-
-    Args:
-        plant: in `builder` already, before its Finalize and before its shapes.
-        scene_graph: in no diagram yet.
     """
     builder.AddNamedSystem("scene_graph", scene_graph)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -153,14 +138,11 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
 
 
 def _check_drawable(plant: MultibodyPlant, caller: str) -> None:
-    """Raises InputError where `plant` takes no shapes; `caller` is what the message begins with."""
-    if not plant.geometry_source_is_registered():
-        raise InputError("shapes need a SceneGraph, and the plant is registered with none", where=caller,
-                         right="Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
-                         "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
-    if plant.is_finalized():
-        raise InputError("the plant is finalized and takes no more shapes", where=caller,
-                         right="Call it between add_foot and plant.Finalize()")
+    require(plant.geometry_source_is_registered(), "shapes need a SceneGraph, and the plant is registered with none",
+            caller, "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
+            "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
+    require(not plant.is_finalized(), "the plant is finalized and takes no more shapes", caller,
+            "Call it between add_foot and plant.Finalize()")
 
 
 def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,

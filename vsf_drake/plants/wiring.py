@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import count
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -35,6 +36,12 @@ def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: 
         for name, source in sources.items():
             if system.HasInputPort(name):
                 builder.Connect(source, system.GetInputPort(name))
+
+
+def export_outputs(builder: DiagramBuilder, system: Any, names: Iterable[str], prefix: str = "") -> None:
+    """Exports outputs of a system, or of a wired foot, with `prefix` before their names."""
+    for name in names:
+        builder.ExportOutput(system.GetOutputPort(name), prefix + name)
 
 
 def velocity_indices(
