@@ -20,9 +20,14 @@ from vsf_drake import plants
 from vsf_drake import systems as systems_package
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.systems.contact import KelvinVoigtContact, StickSlipFriction, TestingMachine
+from vsf_drake.systems.contact import (
+    DrakeReaction,
+    GroundReaction,
+    KelvinVoigtContact,
+    StickSlipFriction,
+    TestingMachine,
+)
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand, FulcrumSupport
-from vsf_drake.systems.ground_reaction import DrakeReaction, GroundReaction
 from vsf_drake.systems.joint_forces import GaitDriver, KeelElasticity, SocketBushing
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 

@@ -21,9 +21,9 @@ from vsf_drake.systems import (
     StickSlipFriction,
     TestingMachine,
 )
+from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
-from vsf_drake.systems.ground_reaction import DrakeReaction
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 SITES = {"body_indices": [1], "p_BS": np.zeros((1, 3))}

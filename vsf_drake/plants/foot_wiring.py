@@ -26,9 +26,9 @@ from vsf_drake.plants.wiring import (
     share_generalized_forces,
     share_spatial_forces,
 )
+from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
-from vsf_drake.systems.ground_reaction import DrakeReaction
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02

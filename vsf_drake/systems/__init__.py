@@ -10,6 +10,8 @@ body) and generalized_force to its applied_spatial_force and applied_generalized
 """
 
 from vsf_drake.systems.contact import (
+    GroundReaction,
+    GroundReaction_,
     KelvinVoigtContact,
     KelvinVoigtContact_,
     StickSlipFriction,
@@ -19,7 +21,6 @@ from vsf_drake.systems.contact import (
 )
 from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_, FulcrumSupport, FulcrumSupport_
-from vsf_drake.systems.ground_reaction import GroundReaction, GroundReaction_
 from vsf_drake.systems.joint_forces import (
     GaitDriver,
     GaitDriver_,

@@ -17,8 +17,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
-from vsf_drake.systems._sites import cross
-from vsf_drake.systems._system import System_, system_template
+from vsf_drake.systems._system import System_, cross, system_template
 
 STATE = ("fulcrum_position", "carriage_velocity", "energy", "work", "losses")
 
@@ -57,8 +56,7 @@ def FulcrumSupport_(T):
             X_FK: pose of K in F.
             keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
             keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
-            stiffness: N/m.
-            damping: N s/m.
+            stiffness, damping: N/m, N s/m.
 
         Parameters in the Context: stiffness, damping.
         """
@@ -134,11 +132,9 @@ def FulcrumCommand_(T):
         `wire_foot` connects it; position (1,) m, that fulcrum position.
 
         Args:
-            num_actuators: of the foot's instance.
-            carriage: index of the carriage's actuator among them.
-            fulcrum_m: m from A.
+            num_actuators: of the foot's instance; carriage: index of the carriage's among them.
 
-        Parameters in the Context: fulcrum_m.
+        Parameters in the Context: fulcrum_m, m from A.
 
         It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
         Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
@@ -232,8 +228,7 @@ def FulcrumActuator_(T):
 
         Args:
             parameters: motor, gear, screw and rail.
-            carriage_mass: kg.
-            rearmost, foremost: ends of travel (m from A).
+            carriage_mass: kg. rearmost, foremost: ends of travel (m from A).
             initial_position: where a new Context has the carriage (m from A).
 
         Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,

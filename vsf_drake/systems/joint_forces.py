@@ -64,8 +64,7 @@ def KeelElasticity_(T):
         Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
         Args:
-            num_velocities: of the plant.
-            velocity_indices: m indices into v (and q), one per joint.
+            velocity_indices: m indices into the plant's v (and q), one per joint.
             stiffness: (m,) N m/rad; zero for a free pin.
             damping: (m,) N m s/rad.
 
@@ -112,10 +111,9 @@ def SocketBushing_(T):
         (N) and about flexion, adduction, rotation (N m).
 
         Args:
-            num_velocities: of the plant.
-            velocity_indices: 6 indices into v (and q): tx, ty, tz, flexion, adduction, rotation; else ValueError.
-            stiffness, stiffness_negative, damping, limit, rate_limit: (6,) constants of the law, SI.
-            stop_ratio: scalar, constant of the law.
+            velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction, rotation.
+            stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio: constants of the law, SI; (6,) but
+                for the last.
 
         Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
         """
@@ -165,10 +163,8 @@ def GaitDriver_(T):
         rad or m.
 
         Args:
-            num_velocities: of the plant.
-            velocity_indices: p indices into v (and q).
-            position_gain: (p,) N/m or N m/rad.
-            velocity_gain: (p,) N s/m or N m s/rad.
+            velocity_indices: p indices into the plant's v (and q).
+            position_gain, velocity_gain: (p,) N/m or N m/rad, and N s/m or N m s/rad.
 
         Parameters in the Context: position_gain, velocity_gain.
         """

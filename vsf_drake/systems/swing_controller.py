@@ -10,8 +10,7 @@ from pydrake.math import arctan2
 from pydrake.systems.framework import BasicVector_
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems._sites import cross
-from vsf_drake.systems._system import FARTHEST_M, System_, system_template
+from vsf_drake.systems._system import FARTHEST_M, System_, cross, system_template
 
 SIGNALS = ("contact", "shank", "both")
 """What tells the controller of swing: the ground's force, the shank's angle and rate, or both at once."""
@@ -61,11 +60,9 @@ def SwingController_(T):
         Args:
             signal: one of SIGNALS.
             initial_position: commanded until the first swing (m from A).
-            period: s.
+            period, debounce, least_stance: s.
             unload_force, load_force: N.
-            swing_rate, stop_rate: rad/s, of the angle's fall.
-            least_lean: rad.
-            debounce, least_stance: s.
+            swing_rate, stop_rate: rad/s, of the angle's fall; least_lean: rad.
 
         Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
 
