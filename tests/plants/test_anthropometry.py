@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.plants.anthropometry import DE_LEVA, pelvis_semi_axes, residual_volume_ratio, scale_body
-from vsf_drake.plants.solids import ellipsoid_central_moments
+from vsf_drake.plants.anthropometry import DE_LEVA, residual_volume_ratio, scale_body
 
 MODEL = ModelParameters()
 REST_OF_BODY = {  # head, trunk, upper arm, forearm, hand as fractions of body mass, de Leva 1996
@@ -67,13 +65,6 @@ def test_both_legs_are_equally_long(subject):
     body = body_of(subject)
     prosthetic = body.thigh_length + body.residual_length + body.pylon_length + MODEL.foot.build_height_m
     assert prosthetic == pytest.approx(body.leg_length, rel=1e-12)
-
-
-def test_pelvis_ellipsoid_has_the_trunks_radii_of_gyration(subject):
-    body = body_of(subject)
-    expected = body.pelvis_mass * (np.array(body.table.trunk_gyration) * body.trunk_length) ** 2
-    actual = ellipsoid_central_moments(body.pelvis_mass, pelvis_semi_axes(body))
-    np.testing.assert_allclose(actual, expected, rtol=1e-12)
 
 
 def test_residual_shank_is_the_upper_part_of_the_whole():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydrake.geometry import Role, SceneGraph, Sphere
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
@@ -55,6 +56,20 @@ def test_every_segment_and_device_part_is_drawn(side):
               person.socket.pylon]
     assert drawn == {body.name() for body in bodies} | {"vsf_carriage"}
     assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
+
+
+def test_pelvis_and_its_ellipsoid_have_the_trunks_radii_of_gyration():
+    plant, inspector, person = drawn_person("right")
+    body, inertia = person.body, person.pelvis.default_spatial_inertia()
+    expected = body.pelvis_mass * (np.array(body.table.trunk_gyration) * body.trunk_length) ** 2
+    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+    np.testing.assert_allclose(central.get_moments(), expected, rtol=1e-12)
+    frame = plant.GetBodyFrameIdOrThrow(person.pelvis.index())
+    geometry = inspector.GetGeometryIdByName(frame, Role.kIllustration, "person::trunk")
+    shape = inspector.GetShape(geometry)
+    solid = SpatialInertia.SolidEllipsoidWithMass(body.pelvis_mass, shape.a(), shape.b(), shape.c())
+    np.testing.assert_allclose(solid.CalcRotationalInertia().get_moments(), expected, rtol=1e-12)
+    np.testing.assert_allclose(inspector.GetPoseInFrame(geometry).translation(), inertia.get_com(), atol=1e-15)
 
 
 def test_drawn_spheres_touch_where_the_contact_spheres_do():

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.plants.solids import (
-    box,
-    ellipsoid_central_moments,
-    frustum,
-    frustum_taper,
-    frustum_volume,
-)
+from vsf_drake.plants.solids import box, frustum, frustum_taper, frustum_volume
 
 MASS = 3.0
 
@@ -60,19 +54,6 @@ def test_frustum_moments_equal_the_textbook_formula():
     R, r = 0.095, 0.06
     expected = 0.3 * MASS * (R**5 - r**5) / (R**3 - r**3)
     assert frustum(MASS, R, r, 0.43).CalcRotationalInertia().get_moments()[2] == pytest.approx(expected)
-
-
-def test_ellipsoid_equals_the_integral_over_its_volume():
-    axes = np.array([0.1, 0.15, 0.3])
-    (r, wr), (u, wu) = gauss(6, 0.0, 1.0), gauss(6, -1.0, 1.0)
-    angle = np.arange(12) * 2 * np.pi / 12
-    Q, U, A = np.meshgrid(r, u, angle, indexing="ij")
-    ring = np.sqrt(1 - U**2)
-    points = axes * np.stack([Q * ring * np.cos(A), Q * ring * np.sin(A), Q * U], axis=-1)
-    weights = wr[:, None, None] * wu[None, :, None] * Q**2
-    center, moments = integrate(points.reshape(-1, 3), weights.ravel())
-    np.testing.assert_allclose(center, 0.0, atol=1e-12)
-    np.testing.assert_allclose(ellipsoid_central_moments(MASS, axes), moments, rtol=1e-10)
 
 
 def test_box_equals_the_integral_over_its_volume():

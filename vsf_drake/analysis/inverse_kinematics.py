@@ -247,7 +247,7 @@ def _add_skeleton(plant: MultibodyPlant, body: Body, prosthetic_side: str, p_Sha
         names = leg_coordinates(side, intact=True)
         thigh, shank, foot = (bodies[f"{kind}_{side}"] for kind in ("thigh", "shank", "foot"))
         hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
-        knee = np.array([0.0, 0.0, -body.thigh_length_of(intact=intact)])
+        knee = np.array([0.0, 0.0, -body.thigh(intact=intact)[-1]])
         ankle = np.array([0.0, 0.0, -body.shank_length]) if intact else p_ShankAnkle
         add_chain(plant, instance, bodies["pelvis"].body_frame(), hip, thigh, rotations(names[:3], mirrored))
         add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))

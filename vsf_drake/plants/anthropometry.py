@@ -71,7 +71,6 @@ class Body:
     foot at `placement`, `prosthesis_length` in all from the knee centre to the sole.
     """
 
-    mass_kg: float
     table: SegmentTable
     pelvis_mass: float
     thigh_mass: float
@@ -103,9 +102,21 @@ class Body:
         """Hip centre to sole down the prosthetic leg's long axis, straight and unloaded (m)."""
         return self.prosthetic_thigh_length + self.prosthesis_length
 
-    def thigh_length_of(self, *, intact: bool) -> float:
-        """Hip to knee centre (m) of the intact or the prosthetic leg."""
-        return self.thigh_length if intact else self.prosthetic_thigh_length
+    @property
+    def trunk_place(self) -> np.ndarray:
+        """Centre of mass of head, arms and trunk in the pelvis's frame (m): above the hips as the trunk's."""
+        return np.array([self.hip_forward, 0.0, self.hip_up + (1 - self.table.trunk_center) * self.trunk_length])
+
+    def thigh(self, *, intact: bool) -> tuple[float, float, float]:
+        """Proximal radius, distal radius and length (m) of the frustum from hip to knee centre."""
+        length = self.thigh_length if intact else self.prosthetic_thigh_length
+        return THIGH_RADIUS_M, THIGH_RADIUS_M * frustum_taper(self.table.thigh_center), length
+
+    def shank(self, *, intact: bool) -> tuple[float, float, float]:
+        """The same of the frustum from the knee centre to the ankle, or to the end of the residual limb."""
+        length = self.shank_length if intact else self.residual_length
+        taper = 1 + (frustum_taper(self.table.shank_center) - 1) * length / self.shank_length
+        return SHANK_RADIUS_M, SHANK_RADIUS_M * taper, length
 
 
 def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
@@ -118,9 +129,6 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
 
     The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's length, relative to the
     midpoint of the anterior superior iliac spines, unless measured.
-
-    Raises:
-        InputError: the segments leave no mass for the trunk, or no room for the pylon.
     """
     table = DE_LEVA[subject.sex]
     scale = subject.stature_m / table.stature_m
@@ -151,7 +159,7 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     measured = {name: getattr(subject, f"{name}_m") for name in hara}
     hip = {name: value if measured[name] is None else measured[name] for name, value in hara.items()}
     return Body(
-        mass_kg=mass, table=table, pelvis_mass=mass - limbs,
+        table=table, pelvis_mass=mass - limbs,
         thigh_mass=mass * table.thigh_mass, shank_mass=shank_mass, residual_shank_mass=residual_mass,
         foot_mass=mass * table.foot_mass, prosthesis_mass=prosthesis,
         thigh_length=thigh, prosthetic_thigh_length=subject.prosthetic_thigh_length_m or thigh, shank_length=shank,
@@ -165,12 +173,6 @@ def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
     taper = frustum_taper(table.shank_center)
     cut = 1.0 + (taper - 1.0) * length_ratio
     return frustum_volume(1.0, cut, length_ratio) / frustum_volume(1.0, taper, 1.0)
-
-
-def pelvis_semi_axes(body: Body) -> np.ndarray:
-    """Semi-axes (m; AP, ML, vertical) of the ellipsoid with the whole trunk's radii of gyration."""
-    ap, ml, long = np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
-    return np.sqrt(2.5 * np.array([ml + long - ap, ap + long - ml, ap + ml - long]))
 
 
 # How the prosthetic foot sits under the pylon, as measured on the person.

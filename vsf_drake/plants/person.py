@@ -25,7 +25,7 @@ from vsf_drake.parameters import (
     Subject,
     leg_coordinates,
 )
-from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, Body, pelvis_semi_axes, scale_body
+from vsf_drake.plants.anthropometry import Body, scale_body
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, zone_sites
 from vsf_drake.plants.solids import (
@@ -34,10 +34,8 @@ from vsf_drake.plants.solids import (
     RIGHTWARD,
     UPWARD,
     add_chain,
-    ellipsoid_central_moments,
     from_central,
     frustum,
-    frustum_taper,
     rotations,
     translations,
 )
@@ -49,40 +47,25 @@ SOCKET_RADIUS_M = 0.055
 
 @dataclass(frozen=True)
 class SocketHandles:
-    """What `add_socket` put into the plant.
-
-    Attributes:
-        socket, pylon: the bodies, frames at their upper ends, z up.
-        distal: frame at the pylon's lower end, where the foot goes.
-        coordinate_names: the six joints of the bushing, in the order of `axes`.
-        axes: parameters of the bushing in that order.
-    """
+    """Socket and pylon in the plant, body frames at their upper ends, z up."""
 
     parameters: SocketParameters
     socket: RigidBody
     pylon: RigidBody
-    distal: Frame
-    coordinate_names: tuple[str, ...]
-    axes: tuple[BushingAxis, ...]
+    distal: Frame  # at the pylon's lower end, where the foot goes
+    coordinate_names: tuple[str, ...]  # the six joints of the bushing
+    axes: tuple[BushingAxis, ...]  # parameters of the bushing, in that order
 
 
 @dataclass(frozen=True)
 class PersonHandles:
-    """What `add_person` put into the plant.
-
-    Attributes:
-        coordinate_names: the 21 anatomical coordinates, pelvis first.
-        body: the scaled segments.
-        pelvis: its body; `segments`: every anatomical body by name, for drawing.
-        intact_sites: contact spheres of the intact foot.
-        socket, foot: the prosthesis.
-    """
+    """What `add_person` put into the plant."""
 
     subject: Subject
-    body: Body
-    coordinate_names: tuple[str, ...]
+    body: Body  # the scaled segments
+    coordinate_names: tuple[str, ...]  # the 21 anatomical coordinates, pelvis first
     pelvis: RigidBody
-    segments: dict[str, RigidBody]
+    segments: dict[str, RigidBody]  # every anatomical body by name
     intact_sites: ContactSites
     socket: SocketHandles
     foot: FootHandles
@@ -94,13 +77,15 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
     28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the
     keel's own on top. Thighs may differ in length, and the foot sits under the pylon as the subject says
     (`anthropometry.foot_placement`).
-
-    Raises:
-        InputError: see `anthropometry.scale_body`.
     """
     body = scale_body(subject, model.foot, model.socket)
     instance, sound = plant.AddModelInstance("person"), "left" if subject.prosthetic_side == "right" else "right"
-    pelvis = _add_pelvis(plant, instance, body)
+    # the ellipsoid that has the trunk's radii of gyration about AP, ML and long axis
+    moments = body.pelvis_mass * np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
+    pelvis = plant.AddRigidBody("pelvis", instance, from_central(body.pelvis_mass, body.trunk_place, moments))
+    add_chain(plant, instance, plant.world_frame(), np.zeros(3), pelvis, [
+        *translations(PELVIS_COORDINATES[:3], (FORWARD, UPWARD, RIGHTWARD)),
+        *rotations(PELVIS_COORDINATES[3:], mirrored=False)])
     names, segments = list(PELVIS_COORDINATES), {"pelvis": pelvis}
     for side in ("right", "left"):
         segments |= _add_leg(plant, instance, body, pelvis, side, intact=side == sound)
@@ -118,36 +103,18 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
         foot=add_foot(plant, place, model.foot, side=subject.prosthetic_side))
 
 
-def _add_pelvis(plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body) -> RigidBody:
-    """Ellipsoid with the trunk's radii of gyration, its centre where the trunk's is above the hips."""
-    moments = ellipsoid_central_moments(body.pelvis_mass, pelvis_semi_axes(body))
-    height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
-    inertia = from_central(body.pelvis_mass, np.array([body.hip_forward, 0.0, height]), moments)
-    pelvis = plant.AddRigidBody("pelvis", instance, inertia)
-    steps = translations(PELVIS_COORDINATES[:3], (FORWARD, UPWARD, RIGHTWARD))
-    steps += rotations(PELVIS_COORDINATES[3:], mirrored=False)
-    add_chain(plant, instance, plant.world_frame(), np.zeros(3), pelvis, steps)
-    return pelvis
-
-
 def _add_leg(
     plant: MultibodyPlant, instance: ModelInstanceIndex, body: Body, pelvis: RigidBody, side: str, *, intact: bool
 ) -> dict[str, RigidBody]:
     """Thigh and shank, by name."""
-    mirrored, thigh_length = side == "left", body.thigh_length_of(intact=intact)
-    thigh_taper, taper = frustum_taper(body.table.thigh_center), frustum_taper(body.table.shank_center)
-    mass, length = body.shank_mass, body.shank_length
-    if not intact:
-        mass, length = body.residual_shank_mass, body.residual_length
-        taper = 1 + (taper - 1) * length / body.shank_length
-    thigh = plant.AddRigidBody(f"thigh_{side}", instance, frustum(
-        body.thigh_mass, THIGH_RADIUS_M, THIGH_RADIUS_M * thigh_taper, thigh_length))
-    shank = plant.AddRigidBody(
-        f"shank_{side}", instance, frustum(mass, SHANK_RADIUS_M, SHANK_RADIUS_M * taper, length))
+    mirrored, thigh_size = side == "left", body.thigh(intact=intact)
+    thigh = plant.AddRigidBody(f"thigh_{side}", instance, frustum(body.thigh_mass, *thigh_size))
+    shank = plant.AddRigidBody(f"shank_{side}", instance, frustum(
+        body.shank_mass if intact else body.residual_shank_mass, *body.shank(intact=intact)))
     names = leg_coordinates(side, intact)
     hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
     add_chain(plant, instance, pelvis.body_frame(), hip, thigh, rotations(names[:3], mirrored))
-    knee = np.array([0.0, 0.0, -thigh_length])
+    knee = np.array([0.0, 0.0, -thigh_size[-1]])
     add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
     return {f"thigh_{side}": thigh, f"shank_{side}": shank}
 
@@ -185,10 +152,7 @@ def add_socket(
 
     The bushing's origin is at the end of the residual shank, `residual_length` (m) below the knee; coordinates are
     displacements of the socket in the frame of the residual shank: forward, left, up (onto the limb), then flexion
-    (toes up), adduction and internal rotation.
-
-    Args:
-        mirrored: the left side, where adduction and rotation change their axes' sign and ty stays left.
+    (toes up), adduction and internal rotation. On the left, `mirrored`, the axes of the last two change their sign.
     """
     instance, radius, height = plant.AddModelInstance("socket"), SOCKET_RADIUS_M, residual_length
     hanging = frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
@@ -196,9 +160,9 @@ def add_socket(
     pylon = plant.AddRigidBody("pylon", instance, frustum(
         parameters.pylon_mass_kg, parameters.pylon_radius_m, parameters.pylon_radius_m, pylon_length))
     plant.AddJoint(WeldJoint("pylon_weld", socket.body_frame(), pylon.body_frame(), RigidTransform()))
-    steps = translations(SOCKET_COORDINATES[:3], (FORWARD, LEFTWARD, UPWARD))
-    steps += rotations(SOCKET_COORDINATES[3:], mirrored)
-    add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, steps)
+    add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, [
+        *translations(SOCKET_COORDINATES[:3], (FORWARD, LEFTWARD, UPWARD)),
+        *rotations(SOCKET_COORDINATES[3:], mirrored)])
     distal = plant.AddFrame(
         FixedOffsetFrame("pylon_distal", pylon.body_frame(), RigidTransform([0.0, 0.0, -pylon_length]), instance))
     p = parameters

@@ -21,30 +21,18 @@ from pydrake.multibody.tree import (
     RigidBody,
     RotationalInertia,
     SpatialInertia,
-    UnitInertia,
 )
 
 
 def from_central(mass: float, p_SoScm_S: np.ndarray, central_moments: np.ndarray) -> SpatialInertia:
     """Spatial inertia from mass (kg), centre of mass (m) and principal central moments (kg m^2)."""
-    p = np.asarray(p_SoScm_S, dtype=float)
-    about_origin = RotationalInertia(*central_moments).ShiftFromCenterOfMass(mass=mass, p_BcmQ_E=-p)
-    unit = UnitInertia()
-    unit.SetFromRotationalInertia(I=about_origin, mass=mass)
-    return SpatialInertia(mass=mass, p_PScm_E=p, G_SP_E=unit)
+    return SpatialInertia.MakeFromCentralInertia(
+        mass=mass, p_PScm_E=np.asarray(p_SoScm_S, dtype=float), I_SScm_E=RotationalInertia(*central_moments))
 
 
 def box(mass: float, size: tuple[float, float, float], center: tuple[float, float, float]) -> SpatialInertia:
     """Homogeneous box; `size` and `center` in m along x, y, z of S."""
-    x, y, z = size
-    moments = mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    return from_central(mass, np.array(center), moments)
-
-
-def ellipsoid_central_moments(mass: float, semi_axes: np.ndarray) -> np.ndarray:
-    """Central moments (kg m^2) of a homogeneous ellipsoid with semi-axes a, b, c (m)."""
-    a2, b2, c2 = np.square(semi_axes)
-    return mass / 5.0 * np.array([b2 + c2, a2 + c2, a2 + b2])
+    return SpatialInertia.SolidBoxWithMass(mass, *size).Shift(-np.array(center))
 
 
 def frustum_volume(proximal: float, distal: float, length: float) -> float:
@@ -53,11 +41,7 @@ def frustum_volume(proximal: float, distal: float, length: float) -> float:
 
 
 def frustum_taper(center_fraction: float) -> float:
-    """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the length.
-
-    Raises:
-        ValueError: no frustum has such a centre (it must lie between 1/4 and 1/2).
-    """
+    """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the length, 1/4 to 1/2."""
     c = 4.0 * center_fraction
     # c (1 + r + r^2) = 1 + 2 r + 3 r^2, solved for r >= 0
     a, b, d = c - 3.0, c - 2.0, c - 1.0
@@ -70,8 +54,8 @@ def frustum_taper(center_fraction: float) -> float:
 def frustum(mass: float, proximal: float, distal: float, length: float) -> SpatialInertia:
     """Homogeneous frustum hanging from So along -z of S; radii and length in m.
 
-    The moments are the integral of those of its discs, evaluated exactly by a four-point
-    Gauss rule, since the integrand is a polynomial of degree four in the height.
+    The moments are the integral of those of its discs, evaluated exactly by a four-point Gauss rule, since the
+    integrand is a polynomial of degree four in the height.
     """
     nodes, weights = np.polynomial.legendre.leggauss(4)
     s = 0.5 * (nodes + 1.0)

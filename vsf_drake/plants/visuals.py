@@ -18,11 +18,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground
-from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M, pelvis_semi_axes
+from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M
 from vsf_drake.plants.contact_geometry import box_under
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
 from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles
-from vsf_drake.plants.solids import frustum_taper
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each 0 to 1."""
@@ -79,23 +78,19 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
     """Gives the bodies of `person` shapes to be seen by, on conditions as of `add_foot_visuals`."""
     _check_drawable(plant, "add_visuals")
     body = person.body
-    trunk_height = body.hip_up + (1 - body.table.trunk_center) * body.trunk_length
-    draw(plant, person.pelvis, "trunk", Ellipsoid(pelvis_semi_axes(body)), TRUNK,
-         (body.hip_forward, 0.0, trunk_height))
-    thigh_end = THIGH_RADIUS_M * frustum_taper(body.table.thigh_center)
-    shank_taper = frustum_taper(body.table.shank_center)
+    # the ellipsoid with the whole trunk's radii of gyration: AP, ML, vertical
+    ap, ml, long = np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
+    axes = np.sqrt(2.5 * np.array([ml + long - ap, ap + long - ml, ap + ml - long]))
+    draw(plant, person.pelvis, "trunk", Ellipsoid(axes), TRUNK, body.trunk_place)
     for name, segment in person.segments.items():
         part, _, side = name.partition("_")
         intact = side != person.subject.prosthetic_side
         if part == "thigh":
-            thigh = frustum_shape(THIGH_RADIUS_M, thigh_end, body.thigh_length_of(intact=intact))
-            draw(plant, segment, "thigh", thigh, SKIN)
+            draw(plant, segment, "thigh", frustum_shape(*body.thigh(intact=intact)), SKIN)
             draw(plant, segment, "hip", Sphere(THIGH_RADIUS_M), SKIN)
         elif part == "shank":
-            length = body.shank_length if intact else body.residual_length
-            end = SHANK_RADIUS_M * (1 + (shank_taper - 1) * length / body.shank_length)
-            draw(plant, segment, "shank", frustum_shape(SHANK_RADIUS_M, end, length), SKIN)
-            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, thigh_end)), SKIN)
+            draw(plant, segment, "shank", frustum_shape(*body.shank(intact=intact)), SKIN)
+            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, body.thigh(intact=intact)[1])), SKIN)
         elif part == "foot":  # a low slab from heel to toe, and an instep from the ankle to the ball of the foot
             length, height = body.foot_length, body.ankle_height
             rear, slab = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius)), 0.4 * height
