@@ -10,7 +10,7 @@ from command_line import read_json
 from sweep_files import copied, rows
 
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.report import sweep_output
+from vsf_drake.report import outputs
 
 EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
@@ -28,7 +28,7 @@ def test_a_figure_that_cannot_be_written_costs_neither_tables_nor_summary(run, t
     def full(*_: object) -> None:
         raise OSError(errno.EFBIG, "File too large")
 
-    monkeypatch.setattr(sweep_output, "save_figure", full)
+    monkeypatch.setattr(outputs, "save_figure", full)
     out = tmp_path / "sweep"
     code, said, error = run("sweep", LOW, "--out", out, "--fulcrum-mm", 80, "--workers", 1)
     assert code == 2 and "cannot be written (File too large)" in error and "sweep.png" in error

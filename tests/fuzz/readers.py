@@ -55,7 +55,7 @@ from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.report.fit_output import FIT
-from vsf_drake.report.sweep_output import check_sweep_folder
+from vsf_drake.report.outputs import check_sweep_folder
 from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
 from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.scenario import load_scenario

@@ -72,7 +72,7 @@ def sweep(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.offsets import fit_offsets as offsets_of
     from vsf_drake.analysis.sweep_table import sweep_table
-    from vsf_drake.report.sweep_output import check_sweep_folder, write_sweep, write_sweep_figure
+    from vsf_drake.report.outputs import check_sweep_folder, write_sweep, write_sweep_figure
     from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
     from vsf_drake.simulation.walk import MAX_STEP_S
 

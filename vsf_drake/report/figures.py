@@ -1,9 +1,9 @@
-"""A bench, a walk and standing in one figure each; functions of saved results."""
+"""A bench, a walk, standing and a sweep in one figure each; functions of saved results."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from vsf_drake.report.style import (
     condition_label,
     drawing,
     label,
+    log_scale,
 )
 from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, WalkResult
 
@@ -42,6 +43,11 @@ MOST_LABELLED = 4
 PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M
 """Where standing still ends, marked in the figure."""
+_PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
+           ("cop_rmse_fl", 100.0, "RMS error (% foot length)", "Centre of pressure, fore-aft"),
+           ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"))
+_WIDE = 20.0
+"""Ratio of largest to smallest value above which the axis is logarithmic."""
 
 
 def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
@@ -256,3 +262,40 @@ def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
     axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
     label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
           title=f"How still: let go {table['let_go_off_rest']['raised_mm']:g} mm off rest")
+
+
+def sweep_figure(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Errors against the plate and the peak force over the one quantity that is varied, one line a trial."""
+    [name] = table["varied"]
+    trials, column = table["trials"], table["columns"][name]
+    values = [row[name] for row in rows]
+    with drawing(9.6, 4.0 + 0.16 * len(trials)) as figure:
+        for axes, (key, factor, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
+            lines = []
+            for number, trial in enumerate(trials):
+                own = [row for row in rows if row["trial"] == trial["name"]]
+                colour = condition_colour(1e-3 * trial["fulcrum_mm"])
+                known = sorted((row[name], factor * row[key]) for row in own if row[key] is not None)
+                lines += axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],
+                                   markersize=4, linewidth=1.4, color=colour)
+                for row in own:
+                    if row["failure"]:
+                        axes.plot(row[name], 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(),
+                                  clip_on=False)
+                if key == "peak_vertical_bw" and trial["measured_peak_vertical_bw"] is not None:
+                    axes.axhline(trial["measured_peak_vertical_bw"], color=colour, linestyle=":", linewidth=1.2)
+            for value in {column["in_the_model"]} if "in_the_model" in column else {t["fulcrum_mm"] for t in trials}:
+                axes.axvline(value, color=NEUTRAL, linewidth=5.0, alpha=0.35, zorder=0)
+            if min(values) > 0.0 and max(values) / min(values) > _WIDE:
+                log_scale(axes.xaxis)
+            label(axes, x="", y=y, title=title)
+        figure.axes[1].set_xlabel("fulcrum from the keel's posterior end (mm)" if name == "fulcrum_mm"
+                                  else f"{name} ({column['unit']})")
+        # legends leave out what begins with an underscore
+        figure.legend(lines, [f" {trial['name']}" if trial["name"].startswith("_") else trial["name"]
+                              for trial in trials], loc="outside lower left")
+        synthetic = " (SYNTHETIC)" if any(trial["synthetic"] for trial in trials) else ""
+        failed = f", {table['failed']} FAILED" if table["failed"] else ""
+        figure.suptitle(f"{table['walks']} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
+                        "peak", x=0.01, ha="left", fontsize=10)
+    return figure

@@ -1,23 +1,26 @@
-"""What a bench, a walk and standing leave on disk, whole or not at all."""
+"""What a bench, a walk, standing and a sweep leave on disk, whole or not at all."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.doubts import doubts
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
+from vsf_drake.errors import InputError
+from vsf_drake.files import read_json
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.report.figures import bench_figure, standing_figure, walk_figure
+from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure, walk_figure
+from vsf_drake.report.page import write_csv
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import result_folder
 from vsf_drake.simulation.results import BenchResult, Standing, WalkResult, save_bench, save_walk, standing_table
 
 _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
@@ -25,6 +28,9 @@ _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": Fal
 BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json", **_NOT_BY_NAME)
 WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",), **_NOT_BY_NAME)
 STANDING = ResultsFolder(kind="standing", command="stand", table="standing.json")
+_SWEEP_FIGURES = ("sweep.png", "sweep.svg")
+SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json", names=("sweep.csv", *_SWEEP_FIGURES),
+                      stale=_SWEEP_FIGURES, unfinished=lambda out: (out / "cache").is_dir())
 
 
 def write_bench(result: BenchResult, out: str | Path) -> dict[str, Any]:
@@ -36,17 +42,15 @@ def write_bench(result: BenchResult, out: str | Path) -> dict[str, Any]:
     return BENCH.write(out, bench_table(result), more=more)
 
 
-def write_walk(
-    result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None, replay: bool = True,
-    null_curve: np.ndarray | None = None
-) -> dict[str, Any]:
+def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None,
+               replay: bool = True) -> dict[str, Any]:
     """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns the metrics.
 
-    `fit` is the one that the offsets come from; `null_curve` as in `walk_metrics`.
+    `fit` is the one that the offsets come from.
     """
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
-    metrics = walk_metrics(result, plate, null_curve=null_curve, comparison=comparison)
+    metrics = walk_metrics(result, plate, comparison=comparison)
     metrics |= {"offsets": to_plain(result.parameters["offsets"]), "offset_fit": None if fit is None else to_plain(fit),
                 "doubts": doubts(result, comparison, metrics, fit), "notes": list(result.notes)}
 
@@ -63,3 +67,42 @@ def write_standing(standing: Standing, out: str | Path) -> dict[str, Any]:
     """Writes standing.json, standing.png and standing.svg to the folder `out`; returns the table."""
     return STANDING.write(out, standing_table(standing), more=lambda folder, table: save_figure(
         standing_figure(table), folder / "standing"))
+
+
+def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
+    """Raises InputError unless a sweep of `trials` can go to `out`: a new folder, or that of a sweep of the same ones.
+
+    Trials are the same if they come from the same files, wherever these are named from, or hold the same.
+    """
+    SWEEP.check(out)
+    path, given = out / SWEEP.table, list(trials)
+    if not path.exists():
+        return
+    try:
+        found = read_json(path)["trials"]
+        files = [sorted(str(Path(each).resolve()) for each in paths)
+                 for paths in ([trial.path for trial in given], [trial["file"] for trial in found])]
+        hashes = [sorted(sorted(inputs.values()) for inputs in both)
+                  for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in found])]
+        names = ", ".join(trial["name"] for trial in found)
+    except (InputError, OSError, TypeError, KeyError, AttributeError):
+        raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
+    if files[0] != files[1] and hashes[0] != hashes[1]:
+        raise InputError(f"holds a sweep of other trials ({names})", file=out,
+                         right="Choose another folder for this sweep")
+
+
+def write_sweep(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:
+    """Writes `sweep_table` and removes the figure of an earlier sweep; returns what is in sweep.json."""
+    return SWEEP.write(out, table, more=lambda folder, table: write_csv(
+        folder / "sweep.csv", rows[0], (row.values() for row in rows)))
+
+
+def write_sweep_figure(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> None:
+    """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores."""
+    if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
+        with result_folder(out, SWEEP.kind, add=True) as folder:
+            try:
+                save_figure(sweep_figure(table, rows), folder / "sweep")
+            except OSError as error:
+                raise InputError(f"cannot be written ({error.strerror})", file=out / _SWEEP_FIGURES[0]) from None

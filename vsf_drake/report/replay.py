@@ -12,7 +12,7 @@ from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGr
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, uniform_grid, walking_direction
+from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, resample, uniform_grid, walking_direction
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
@@ -210,29 +210,25 @@ def make_frames(result: WalkResult, *, plate: Plate | None, rate_hz: float) -> F
                          right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}")
     start, end = float(result.time_s[0]), float(result.time_s[-1])
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
-    load = _sample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
+    load = resample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
     return Frames(
-        step_s=1.0 / rate_hz, time_s=time, q=_sample(time, result.time_s, result.q),
+        step_s=1.0 / rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
         sphere_load=np.clip(load, 0.0, 1.0),
         predicted=_force_frames(time, result.time_s, result.grf_W, result.cop_W),
         measured=None if plate is None else _force_frames(time, plate.time_s, plate.force_W, plate.cop_W))
 
 
 def _force_frames(time: np.ndarray, own_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray) -> ForceFrames:
-    force = _sample(time, own_s, force_W)
+    force = resample(time, own_s, force_W)
     if len(own_s) > 1:
         grid = uniform_grid(own_s)
         rate = (len(grid) - 1) / float(grid[-1] - grid[0])
         if rate > 2.0 * FORCE_CUTOFF_HZ:
-            smooth = low_pass(_sample(grid, own_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
-            force = _sample(time, grid, smooth)
+            smooth = low_pass(resample(grid, own_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
+            force = resample(time, grid, smooth)
     after = np.clip(np.searchsorted(own_s, time), 1, max(len(own_s) - 1, 1))
     nearest = np.where(time - own_s[after - 1] < own_s[np.minimum(after, len(own_s) - 1)] - time, after - 1, after)
     cop = cop_W[np.minimum(nearest, len(own_s) - 1)]
     inside = (time >= own_s[0] - 1e-9) & (time <= own_s[-1] + 1e-9)
     return ForceFrames(force_W=force, cop_W=cop,
                        shown=inside & (force[:, 2] > THRESHOLD_N) & np.isfinite(cop).all(axis=1))
-
-
-def _sample(time: np.ndarray, own_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.interp(time, own_s, column) for column in values.T])

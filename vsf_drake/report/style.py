@@ -1,8 +1,7 @@
 """One look for every figure: measured solid, simulated dashed, one colour a fulcrum position, units on axes.
 
-The colours run along `viridis` without its light end: told apart with any colour vision, and
-ordered by lightness, so that the order survives grey print. Figures are made with the object
-interface; nothing global changes and no display is needed.
+The colours run along `viridis` without its light end: told apart with any colour vision, and ordered by lightness, so
+that the order survives grey print. Nothing global changes and no display is needed.
 """
 
 from __future__ import annotations
@@ -76,8 +75,7 @@ def condition_label(fulcrum_m: float | None) -> str:
 
 def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
     """Names both axes, each with its unit in parentheses."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
     if title:
         axes.set_title(title, loc="left")
 
@@ -98,8 +96,9 @@ class _Digits(LogFormatter):
 
 
 def save_figure(figure: Figure, stem: str | Path, *, letters: str = "none") -> tuple[Path, Path]:
-    """Writes `stem`.png and `stem`.svg, each complete or not at all, and returns their paths; the same figure gives the
-    same bytes. `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
+    """Writes `stem`.png and `stem`.svg, the same bytes for the same figure; returns their paths.
+
+    `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
     """
     stem = Path(stem)
     png, svg = stem.with_name(stem.name + ".png"), stem.with_name(stem.name + ".svg")
