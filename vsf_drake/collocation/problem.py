@@ -50,11 +50,10 @@ class Layout:
     s: slice = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
-        every = (*self.coordinates, *self.quasi_static, *self.extra)
-        twice = [name for name in every if every.count(name) > 1]
-        if twice:
-            raise InputError(f"{twice[0]!r} appears twice", where="layout", right="Names must differ")
-        start = 0
+        every, start = (*self.coordinates, *self.quasi_static, *self.extra), 0
+        for name in every:
+            if every.count(name) > 1:
+                raise InputError(f"{name!r} appears twice", where="layout", right="Names must differ")
         for kind, names in self._kinds():
             object.__setattr__(self, kind, slice(start, start + len(names)))
             start += len(names)
@@ -64,17 +63,15 @@ class Layout:
 
     @property
     def n(self) -> int:
-        """Number of coordinates."""
         return len(self.coordinates)
 
     @property
     def k(self) -> int:
-        """Number of quasi-static variables."""
         return len(self.quasi_static)
 
     @property
     def size(self) -> int:
-        """Z, number of variables of an instant."""
+        """Z."""
         return int(self.s.stop)
 
     @property
@@ -83,10 +80,9 @@ class Layout:
         return tuple(f"{kind}.{name}" for kind, names in self._kinds() for name in names)
 
     def column(self, kind: str, name: str) -> int:
-        """Column of z of one variable, e.g. column("v", "hip"). Raises InputError if there is none."""
+        """Column of z of one variable, e.g. column("v", "hip")."""
         if f"{kind}.{name}" not in self.names:
-            raise InputError(f"there is no {kind}.{name}", where="layout",
-                             right=f"There are: {', '.join(self.names)}")
+            raise InputError(f"there is no {kind}.{name}", where="layout", right=f"There are: {', '.join(self.names)}")
         return self.names.index(f"{kind}.{name}")
 
 
@@ -103,8 +99,7 @@ class Grid:
     instants beside an instant; at an end that is not periodic, one-sided of second order.
 
     Attributes:
-        method: "hermite_simpson" (fourth order) or "trapezoidal" (second order).
-        intervals: number of equal intervals.
+        method: "hermite_simpson" (fourth order) or "trapezoidal" (second order), over so many equal `intervals`.
         duration_s: of the trajectory, of one period if it is periodic.
         periodic: whether the end is the beginning again; its instant is then left out.
     """
@@ -124,7 +119,7 @@ class Grid:
 
     @property
     def instants(self) -> int:
-        """N, knots and midpoints; the last knot of a periodic grid is the first one and not counted."""
+        """N, knots and midpoints."""
         return self.per_interval * self.intervals + (not self.periodic)
 
     @property
@@ -203,75 +198,74 @@ class InstantFunction(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Limits:
-    """low <= y[:, outputs] <= high at every instant.
+    """low <= y[:, outputs] <= high at every instant."""
 
-    Attributes:
-        outputs: (c,) indices of outputs.
-        low: number, (c,) or (N, c); -inf for none. high: likewise, +inf for none.
-    """
-
-    outputs: Sequence[int]
-    low: np.ndarray | float = -np.inf
+    outputs: Sequence[int]  # (c,) indices
+    low: np.ndarray | float = -np.inf  # number, (c,) or (N, c)
     high: np.ndarray | float = np.inf
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Residuals:
-    """Adds 1/2 sum_k weights_k sum_r weight_kr (y_kr - target_kr)^2 to the cost; weights_k are the grid's, s.
+    """Adds 1/2 sum_k weights_k sum_r weight_kr (y_kr - target_kr)^2 to the cost; weights_k are the grid's, s."""
 
-    Attributes:
-        outputs: (r,) indices of outputs.
-        target: number, (r,) or (N, r), in the outputs' units. weight: likewise, >= 0.
-        name: by which the term is reported.
-    """
+    outputs: Sequence[int]  # (r,) indices
+    target: np.ndarray | float = 0.0  # number, (r,) or (N, r), in the outputs' units
+    weight: np.ndarray | float = 1.0  # likewise, >= 0
+    name: str = "residuals"  # by which the term is reported
 
-    outputs: Sequence[int]
-    target: np.ndarray | float = 0.0
-    weight: np.ndarray | float = 1.0
-    name: str = "residuals"
+    def values(self, y: np.ndarray, weights: np.ndarray | float = 1.0) -> np.ndarray:
+        """(N,) what every instant adds, with weights (N,)."""
+        off = y[:, list(self.outputs)] - self.target
+        found: np.ndarray = 0.5 * weights * np.sum(self.weight * off * off, axis=1)
+        return found
+
+    def slopes(self, y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivatives (N, r) of that by the outputs."""
+        weight = np.broadcast_to(weights[:, None] * self.weight, (len(y), len(self.outputs)))
+        return weight * (y[:, list(self.outputs)] - self.target), weight
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Convex:
-    """Adds sum_k weights_k weight_k phi(y_k) to the cost, phi convex and twice differentiable.
-
-    Attributes:
-        output: index of the output. function: phi with its two derivatives. weight: number or (N,), >= 0.
-        name: by which the term is reported.
-    """
+    """Adds sum_k weights_k weight_k phi(y_k) to the cost, phi convex and twice differentiable."""
 
     output: int
-    function: Curve
-    weight: np.ndarray | float = 1.0
+    function: Curve  # phi with its two derivatives
+    weight: np.ndarray | float = 1.0  # number or (N,), >= 0
     name: str = "convex"
+
+    @property
+    def outputs(self) -> Sequence[int]:
+        return [self.output]
+
+    def values(self, y: np.ndarray, weights: np.ndarray | float = 1.0) -> np.ndarray:
+        """As of `Residuals`."""
+        return weights * self.weight * self.function(y[:, self.output])[0]
+
+    def slopes(self, y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of `Residuals`."""
+        _, first, second = self.function(y[:, self.output])
+        return (weights * self.weight * first)[:, None], (weights * self.weight * second)[:, None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """Parameters p (P,) that all instants share.
-
-    Attributes:
-        names: (P,). low, high: (P,) bounds; equal ones freeze a parameter.
-        scale: (P,) what counts as a change of one; high - low by default, 1 where that is 0 or infinite.
-    """
+    """Parameters p (P,) that all instants share; equal bounds freeze one."""
 
     names: Sequence[str] = ()
     low: np.ndarray | float = -np.inf
     high: np.ndarray | float = np.inf
-    scale: np.ndarray | float | None = None
+    scale: np.ndarray | float | None = None  # what counts as a change of one; None: high - low, 1 where 0 or infinite
 
 
 class TrajectoryProblem:
     """What is to be minimised over a trajectory, see the module's text.
 
     Args:
-        function: of an instant.
-        layout: of z. grid: of the instants.
-        outputs: m, how many outputs the function has.
-        equations: indices of the outputs that are 0 at every instant.
+        outputs: m, how many outputs the function has. equations: indices of those that are 0 at every instant.
         limits, residuals, convex: what the outputs are for; all add up.
-        design: parameters p; none by default.
-        advance: (n,) by how much the coordinates grow over a period.
+        design: parameters p; none by default. advance: (n,) by how much the coordinates grow over a period.
         low, high: bounds of z, (Z,) or (N, Z); equal ones fix a variable.
         z_scale: (Z,) or (N, Z) what counts as a change of one, > 0. y_scale: (m,) likewise for outputs, > 0.
         cost_scale: what counts as a difference of one of the cost, > 0.
@@ -288,7 +282,7 @@ class TrajectoryProblem:
         cost_scale: float = 1.0
     ) -> None:
         self.function, self.layout, self.grid, self.outputs = function, layout, grid, outputs
-        self.limits, self.residuals, self.convex = tuple(limits), tuple(residuals), tuple(convex)
+        self.terms: tuple[Residuals | Convex, ...] = (*residuals, *convex)
         self.design = design or Design()
         self.cost_scale = float(_filled(cost_scale, (), "cost_scale", least=1e-300))
         self.advance = _filled(0.0 if advance is None else advance, (layout.n,), "advance")
@@ -305,24 +299,22 @@ class TrajectoryProblem:
         scale = usual if self.design.scale is None else self.design.scale
         self.p_scale = _filled(scale, parameters, "design.scale", least=1e-300)
         self.equations = self._outputs(equations, "equations")
-        which, low, high = self.limited
+        which, low, high = self.limited = self._limited(limits)
         places = (("bounds of z", self.low, self.high, layout.names), ("bounds of p", self.p_low, self.p_high, None),
                   ("limits", low, high, [f"output {output}" for output in which]))
         for name, under, over, columns in places:
             for at in np.argwhere(~(under <= over))[:1]:
                 place = self.design.names[at[0]] if columns is None else columns[at[1]]
                 raise InputError(f"leave no room at {place}: {under[tuple(at)]:g} to {over[tuple(at)]:g}", where=name)
-        for part in self.residuals:
-            shape = grid.instants, len(self._outputs(part.outputs, part.name))
-            _filled(part.target, shape, f"{part.name}.target")
-            _filled(part.weight, shape, f"{part.name}.weight", least=0.0)
-        for part in self.convex:
-            self._outputs([part.output], part.name)
-            _filled(part.weight, (grid.instants,), f"{part.name}.weight", least=0.0)
+        for part in self.terms:
+            shape: tuple[int, ...] = grid.instants, len(self._outputs(part.outputs, part.name))
+            if isinstance(part, Residuals):
+                _filled(part.target, shape, f"{part.name}.target")
+            _filled(part.weight, shape if isinstance(part, Residuals) else shape[:1], f"{part.name}.weight", least=0.0)
 
     @property
     def parameters(self) -> int:
-        """P, number of design parameters."""
+        """P."""
         return len(self.p_low)
 
     @property
@@ -330,12 +322,11 @@ class TrajectoryProblem:
         """Number of all variables, N Z + P."""
         return self.low.size + self.parameters
 
-    @cached_property
-    def limited(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _limited(self, limits: Sequence[Limits]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Outputs (c,) that have limits, and low and high (N, c) of them."""
         count = self.grid.instants
         which, low, high = [np.zeros(0, dtype=int)], [np.zeros((count, 0))], [np.zeros((count, 0))]
-        for part in self.limits:
+        for part in limits:
             which.append(self._outputs(part.outputs, "limits"))
             low.append(_filled(part.low, (count, len(which[-1])), "limits.low"))
             high.append(_filled(part.high, (count, len(which[-1])), "limits.high"))

@@ -10,7 +10,7 @@ constraint that are always 0, come first, and note where the instant is (`probes
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -20,11 +20,12 @@ from pydrake.solvers import (
     MathematicalProgram,
     MathematicalProgramResult,
     SnoptSolver,
+    SolverId,
     SolverOptions,
 )
 
 from vsf_drake.collocation.problem import TrajectoryProblem
-from vsf_drake.collocation.scaled import Linearised, Scaled, instant_terms
+from vsf_drake.collocation.scaled import Linearised, Scaled
 from vsf_drake.collocation.solution import Start, TrajectorySolution, finished
 from vsf_drake.collocation.step import Kkt, find_step, optimality
 from vsf_drake.errors import InputError
@@ -47,7 +48,8 @@ LOOSER = 100.0
 PRESSED = 1e-6
 """So near, in its scale, an inequality may press when a point is judged."""
 
-Evaluator = Callable[[np.ndarray], np.ndarray]
+Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Of an instant's variables and p (Z + P,): some numbers (r,) and their derivatives (r, Z + P)."""
 
 
 class _Instants:
@@ -77,52 +79,51 @@ class _Instants:
             y, by_z, by_p = scaled.outputs(np.where(np.isfinite(self.x), self.x, 0.0))
             by, unit = np.concatenate([by_z, by_p], axis=2), problem.y_scale[scaled.which]
             with np.errstate(all="ignore"):
-                cost = sum(instant_terms(problem, y).values(), np.zeros(len(y))) / problem.cost_scale
-                cost_by = np.einsum("nm,nmx->nx", scaled.slope(y), by)
+                cost = sum(scaled.instant_terms(y).values(), np.zeros(len(y))) / problem.cost_scale
+                cost_by = np.einsum("nm,nmx->nx", scaled.slopes(y)[0], by)
             self.rows = (np.column_stack([cost, y[:, scaled.which] / unit]),
                          np.concatenate([cost_by[:, None], by[:, scaled.which] / unit[:, None]], axis=1))
         return self.rows
 
-    def of(self, instant: int, which: slice) -> Evaluator:
-        """Some of an instant's rows as a function of its variables and p, for floats and AutoDiffXd."""
+    def of(self, instant: int, which: slice | None = None) -> Rows:
+        """Some of an instant's rows; without any, a row that is 0 and only notes where the instant is."""
 
-        def rows(own: np.ndarray) -> np.ndarray:
-            self.note(instant, own if own.dtype != object else ExtractValue(own).ravel())
-            values, by = (part[instant, which] for part in self.evaluated())
-            return values if own.dtype != object else _autodiff(values, by @ ExtractGradient(own))
-
-        return rows
-
-    def probe(self, instant: int) -> Evaluator:
-        """Nothing: notes where the instant is."""
-
-        def rows(own: np.ndarray) -> np.ndarray:
-            self.note(instant, own if own.dtype != object else ExtractValue(own).ravel())
-            return _nothing(1)(own)
+        def rows(own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            self.note(instant, own)
+            if which is None:
+                return _nothing(1)(own)
+            values, by = self.evaluated()
+            return values[instant, which], by[instant, which]
 
         return rows
 
 
-def _autodiff(values: np.ndarray, by: np.ndarray) -> np.ndarray:
-    return np.asarray(InitializeAutoDiff(values, by)).ravel()
-
-
-def _nothing(rows: int) -> Evaluator:
+def _nothing(count: int) -> Rows:
     """Rows that are always 0."""
-    return lambda own: np.zeros(rows) if own.dtype != object else _autodiff(
-        np.zeros(rows), np.zeros((rows, ExtractGradient(own).shape[1])))
+    return lambda own: (np.zeros(count), np.zeros((count, len(own))))
 
 
-def _first(rows: Evaluator) -> Callable[[np.ndarray], float | AutoDiffXd]:
-    """As a cost."""
-    return lambda own: rows(own)[0]
+def _constraint(rows: Rows) -> Callable[[np.ndarray], np.ndarray]:
+    """As Drake calls it, with floats or AutoDiffXd."""
+
+    def evaluated(own: np.ndarray) -> np.ndarray:
+        if own.dtype != object:
+            return rows(own)[0]
+        values, by = rows(ExtractValue(own).ravel())
+        return np.asarray(InitializeAutoDiff(values, by @ ExtractGradient(own))).ravel()
+
+    return evaluated
+
+
+def _cost(rows: Rows) -> Callable[[np.ndarray], float | AutoDiffXd]:
+    evaluated = _constraint(rows)
+    return lambda own: evaluated(own)[0]
 
 
 def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0) -> MathematicalProgram:
-    """The problem for Drake's solvers, without an initial guess; its variables are x.
+    """The problem, or its scaled form, which then counts evaluations, for Drake's solvers; its variables are x.
 
     Args:
-        problem: the problem, or its scaled form, which then counts evaluations.
         probes: for solvers that show no points, see the module's text.
         padding: rows that are always 0 and free, per instant. Drake gives SNOPT storage by the number of derivatives,
             which can be too little (INFO 83): with these it gives more.
@@ -137,18 +138,19 @@ def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding
     made.AddVisualizationCallback(instants.show, x)
     variables = [np.concatenate([x[i * size:(i + 1) * size], x[scaled.count:]]) for i in range(count)]
     for i, own in enumerate(variables if probes else ()):
-        made.AddCost(_first(instants.probe(i)), vars=own)
-        free = made.AddConstraint(instants.probe(i), lb=[-np.inf], ub=[np.inf], vars=own)
+        made.AddCost(_cost(instants.of(i)), vars=own)
+        free = made.AddConstraint(_constraint(instants.of(i)), lb=[-np.inf], ub=[np.inf], vars=own)
         free.evaluator().SetGradientSparsityPattern([])
     low, high = (np.hstack([np.zeros((count, scaled.equations)), limit])
                  for limit in (scaled.limit_low, scaled.limit_high))
     for i, own in enumerate(variables):
-        if scaled.problem.residuals or scaled.problem.convex:
-            made.AddCost(_first(instants.of(i, slice(0, 1))), vars=own)
+        if scaled.problem.terms:
+            made.AddCost(_cost(instants.of(i, slice(0, 1))), vars=own)
         if low.shape[1]:
-            made.AddConstraint(instants.of(i, slice(1, None)), lb=low[i], ub=high[i], vars=own)
+            made.AddConstraint(_constraint(instants.of(i, slice(1, None))), lb=low[i], ub=high[i], vars=own)
         if padding:
-            made.AddConstraint(_nothing(padding), lb=np.full(padding, -np.inf), ub=np.full(padding, np.inf), vars=own)
+            made.AddConstraint(_constraint(_nothing(padding)), lb=np.full(padding, -np.inf),
+                               ub=np.full(padding, np.inf), vars=own)
     return made
 
 
@@ -204,13 +206,10 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
     """The result and the number of restarts, from where SNOPT was, with more storage."""
     began = time.perf_counter()
     for restarts, padding in enumerate(PADDING):  # noqa: B007 (returned below)
-        left = max(time_limit_s - (time.perf_counter() - began), 1.0)
-        settings = SolverOptions()
-        for name, value in (("Major feasibility tolerance", FEASIBILITY), ("Major optimality tolerance", OPTIMALITY),
-                            ("Time limit", left), ("Superbasics limit", SUPERBASICS),
-                            ("Major iterations limit", 10_000), ("Iterations limit", MINOR_ITERATIONS)):
-            settings.SetOption(SnoptSolver.id(), name, value)
-        result = SnoptSolver().Solve(program(scaled, probes=False, padding=padding), x, settings)
+        result = SnoptSolver().Solve(program(scaled, probes=False, padding=padding), x, _settings(SnoptSolver.id(), {
+            "Major feasibility tolerance": FEASIBILITY, "Major optimality tolerance": OPTIMALITY,
+            "Time limit": max(time_limit_s - (time.perf_counter() - began), 1.0), "Superbasics limit": SUPERBASICS,
+            "Major iterations limit": 10_000, "Iterations limit": MINOR_ITERATIONS}))
         if result.get_solver_details().info != STORAGE or time.perf_counter() - began >= time_limit_s:
             break
         x = np.where(np.isfinite(result.get_x_val()), result.get_x_val(), x)
@@ -218,7 +217,6 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
 
 
 def _ipopt(time_limit_s: float, *, warm: bool) -> SolverOptions:
-    settings = SolverOptions()
     chosen: dict[str, float | int | str] = {
         "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": OPTIMALITY,
         "constr_viol_tol": FEASIBILITY, "acceptable_tol": LOOSER * OPTIMALITY, "acceptable_iter": 5,
@@ -227,9 +225,14 @@ def _ipopt(time_limit_s: float, *, warm: bool) -> SolverOptions:
     if warm:
         chosen |= {"mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7,
                    "slack_bound_frac": 1e-7, "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10}
+    return _settings(IpoptSolver.id(), chosen)
+
+
+def _settings(solver: SolverId, chosen: Mapping[str, float | int | str]) -> SolverOptions:
+    found = SolverOptions()
     for name, value in chosen.items():
-        settings.SetOption(IpoptSolver.id(), name, value)
-    return settings
+        found.SetOption(solver, name, value)
+    return found
 
 
 def _residual(scaled: Scaled, at: Linearised) -> float:

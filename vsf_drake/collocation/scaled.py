@@ -8,7 +8,6 @@ outputs of an instant, L linear equations.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,20 +18,15 @@ from vsf_drake.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Values at x.
+    """Values at x."""
 
-    Attributes:
-        x: (N Z + P,). y: (N, m) unscaled outputs. terms: name to value of the cost's terms, unscaled.
-        cost: scaled. linear: (L,) and equations: (N, E), 0 in a solution. limited: (N, C) outputs with limits.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    terms: dict[str, float]
+    x: np.ndarray  # (N Z + P,)
+    y: np.ndarray  # (N, m) unscaled outputs
+    terms: dict[str, float]  # of the cost, unscaled, by name
     cost: float
-    linear: np.ndarray
-    equations: np.ndarray
-    limited: np.ndarray
+    linear: np.ndarray  # (L,), 0 in a solution
+    equations: np.ndarray  # (N, E), 0 in a solution
+    limited: np.ndarray  # (N, C) outputs with limits
 
     @property
     def finite(self) -> bool:
@@ -42,18 +36,12 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Linearised(Point):
-    """Derivatives too.
+    """Derivatives too."""
 
-    Attributes:
-        gradient: (N Z + P,) of the cost.
-        hessian: (N, Z, Z), (N, Z, P) and (P, P), Gauss-Newton.
-        by_z: (N, E + C, Z) and by_p: (N, E + C, P) of equations and limited outputs.
-    """
-
-    gradient: np.ndarray
-    hessian: tuple[np.ndarray, np.ndarray, np.ndarray]
-    by_z: np.ndarray
-    by_p: np.ndarray
+    gradient: np.ndarray  # (N Z + P,) of the cost
+    hessian: tuple[np.ndarray, np.ndarray, np.ndarray]  # (N, Z, Z), (N, Z, P), (P, P), Gauss-Newton
+    by_z: np.ndarray  # (N, E + C, Z) of equations and limited outputs
+    by_p: np.ndarray  # (N, E + C, P)
 
 
 class Scaled:
@@ -94,11 +82,7 @@ class Scaled:
         return x[:self.count].reshape(*self.shape, *x.shape[1:]), x[self.count:]
 
     def start(self, z: np.ndarray, p: np.ndarray) -> Linearised:
-        """The point to begin from, within the bounds.
-
-        Raises:
-            InputError: it has another shape or is not finite, or the function has no value there.
-        """
+        """The point to begin from, within the bounds; InputError for another shape, or no finite value there."""
         for name, values, shape in (("z", z, self.shape), ("p", p, (self.parameters,))):
             if np.shape(values) != shape or not np.isfinite(values).all():
                 raise InputError(f"must be finite numbers of shape {shape}, is of {np.shape(values)}",
@@ -115,14 +99,31 @@ class Scaled:
         """Values at x."""
         self.evaluations += 1
         with np.errstate(all="ignore"):
-            y = np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float)
-            return Point(**self._values(x, y))
+            return self._point(x, np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float))
 
     def linearised(self, x: np.ndarray) -> Linearised:
         """Values and derivatives at x."""
         with np.errstate(all="ignore"):
             y, by_z, by_p = self.outputs(x)
-            return Linearised(**self._values(x, y), **self._derivatives(y, by_z, by_p))
+            slope, bend = self.slopes(y)
+            # J' diag(bend) J, over the outputs that have any
+            used = np.flatnonzero(bend.any(axis=0))
+            root = np.sqrt(bend[:, used])[:, :, None]
+            rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
+            turned, flat_p = rows_z.transpose(0, 2, 1), rows_p.reshape(len(y) * len(used), self.parameters)
+            unit = self.problem.y_scale[self.which][:, None]
+            return Linearised(
+                **vars(self._point(x, y)), by_z=by_z[:, self.which] / unit, by_p=by_p[:, self.which] / unit,
+                gradient=np.concatenate([np.matmul(slope[:, None, :], by_z).ravel(),
+                                         np.einsum("nm,nmp->p", slope, by_p)]),
+                hessian=(turned @ rows_z, turned @ rows_p, flat_p.T @ flat_p))
+
+    def _point(self, x: np.ndarray, y: np.ndarray) -> Point:
+        terms = {name: float(values.sum()) for name, values in self.instant_terms(y).items()}
+        here = y[:, self.which] / self.problem.y_scale[self.which]
+        return Point(x=x, y=y, terms=terms, cost=sum(terms.values()) / self.problem.cost_scale,
+                     linear=self.matrix @ x[:self.count] - self.right, equations=here[:, :self.equations],
+                     limited=here[:, self.equations:])
 
     def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled variables."""
@@ -131,29 +132,20 @@ class Scaled:
             y, by_z, by_p = self.problem.function.linearise(*self.unscaled(x))
             return y, by_z * self.problem.z_scale[:, None, :], by_p * self.problem.p_scale
 
-    def slope(self, y: np.ndarray) -> np.ndarray:
-        """(N, m) of the cost by the unscaled outputs."""
-        return slopes(self.problem, y)[0] / self.problem.cost_scale
+    def instant_terms(self, y: np.ndarray) -> dict[str, np.ndarray]:
+        """(N,) what each instant adds to the cost's terms, by name, unscaled."""
+        terms: dict[str, np.ndarray] = {}
+        for part in self.problem.terms:
+            terms[part.name] = terms.get(part.name, 0.0) + part.values(y, self.problem.grid.weights)
+        return terms
 
-    def _values(self, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-        terms = {name: float(values.sum()) for name, values in instant_terms(self.problem, y).items()}
-        here = y[:, self.which] / self.problem.y_scale[self.which]
-        return {"x": x, "y": y, "terms": terms, "cost": sum(terms.values()) / self.problem.cost_scale,
-                "linear": self.matrix @ x[:self.count] - self.right, "equations": here[:, :self.equations],
-                "limited": here[:, self.equations:]}
-
-    def _derivatives(self, y: np.ndarray, by_z: np.ndarray, by_p: np.ndarray) -> dict[str, Any]:
-        slope, bend = (each / self.problem.cost_scale for each in slopes(self.problem, y))
-        # J' diag(bend) J, over the outputs that have any
-        used = np.flatnonzero(bend.any(axis=0))
-        root = np.sqrt(bend[:, used])[:, :, None]
-        rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
-        turned, flat_p = rows_z.transpose(0, 2, 1), rows_p.reshape(len(y) * len(used), self.parameters)
-        unit = self.problem.y_scale[self.which][:, None]
-        return {"gradient": np.concatenate([np.matmul(slope[:, None, :], by_z).ravel(),
-                                            np.einsum("nm,nmp->p", slope, by_p)]),
-                "hessian": (turned @ rows_z, turned @ rows_p, flat_p.T @ flat_p),
-                "by_z": by_z[:, self.which] / unit, "by_p": by_p[:, self.which] / unit}
+    def slopes(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivatives (N, m) of the cost by the unscaled outputs."""
+        slope, bend = np.zeros_like(y), np.zeros_like(y)
+        for part in self.problem.terms:
+            for whole, own in zip((slope, bend), part.slopes(y, self.problem.grid.weights), strict=True):
+                np.add.at(whole, (slice(None), list(part.outputs)), own)
+        return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
     def slacks(self, at: Point) -> np.ndarray:
         """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high.
@@ -181,30 +173,3 @@ class Scaled:
         names += 2 * [f"output {output} at {time}, a limit" for time in times for output in self.which[self.equations:]]
         index = int(np.argmax(found))
         return float(found[index]), names[index]
-
-
-def instant_terms(problem: TrajectoryProblem, y: np.ndarray) -> dict[str, np.ndarray]:
-    """(N,) what each instant adds to the cost's terms, by name, unscaled."""
-    weights, terms = problem.grid.weights, {}
-    for part in problem.residuals:
-        off = y[:, list(part.outputs)] - part.target
-        terms[part.name] = terms.get(part.name, 0.0) + 0.5 * weights * np.sum(part.weight * off * off, axis=1)
-    for part in problem.convex:
-        value = part.function(y[:, part.output])[0]
-        terms[part.name] = terms.get(part.name, 0.0) + weights * part.weight * value
-    return terms
-
-
-def slopes(problem: TrajectoryProblem, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivatives (N, m) of the unscaled cost by y."""
-    weights, slope, bend = problem.grid.weights, np.zeros_like(y), np.zeros_like(y)
-    for part in problem.residuals:
-        which = list(part.outputs)
-        weight = np.broadcast_to(weights[:, None] * part.weight, (len(y), len(which)))
-        np.add.at(slope, (slice(None), which), weight * (y[:, which] - part.target))
-        np.add.at(bend, (slice(None), which), weight)
-    for part in problem.convex:
-        _, first, second = part.function(y[:, part.output])
-        slope[:, part.output] += weights * part.weight * first
-        bend[:, part.output] += weights * part.weight * second
-    return slope, bend

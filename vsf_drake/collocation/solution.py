@@ -30,64 +30,46 @@ class Start:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One line of a search's history.
+    """One line of a search's history."""
 
-    Attributes:
-        number: from 0 on, the start. cost: of the problem. violation: largest, scaled.
-        optimality: first-order residual, scaled; NaN before multipliers are known.
-        step: largest change of a scaled variable that led here. length: part of the full step that was taken.
-        damping: Levenberg damping of the next one. active: bounds and limits that hold it. exact: whether it
-            knows the outputs' curvature. evaluations: so far. wall_s: so far. p: design parameters here.
-    """
-
-    number: int
-    cost: float
-    violation: float
-    optimality: float
-    step: float
-    length: float
-    damping: float
-    active: int
-    exact: bool
-    evaluations: int
-    wall_s: float
-    p: tuple[float, ...]
+    number: int  # from 0 on, the start
+    cost: float  # of the problem
+    violation: float  # largest, scaled
+    optimality: float  # first-order residual, scaled; NaN before multipliers are known
+    step: float  # largest change of a scaled variable that led here
+    length: float  # part of the full step that was taken
+    damping: float  # Levenberg's of the next one
+    active: int  # bounds and limits that hold it
+    exact: bool  # whether it knows the outputs' curvature
+    evaluations: int  # so far
+    wall_s: float  # so far
+    p: tuple[float, ...]  # design parameters here
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySolution:
     """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands an optimum.
 
-    Attributes:
-        problem: that was solved.
-        status: "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no point nearby satisfies
-            equations and limits), "stalled" (no step improves on the last point, yet the conditions do not hold),
-            "iterations" or "time" (they ran out), "interrupted", "failed" (another solver gave up).
-        message: why it ended, in words.
-        last: the last iterate, whatever it is worth: to begin from again.
-        last_cost: there. terms: name to value of the cost's terms there.
-        violation: largest violation of an equation, limit or bound, scaled. worst: where that is.
-        optimality: first-order residual, scaled; NaN if unknown.
-        at_bound: names of design parameters on a bound.
-        solver: its name. evaluations, wall_s: what it took. history: a line an iteration.
-        is_unsealed: whether a point that is no optimum may be read.
+    `status` is "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no point nearby satisfies
+    equations and limits), "stalled" (no step improves on the last point, yet the conditions do not hold), "iterations"
+    or "time" (they ran out), "interrupted", "failed" (another solver gave up).
     """
 
     problem: TrajectoryProblem
     status: str
-    message: str
-    last: Start
+    message: str  # why it ended, in words
+    last: Start  # the last iterate, whatever it is worth: to begin from again
     last_cost: float
-    terms: dict[str, float]
-    violation: float
-    worst: str
-    optimality: float
-    at_bound: tuple[str, ...]
+    terms: dict[str, float]  # of the cost there, by name
+    violation: float  # largest of an equation, limit or bound, scaled
+    worst: str  # where that is
+    optimality: float  # first-order residual, scaled; NaN if unknown
+    at_bound: tuple[str, ...]  # design parameters on a bound
     solver: str
     evaluations: int
     wall_s: float
     history: tuple[Iteration, ...] = ()
-    is_unsealed: bool = False
+    is_unsealed: bool = False  # whether a point that is no optimum may be read
 
     @property
     def iterations(self) -> int:
@@ -161,11 +143,7 @@ def save_start(solution: TrajectorySolution, path: str | Path) -> None:
 
 
 def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
-    """A saved start for a problem of the same variables; carried to the problem's grid if it is another one.
-
-    Raises:
-        InputError: the file is none of these, or its variables are others.
-    """
+    """A saved start for a problem of the same variables, else InputError; carried to its grid if that is another."""
     found = read_npz(path)
     needed = {"names", "design", "z", "p", "advance", *(item.name for item in dataclasses.fields(Grid))}
     if str(found.get("format", "")) != FORMAT or not needed <= found.keys():

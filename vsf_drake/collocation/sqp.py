@@ -109,8 +109,6 @@ class _Merit:
 
 
 class _Search:
-    """The state of a search."""
-
     def __init__(self, problem: TrajectoryProblem, start: Start, options: CollocationOptions,
                  progress: Progress | None) -> None:
         self.problem, self.options, self.progress, self.began = problem, options, progress, time.perf_counter()
@@ -303,17 +301,13 @@ STIFF = 10.0
 
 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
-    """The linearisation with the Hessian of the Lagrangian in place of Gauss-Newton's.
-
-    Args:
-        step: a step from about there, for its multipliers.
-    """
+    """The linearisation with the Hessian of the Lagrangian in place of Gauss-Newton's, the multipliers those of `step`."""
     n, y_scale = len(at.x), scaled.problem.y_scale
     pressure = np.zeros(2 * n + 2 * at.limited.size)
     pressure[step.pressed] = step.pressure
     low, high = pressure[2 * n:].reshape(2, *at.limited.shape)
     multipliers = np.hstack([step.multipliers[len(at.linear):].reshape(at.equations.shape), high - low])
-    forces = scaled.slope(at.y)
+    forces = scaled.slopes(at.y)[0]
     np.add.at(forces, (slice(None), scaled.which), multipliers / y_scale[scaled.which])
 
     def pulled(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -121,21 +121,14 @@ def _order(scaled: Scaled) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step, scaled, with the multipliers that belong to it.
+    """A step, scaled, with the multipliers that belong to it."""
 
-    Attributes:
-        change: (N Z + P,) of x. multipliers: (L + N E,) of the equations.
-        pressed: indices of inequalities (see `Scaled.slacks`) with a multiplier, and pressure: those, > 0.
-        pull: (N Z + P,) what the inequalities add to the gradient of the Lagrangian.
-        predicted: decrease of the cost in the quadratic model, without damping.
-    """
-
-    change: np.ndarray
-    multipliers: np.ndarray
-    pressed: np.ndarray
-    pressure: np.ndarray
-    pull: np.ndarray
-    predicted: float
+    change: np.ndarray  # (N Z + P,) of x
+    multipliers: np.ndarray  # (L + N E,) of the equations
+    pressed: np.ndarray  # indices of inequalities (see `Scaled.slacks`) with a multiplier
+    pressure: np.ndarray  # those, > 0
+    pull: np.ndarray  # (N Z + P,) what the inequalities add to the gradient of the Lagrangian
+    predicted: float  # decrease of the cost in the quadratic model, without damping
 
 
 def room_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
@@ -163,11 +156,9 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
 
 
 def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.ndarray) -> Step:
-    """The step at a linearisation.
+    """The step at a linearisation with the matrix `kkt`, the `likely` inequalities (indices) to begin with.
 
-    Args:
-        kkt: its matrix. likely: indices of inequalities to begin with.
-        equations: (N, E) what the step is to bring to 0, and room: slacks; there, or after a first step.
+    equations (N, E) are what the step is to bring to 0, room the slacks; there, or after a first step.
     """
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
     aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
@@ -245,12 +236,8 @@ BOX_ROUNDS, HALVINGS = 200, 30
 
 
 def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.ndarray) -> np.ndarray:
-    """x (n,) that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high: projected Newton steps (Bertsekas 1982).
-
-    Args:
-        matrix: (n, n) symmetric, positive semidefinite. linear: (n,).
-        high: largest entry of x. start: (n,) where to begin.
-    """
+    """x (n,) from `start` on that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high, the matrix symmetric and
+    positive semidefinite: projected Newton steps (Bertsekas 1982)."""
     if not len(start):
         return start
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
