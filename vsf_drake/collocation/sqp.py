@@ -301,7 +301,7 @@ STIFF = 10.0
 
 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
-    """The linearisation with the Hessian of the Lagrangian in place of Gauss-Newton's, the multipliers those of `step`."""
+    """The linearisation with the Hessian of the Lagrangian, by the multipliers of `step`, for Gauss-Newton's."""
     n, y_scale = len(at.x), scaled.problem.y_scale
     pressure = np.zeros(2 * n + 2 * at.limited.size)
     pressure[step.pressed] = step.pressure

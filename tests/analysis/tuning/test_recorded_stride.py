@@ -107,7 +107,7 @@ def test_a_walk_that_is_sagittal_and_periodic_comes_back(planar):
     assert stride.advance_m == pytest.approx(source.advance_m, abs=3e-4)
     assert stride.errors["place.prosthetic_foot_up_mm"] < 0.02
     for foot in ("prosthetic", "intact"):
-        np.testing.assert_allclose(stride.grf(t)[foot][:, :2], source.grf(t)[foot][:, :2], atol=15.0)
+        np.testing.assert_allclose(stride.measured(foot, t)[0][:, :2], source.measured(foot, t)[0][:, :2], atol=15.0)
 
 
 def test_the_period_of_a_periodic_walk_is_found_from_its_two_ends(planar):
@@ -133,7 +133,7 @@ def test_the_way_of_walking_in_the_laboratory_does_not_matter(embedded_stride):
     t = np.linspace(0.0, 1.0, 50)
     np.testing.assert_allclose(other.period_s, stride.period_s, atol=2e-5)
     np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
-    np.testing.assert_allclose(other.grf(t)["prosthetic"], stride.grf(t)["prosthetic"], atol=0.2)
+    np.testing.assert_allclose(other.measured("prosthetic", t)[0], stride.measured("prosthetic", t)[0], atol=0.2)
 
 
 def test_left_mirrors_right(embedded_stride):
@@ -142,7 +142,7 @@ def test_left_mirrors_right(embedded_stride):
     assert other.names == sagittal_coordinates("left")
     t = np.linspace(0.0, 1.0, 50)
     np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
-    np.testing.assert_allclose(other.grf(t)["intact"], stride.grf(t)["intact"], atol=0.2)
+    np.testing.assert_allclose(other.measured("intact", t)[0], stride.measured("intact", t)[0], atol=0.2)
 
 
 def test_motion_repeats_and_its_derivatives_belong_to_it(embedded_stride):
@@ -203,7 +203,7 @@ def test_legs_are_as_long_as_the_persons(embedded_stride):
 def test_both_feet_carry_body_weight_and_do_not_push_on_average(embedded_stride):
     _, trial, _, stride = embedded_stride
     t = np.linspace(0.0, stride.period_s, 2001)
-    total = sum(force[:, :2] for force in stride.grf(t).values()) / (trial.subject.mass_kg * GRAVITY)
+    total = sum(stride.measured(foot, t)[0][:, :2] for foot in stride.forces) / (trial.subject.mass_kg * GRAVITY)
     along, up = np.trapezoid(total, t, axis=0) / stride.period_s
     assert up == pytest.approx(1.0, abs=0.02)
     assert along == pytest.approx(0.0, abs=0.01)
@@ -213,14 +213,14 @@ def test_moment_about_the_origin_is_that_of_the_force_at_the_centre_of_pressure(
     stride = embedded_stride[3]
     for foot, (start, end) in (("prosthetic", stride.prosthetic_stance), ("intact", stride.intact_stance)):
         t = np.linspace(start + 0.05, end - 0.05, 50)
-        force, cop = stride.grf(t)[foot], stride.cop(t)[foot]
+        force, cop = stride.measured(foot, t)
         # p x f of p = (x, 0, 0) has -x f_z about y
         np.testing.assert_allclose(force[:, 2], -cop * force[:, 1], atol=1.0)
-        assert np.isfinite(stride.cop(t + stride.period_s)[foot]).all()
+        assert np.isfinite(stride.measured(foot, t + stride.period_s)[1]).all()
         assert np.ptp(cop) < 0.3
     t = np.array([0.3])
-    np.testing.assert_allclose(stride.cop(t + stride.period_s)["prosthetic"] - stride.cop(t)["prosthetic"],
-                               stride.advance_m, atol=1e-9)
+    later, now = (stride.measured("prosthetic", t + shift)[1] for shift in (stride.period_s, 0.0))
+    np.testing.assert_allclose(later - now, stride.advance_m, atol=1e-9)
 
 
 def test_a_recording_shorter_than_a_stride_is_refused(embedded_stride):
@@ -258,8 +258,8 @@ def test_forces_of_one_foot_alone_are_not_followed(planar):
     with pytest.raises(InputError, match="both feet"):
         recorded_stride(one, period_s=source.period_s, follow_forces=True)
     stride = recorded_stride(one, period_s=source.period_s)
-    assert set(stride.grf(0.1)) == {"prosthetic"}
-    assert not stride.known(0.1)["intact"].any()
+    assert set(stride.forces) == {"prosthetic"}
+    assert np.isnan(stride.measured("intact", 0.1)[0]).all()
 
 
 @pytest.mark.parametrize("wrong", [{"period_s": 0.2}, {"period_s": 5.0}])

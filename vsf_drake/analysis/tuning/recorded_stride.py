@@ -103,21 +103,13 @@ class RecordedStride:
         """
         return self.curves.sample(np.atleast_1d(np.asarray(times_s, dtype=float)))
 
-    def grf(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
-        """By "prosthetic" and "intact" (n, 3): force along x and z (N), moment about y at W's origin (N m).
-
-        NaN where no plate measured it, see `known`.
-        """
-        return {foot: force.sample(times_s)[0] for foot, force in self.forces.items()}
-
-    def cop(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
-        """By "prosthetic" and "intact" (n,) m: the centre of pressure's x; NaN where the foot is not loaded."""
-        return {foot: force.sample(times_s)[1] for foot, force in self.forces.items()}
-
-    def known(self, times_s: float | np.ndarray) -> dict[str, np.ndarray]:
-        """By "prosthetic" and "intact" (n,) whether the force is known; False for a foot without a plate."""
-        unknown = {foot: np.zeros(len(np.atleast_1d(times_s)), dtype=bool) for _, foot in FEET}
-        return unknown | {foot: np.isfinite(force[:, :2]).all(axis=1) for foot, force in self.grf(times_s).items()}
+    def measured(self, foot: str, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the "prosthetic" or "intact" foot: (n, 3) force along x and z (N) and moment about y at W's origin (N m),
+        NaN where no plate measured it; (n,) the centre of pressure's x (m), NaN where the foot is not loaded too."""
+        times = np.atleast_1d(np.asarray(times_s, dtype=float))
+        if foot not in self.forces:
+            return np.full((len(times), 3), np.nan), np.full(len(times), np.nan)
+        return self.forces[foot].sample(times)
 
 
 def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: float | None = None,

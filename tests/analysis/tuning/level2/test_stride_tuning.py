@@ -5,9 +5,8 @@ import pytest
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.costs import NEGATIVE, POSITIVE
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
-from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.analysis.tuning.level2.stride import MM, NEGATIVE, POSITIVE
 from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed, solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
@@ -28,78 +27,78 @@ def tuning(trial):
 
 
 @pytest.fixture(scope="module")
-def costs(tuning):
-    return tuning.stride.costs(tuning.grid, tuning.options.stages[-1])
+def stride(tuning):
+    return tuning.stride
 
 
 @pytest.fixture(scope="module")
-def start(tuning, costs):
-    return tuning.stride.start(costs, tuning.grid, tuning.stride.own_m / MM)
+def start(stride):
+    return stride.start(stride.own_m / MM)
 
 
 @pytest.fixture(scope="module")
 def tracked_stride(tuning):
-    return tracked(tuning.stride, tuning.grid)[-1]
+    return tracked(tuning.stride)
 
 
-def test_a_recorded_stride_begins_with_keel_and_socket_in_balance(costs, start):
-    y = costs.function.evaluate(start.z, start.p)
-    balance = [i for i in costs.function.starting_with("balance_") if "pelvis" not in costs.function.names[i]]
-    assert np.abs(y[:, balance]).max() < 1e-6 * costs.weight_n
+def test_a_recorded_stride_begins_with_keel_and_socket_in_balance(stride, start):
+    y = stride.function.evaluate(start.z, start.p)
+    balance = [i for i in stride.function.starting_with("balance_") if "pelvis" not in stride.function.names[i]]
+    assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight
 
 
-def test_derivatives_of_the_stride_equal_central_differences(costs, start):
-    _, by_z, by_p = costs.function.linearise(start.z, start.p)
+def test_derivatives_of_the_stride_equal_central_differences(stride, start):
+    _, by_z, by_p = stride.function.linearise(start.z, start.p)
     rng = np.random.default_rng(3)
     dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2])
-    dz[:, costs.function.layout.w] *= 1e-2
+    dz[:, stride.function.layout.w] *= 1e-2
     h = 1e-6
-    ahead, behind = (costs.function.evaluate(start.z + s * h * dz, start.p + s * h * dp) for s in (1.0, -1.0))
+    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, start.p + s * h * dp) for s in (1.0, -1.0))
     exact = np.einsum("nmz,nz->nm", by_z, dz) + by_p @ dp
     scale = np.abs(exact).max(axis=0) + 1.0
     assert np.abs((ahead - behind) / (2.0 * h) - exact).max(axis=0) / scale == pytest.approx(0.0, abs=1e-4)
 
 
-def test_constant_joint_power_costs_its_work_over_the_efficiencies(costs, tuning):
-    y = np.zeros((tuning.grid.instants, len(costs.function.names)))
-    powers = costs.function.starting_with("power_")
+def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
+    y = np.zeros((stride.grid.instants, len(stride.function.names)))
+    powers = stride.function.starting_with("power_")
     y[:, powers[0]], y[:, powers[1]] = 1000.0, -1000.0
-    work = 1000.0 * tuning.grid.duration_s / costs.mass_kg
-    rounding = costs.options.smooth_power_w / 1000.0
-    assert costs.of("metabolic").value(y, tuning.grid.weights) == pytest.approx(
+    work = 1000.0 * stride.grid.duration_s / stride.model.subject.mass_kg
+    rounding = stride.options.smooth_power_w / 1000.0
+    assert stride.value("metabolic", y) == pytest.approx(
         work * (1.0 / POSITIVE + 1.0 / NEGATIVE), rel=rounding)
 
 
-def test_a_recording_that_is_met_deviates_by_nothing(costs, tuning):
-    reference, function = costs.reference, costs.function
-    y = np.zeros((tuning.grid.instants, len(function.names)))
+def test_a_recording_that_is_met_deviates_by_nothing(stride):
+    reference, function = stride.reference, stride.function
+    y = np.zeros((stride.grid.instants, len(function.names)))
     y[:, function.starting_with("q_")], y[:, function.starting_with("a_")] = reference.q, reference.a
     for foot, force in reference.force.items():
         y[:, function.index(f"{foot}_fx", f"{foot}_fz")] = force
-    assert costs.of("deviation").value(y, tuning.grid.weights) == pytest.approx(0.0, abs=1e-12)
-    y[:, function.starting_with("q_")[3:]] += np.radians(costs.options.angle_deg)
+    assert stride.value("deviation", y) == pytest.approx(0.0, abs=1e-12)
+    y[:, function.starting_with("q_")[3:]] += np.radians(stride.options.angle_deg)
     # Five of eight coordinates off by one scale; coordinates and forces count a half each.
-    assert costs.of("deviation").value(y, tuning.grid.weights) == pytest.approx(0.5 * 5 / 8)
+    assert stride.value("deviation", y) == pytest.approx(0.5 * 5 / 8)
 
 
 @pytest.mark.slow
-def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_force(tuning, costs, tracked_stride):
+def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_force(tuning, stride, tracked_stride):
     assert tracked_stride.success and tracked_stride.violation < 1e-6
-    y, reference = tracked_stride.y(), costs.reference
-    angles = np.degrees(y[:, costs.function.starting_with("q_")] - reference.q)[:, [0, 3, 4, 5, 6, 7]]
+    y, reference = tracked_stride.y(), stride.reference
+    angles = np.degrees(y[:, stride.function.starting_with("q_")] - reference.q)[:, [0, 3, 4, 5, 6, 7]]
     assert np.sqrt(np.mean(angles**2, axis=0)).max() < 2.0
     for foot, force in reference.force.items():
-        size = np.linalg.norm(y[:, costs.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
-        assert np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2)) < 0.06 * costs.weight_n
+        size = np.linalg.norm(y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
+        assert np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2)) < 0.06 * stride.model.weight
     trajectory = solved_trajectory(tracked_stride, tuning.walker, advance=tracked_stride.problem.advance,
                                    offsets=tuning.trial.offsets)
     assert resimulate_prescribed(tuning.walker, trajectory).percent_bw < 3.0
 
 
 @pytest.mark.slow
-def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, costs, tracked_stride):
-    sizes = {name: costs.of(name).value(tracked_stride.y(), tuning.grid.weights) for name in COSTS}
-    search = StrideSearch(tuning.stride, tuning.grid, tuning.options.stages[-1], "joint_load", sizes)
+def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride, tracked_stride):
+    sizes = {name: stride.value(name, tracked_stride.y()) for name in COSTS}
+    search = StrideSearch(tuning.stride, "joint_load", sizes)
     fixed = search.at(120.0, tracked_stride.last, "fixed")
     free = search.free(fixed.last, "free")
     assert fixed.success and free.success

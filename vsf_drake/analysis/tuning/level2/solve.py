@@ -11,26 +11,20 @@ import numpy as np
 
 from vsf_drake.analysis.tuning.common import COSTS, FORMAT, OPTIMUM, RECORDED, SOFTEST, STIFFEST, WEIGHTED, Check
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
-from vsf_drake.analysis.tuning.level2.costs import LABELS
 from vsf_drake.analysis.tuning.level2.search import (
     KINDS,
-    DrawnStride,
-    Fixed,
     Progress,
     StrideSearch,
     StrideSolution,
     StrideTuning,
     outcomes,
+    position_mm,
     swept,
     tracked,
     unless_interrupted,
 )
-from vsf_drake.analysis.tuning.level2.stride import MM, OWN
-from vsf_drake.analysis.tuning.resimulation import (
-    resimulate_prescribed,
-    resimulate_with_feedback,
-    solved_trajectory,
-)
+from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride
+from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed, resimulate_with_feedback, solved_trajectory
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.errors import InputError, SimulationError
@@ -67,9 +61,8 @@ def solve(
         if not {"tracked_z", "tracked_p"} <= warm_start.keys():
             raise InputError("holds no stride", where="warm_start", right="Give the result of a tuning at level 2")
         warm = Start(z=np.array(warm_start["tracked_z"]), p=np.array(warm_start["tracked_p"]))
-    stages = tracked(tuning.stride, tuning.grid, progress, warm)
-    found = StrideSolution(tuning=tuning, tracked=stages[-1], search=StrideSearch(
-        tuning.stride, tuning.grid, tuning.options.stages[-1], tuning.cost, progress=progress))
+    found = StrideSolution(tuning=tuning, tracked=tracked(tuning.stride, progress, warm),
+                           search=StrideSearch(tuning.stride, tuning.cost, progress=progress))
     try:
         found.message = _search(found, progress)
     except KeyboardInterrupt:
@@ -83,22 +76,21 @@ def _search(found: StrideSolution, progress: Progress | None) -> str:
     options, search = found.tuning.options, found.search
     if not unless_interrupted(found.tracked).success:
         return f"the recorded stride could not be tracked: {found.tracked.message}"
-    search.sizes = {name: search.costs.of(name).value(found.tracked.y(), search.grid.weights) for name in COSTS}
+    search.sizes = {name: search.stride.value(name, found.tracked.y()) for name in COSTS}
     found.doing = "sweeping the fulcrum"
     swept(search, found.tracked.last, found.sweep, chains=options.confirm != ())
-    good = [fixed for fixed in found.sweep if fixed.solution is not None]
-    if not good:
+    if not found.solved:
         return "no fixed position of the fulcrum could be solved"
     found.doing = "searching with the fulcrum free"
-    for i, fixed in enumerate(_spread(good, options.starts)):
-        solution = search.free(fixed.solution.last, f"free from {fixed.fulcrum_mm:.0f} mm", i / options.starts)
-        found.free.append((fixed.fulcrum_mm, solution))
+    for i, (mm, fixed) in enumerate(_spread(found.solved, options.starts)):
+        solution = search.free(fixed.last, f"free from {mm:.0f} mm", i / options.starts)
+        found.free.append((mm, solution))
         unless_interrupted(solution)
     if found.best is None:
         return "no search with the fulcrum free converged: " + found.free[0][1].message
     found.doing = "checking the solution"
     _check(found, found.best, progress)
-    found.drawn = _drawn(found, found.best)
+    _draw(found, found.best)
     for solver in options.confirm:
         if progress:
             progress(f"confirming with {solver}", 0.9, None)
@@ -106,12 +98,12 @@ def _search(found: StrideSolution, progress: Progress | None) -> str:
     return "first-order conditions hold"
 
 
-def _spread(good: list[Fixed], count: int) -> list[Fixed]:
+def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tuple[float, TrajectorySolution]]:
     """The best of a sweep, then the ones farthest from all taken."""
-    taken = [min(good, key=lambda fixed: fixed.solution.last_cost)]
+    taken = [min(good, key=lambda row: row[1].last_cost)]
     while len(taken) < min(count, len(good)):
-        rest = [fixed for fixed in good if fixed not in taken]
-        taken.append(max(rest, key=lambda fixed: min(abs(fixed.fulcrum_mm - other.fulcrum_mm) for other in taken)))
+        rest = [row for row in good if row not in taken]
+        taken.append(max(rest, key=lambda row: min(abs(row[0] - mm) for mm, _ in taken)))
     return taken
 
 
@@ -120,23 +112,23 @@ def _spread(good: list[Fixed], count: int) -> list[Fixed]:
 
 def _check(found: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
     """Fills `found.checks` and `found.simulated`."""
-    tuning, search = found.tuning, found.search
+    tuning, search, stride = found.tuning, found.search, found.search.stride
 
     def add(name: str, label: str, value: float | None, unit: str, target: str, met: bool | None, *, part: str = "",
             **numbers: Any) -> None:
         found.checks.append(Check(name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]))
 
-    worst, force = _tracking_errors(found)
+    worst, force = _tracking_errors(found.tracked, stride)
     add("tracking_motion", "tracked stride, worst angle", worst, "deg", f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG,
         worst=worst)
     add("tracking_force", "tracked stride, resultant force of the worse foot", 100.0 * force, "% body weight",
         f"<= {100.0 * FORCE_BW:g}", force <= FORCE_BW, force=force)
     add("violation", "largest violation of an equation", best.violation, "scaled", f"<= {VIOLATION:g}",
         best.violation <= VIOLATION)
-    fixed = [row.solution.last_cost for row in found.sweep if row.solution is not None]
+    fixed = [solution.last_cost for _, solution in found.solved]
     add("fixed_positions", "against the best fixed position", best.last_cost - min(fixed), "1", "<= 0",
         best.last_cost <= min(fixed) + 1e-9, cost=best.last_cost, count=len(fixed), least=min(fixed))
-    ends = [float(solution.last.p[0]) / MM for _, solution in found.free if solution.success]
+    ends = [position_mm(solution) for _, solution in found.free if solution.success]
     if len(found.free) > 1:
         spread = max(ends) - min(ends)
         add("starts", "where searches from several positions end", spread, "mm", f"<= {STARTS_MM:g}",
@@ -156,29 +148,33 @@ def _check(found: StrideSolution, best: TrajectorySolution, progress: Progress |
             found.simulated |= run.arrays()
     if not tuning.options.confirm:
         return
-    finer = dataclasses.replace(search, grid=search.stride.grid(2 * search.grid.intervals))
-    smoothing = dataclasses.replace(search.smoothing, depth_m=2.0 * search.smoothing.depth_m)
-    softer = dataclasses.replace(search, smoothing=smoothing)
-    for name, label, other in (
-            ("mesh", "twice as many intervals", finer.free(resampled(best, finer.grid), "finer mesh", 0.6)),
-            ("smoothing", "contact smoothed over twice the depth", softer.free(best.last, "softer contact", 0.7))):
-        moved = float(other.last.p[0] - best.last.p[0]) / MM if other.success else None
+    grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
+    smoothing = dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m)
+    for name, label, what, done, start, changed in (
+            ("mesh", "twice as many intervals", "finer mesh", 0.6, resampled(best, grid), {"grid": grid}),
+            ("smoothing", "contact smoothed over twice the depth", "softer contact", 0.7, best.last,
+             {"smoothing": smoothing})):
+        other = _changed(search, **changed).free(start, what, done)
+        moved = position_mm(other) - position_mm(best) if other.success else None
         add(name, label, moved, "mm", "", None, part="change", label_of=label, moved=moved, message=other.message,
             change=other.last_cost / best.last_cost - 1.0)
 
 
-def _tracking_errors(found: StrideSolution) -> tuple[float, float]:
+def _changed(search: StrideSearch, **changes: Any) -> StrideSearch:
+    return dataclasses.replace(search, stride=dataclasses.replace(search.stride, **changes))
+
+
+def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[float, float]:
     """Of the tracked stride: worst angle (deg), resultant force of the worse foot (body weights), RMS."""
-    costs, y = found.search.costs, found.tracked.y()
-    angles = np.degrees(y[:, costs.function.starting_with("q_")] - costs.reference.q)
-    worst, force = max(float(np.sqrt(np.mean(angles[:, i] ** 2))) for i in (0, *range(3, angles.shape[1]))), 0.0
-    for foot, known in costs.reference.force.items():
-        rows = costs.reference.known[foot]
+    y, reference, force = solution.y(), stride.reference, 0.0
+    angles = np.degrees(y[:, stride.function.starting_with("q_")] - reference.q)
+    for foot, known in reference.force.items():
+        rows = reference.known[foot]
         if rows.any():
-            size = np.linalg.norm(y[:, costs.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
-            difference = (size - np.linalg.norm(known, axis=1))[rows] / costs.weight_n
+            size = np.linalg.norm(y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
+            difference = (size - np.linalg.norm(known, axis=1))[rows] / stride.model.weight
             force = max(force, float(np.sqrt(np.mean(difference**2))))
-    return worst, force
+    return float(np.sqrt(np.mean(np.delete(angles, (1, 2), axis=1) ** 2, axis=0)).max()), force
 
 
 def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> dict[str, Any]:
@@ -188,25 +184,21 @@ def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> di
         again = confirm(best.problem, best.last, solver, time_limit_s=time_limit_s)
     except (InputError, RuntimeError) as error:
         return row | {"message": str(error)}
-    return row | {"fulcrum_mm": float(again.last.p[0]) / MM, "cost": again.last_cost, "success": again.success,
+    return row | {"fulcrum_mm": position_mm(again), "cost": again.last_cost, "success": again.success,
                   "message": again.message}
 
 
-def _drawn(found: StrideSolution, best: TrajectorySolution) -> list[DrawnStride]:
+def _draw(found: StrideSolution, best: TrajectorySolution) -> None:
     """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`."""
-    tuning, search, rows = found.tuning, found.search, []
+    tuning = found.tuning
     drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
                           tuning.options.seed)
+    rows = []
     for i, values in enumerate(drawn):
-        model = SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values)
-        other = dataclasses.replace(search, stride=dataclasses.replace(tuning.stride, model=model))
-        solution = unless_interrupted(
-            other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn)))
-        rows.append(DrawnStride(
-            f"drawn contact {i + 1}", float(solution.last.p[0]) / MM if solution.success else float("nan"),
-            solution.last_cost if solution.success else float("nan"),
-            outcomes(solution, other.costs) if solution.success else {}))
-    return rows
+        other = _changed(found.search, model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
+        solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
+        rows.append((unless_interrupted(solution), other.stride))
+    found.drawn = rows
 
 
 # A tuning with a free motion as plain numbers: what `tuning.json` and `tuning.npz` hold.
@@ -214,30 +206,26 @@ def _drawn(found: StrideSolution, best: TrajectorySolution) -> list[DrawnStride]
 
 def stride_table(found: StrideSolution) -> dict[str, Any]:
     """The content of `tuning.json`: all `common.KEYS`; None or empty where something was not reached."""
-    tuning, best, search = found.tuning, found.shown, found.search
-    label = " and ".join(LABELS[name] for name in search.weights) if tuning.cost == WEIGHTED else LABELS[tuning.cost]
+    tuning, best, stride = found.tuning, found.shown, found.search.stride
+    names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
     whole = sum(abs(value) for value in best.terms.values()) or 1.0
-    rows = []
-    for fixed in found.sweep:
-        solution = fixed.solution
-        rows.append({"fulcrum_mm": fixed.fulcrum_mm, "cost": None if solution is None else solution.last_cost,
-                     "terms": {} if solution is None else solution.terms,
-                     "outcomes": {} if solution is None else outcomes(solution, search.costs)})
-    reach, problem, own_mm = tuning.stride.reach_mm, best.problem, tuning.stride.own_m / MM
-    design = [{"name": "fulcrum", "unit": "mm", "value": float(best.last.p[0]) / MM, "low": reach[0],
-               "high": reach[1], "default": own_mm}]
-    design += [{"name": name, "unit": UNITS[i], "value": float(best.last.p[i]), "low": float(problem.p_low[i]),
-                "high": float(problem.p_high[i]), "default": float(OWN[i])}
+    rows = [{"fulcrum_mm": row.fulcrum_mm, "cost": None if row.solution is None else row.solution.last_cost,
+             "terms": {} if row.solution is None else row.solution.terms,
+             "outcomes": {} if row.solution is None else outcomes(row.solution, stride)} for row in found.sweep]
+    low, high = stride.reach_mm
+    design = [{"name": "fulcrum", "unit": "mm", "value": position_mm(best), "low": low, "high": high,
+               "default": stride.own_m / MM}]
+    design += [{"name": name, "unit": UNITS[i], "value": float(best.last.p[i]), "low": float(best.problem.p_low[i]),
+                "high": float(best.problem.p_high[i]), "default": float(OWN[i])}
                for i, name in enumerate(DESIGN) if name in tuning.options.design]
     near = _as_good(found)
     lost = [row.fulcrum_mm for row in found.sweep if row.solution is None and row.tried]
     other = [row for row in found.sweep if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
-    notes = [*say("stride", "limits"), *tuning.stride.recorded.notes,
-             *say("stride", "sweep", lost=lost, different=len(other), count=len(found.sweep))]
     return plain({
-        "format": FORMAT, "level": 2, "cost_name": tuning.cost, "cost_label": label, "cost_unit": "1",
-        "optimal": found.success, "status": found.message, "fulcrum_mm": float(best.last.p[0]) / MM,
-        "cost": best.last_cost, "at_bound": list(best.at_bound) if found.success else [], "fulcrum_interval_mm": near,
+        "format": FORMAT, "level": 2, "cost_name": tuning.cost, "cost_label": " and ".join(
+            LABELS[name] for name in names), "cost_unit": "1", "optimal": found.success, "status": found.message,
+        "fulcrum_mm": position_mm(best), "cost": best.last_cost,
+        "at_bound": list(best.at_bound) if found.success else [], "fulcrum_interval_mm": near,
         "interval_meaning": say("stride", "interval", little=LITTLE)[0] if near else "", "design": design,
         "terms": [{"name": name, "label": LABELS[name], "value": value, "share": value / whole}
                   for name, value in best.terms.items()],
@@ -245,12 +233,15 @@ def stride_table(found: StrideSolution) -> dict[str, Any]:
         "solver": {"name": "Gauss-Newton SQP", "message": best.message, "iterations": best.iterations,
                    "evaluations": best.evaluations, "violation": best.violation, "optimality": best.optimality},
         "confirmed_by": found.confirmed,
-        "starts": [{"fulcrum_mm": mm, "end_mm": float(s.last.p[0]) / MM, "cost": s.last_cost, "success": s.success}
+        "starts": [{"fulcrum_mm": mm, "end_mm": position_mm(s), "cost": s.last_cost, "success": s.success}
                    for mm, s in found.free],
         "checks": [vars(check) for check in found.checks], "tasks": [], "common_fulcrum_mm": None, "pareto": [],
         "pareto_names": [],
-        "robustness": [{"what": row.what, "fulcrum_mm": row.fulcrum_mm, "cost": row.cost} for row in found.drawn],
-        "trials": [tuning.label], "recorded_mm": [own_mm], "synthetic": tuning.trial.synthetic, "notes": notes,
+        "robustness": [{"what": f"drawn contact {i + 1}", "fulcrum_mm": position_mm(s) if s.success else None,
+                        "cost": s.last_cost if s.success else None} for i, (s, _) in enumerate(found.drawn)],
+        "trials": [tuning.label], "recorded_mm": [stride.own_m / MM], "synthetic": tuning.trial.synthetic,
+        "notes": [*say("stride", "limits"), *stride.recorded.notes,
+                  *say("stride", "sweep", lost=lost, different=len(other), count=len(found.sweep))],
         "wall_s": found.wall_s, "provenance": {"options": to_plain(tuning.options)} | provenance(tuning.trial.inputs)})
 
 
@@ -259,46 +250,43 @@ def stride_arrays(found: StrideSolution) -> dict[str, np.ndarray]:
 
     Motion, torque (N m) and force (N) over the phase, recorded and, where it was, re-simulated.
     """
-    costs, grid, best = found.search.costs, found.search.grid, found.shown.unsealed()
-    y, reference, index = best.y(), costs.reference, costs.function.index
-    torque = costs.function.starting_with("torque_")
-    arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(costs.function.layout.coordinates),
-              "q": best.z[:, costs.function.layout.q], "q_recorded": reference.q, "torque": y[:, torque],
+    stride, best = found.search.stride, found.shown.unsealed()
+    function, grid, reference, y = stride.function, stride.grid, stride.reference, best.y()
+    torque = function.starting_with("torque_")
+    arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
+              "q": best.z[:, function.layout.q], "q_recorded": reference.q, "torque": y[:, torque],
               "torque_recorded": found.tracked.unsealed().y()[:, torque], "tracked_z": found.tracked.last.z,
               "tracked_p": found.tracked.last.p, "best_z": best.z, "best_p": best.p}
     for foot, force in reference.force.items():
-        arrays[f"grf_{foot}"] = y[:, index(f"{foot}_fx", f"{foot}_fz")]
+        arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
         if reference.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
-    count = grid.instants
-    return arrays | {name: value[:count] for name, value in found.simulated.items()}
+    return arrays | {name: value[:grid.instants] for name, value in found.simulated.items()}
 
 
 def _outcomes(found: StrideSolution) -> list[dict[str, Any]]:
     """At four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer than two."""
-    solved = [row.solution for row in found.sweep if row.solution is not None]
-    if not solved:
+    stride, rows = found.search.stride, []
+    over = [outcomes(solution, stride) for _, solution in found.solved]
+    if not over:
         return []
-    costs, rows = found.search.costs, []
-    swept_outcomes = [outcomes(solution, costs) for solution in solved]
-    at = {SOFTEST: swept_outcomes[0], OPTIMUM: outcomes(found.shown, costs), STIFFEST: swept_outcomes[-1],
-          RECORDED: outcomes(found.tracked, costs)}
+    at = {SOFTEST: over[0], OPTIMUM: outcomes(found.shown, stride), STIFFEST: over[-1],
+          RECORDED: outcomes(found.tracked, stride)}
+    drawn = [outcomes(solution, other) for solution, other in found.drawn if solution.success]
     for name, (label, unit) in KINDS.items():
         values = {setting: found_at[name] for setting, found_at in at.items()}
-        over = [each[name] for each in swept_outcomes]
-        drawn = [row.outcomes[name] for row in found.drawn if row.outcomes]
-        error = float(np.std(drawn, ddof=1)) if len(drawn) > 1 else None
-        matters = None if error is None else bool(max(over) - min(over) > SURE * error)
-        rows.append({"name": name, "label": label, "unit": unit, **values, "uncertainty": error, "matters": matters,
+        error = float(np.std([each[name] for each in drawn], ddof=1)) if len(drawn) > 1 else None
+        range_over = max(each[name] for each in over) - min(each[name] for each in over)
+        rows.append({"name": name, "label": label, "unit": unit, **values, "uncertainty": error,
+                     "matters": None if error is None else bool(range_over > SURE * error),
                      "sentence": say("stride", "outcome", label=label, unit=unit, **values)[0]})
     return rows
 
 
 def _as_good(found: StrideSolution) -> list[float] | None:
     """Between which fixed positions the cost is as good as the least."""
-    costs = [(row.fulcrum_mm, row.solution.last_cost) for row in found.sweep if row.solution is not None]
-    if not costs or found.best is None:
+    if not found.solved or found.best is None:
         return None
-    least = found.best.last_cost
-    near = [mm for mm, cost in costs if cost <= least + LITTLE * abs(least)] + [float(found.best.last.p[0]) / MM]
+    most = found.best.last_cost + LITTLE * abs(found.best.last_cost)
+    near = [mm for mm, solution in found.solved if solution.last_cost <= most] + [position_mm(found.best)]
     return [min(near), max(near)]

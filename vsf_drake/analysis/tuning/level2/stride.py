@@ -1,18 +1,34 @@
-"""One person's stride as a trajectory problem, for any smoothing, grid, cost and range of the fulcrum."""
+"""One person's stride as a trajectory problem, for any smoothing, grid, cost and range of the fulcrum. Its costs:
+
+    joint_load   1/T int sum_j (tau_j / (m g L))^2 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five
+                 sagittal joints, F and M of the socket on the residual limb; without unit
+    metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg a stride: the efficiencies of positive and negative
+                 muscle work (Margaria's), applied to joints
+    push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's wrench at the motion
+                 of the residual shank
+    deviation    1/T int mean of the squares of (q - q_rec) / scale and (F - F_rec) / scale, centre of pressure
+                 included, and a little of that of the accelerations, which else alternate from instant to instant
+    tracking     the deviation, and a little joint_load
+
+A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone:
+ten times that). P+ = (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from vsf_drake.analysis.tuning.level2.costs import StrideCosts, StrideFunction, StrideOptions, Terms, stride_reference
+from vsf_drake.analysis.tuning.common import WEIGHTED
+from vsf_drake.analysis.tuning.level2.function import StrideFunction, StrideOptions, StrideReference, stride_reference
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
-from vsf_drake.collocation.problem import Design, Grid, Layout, Limits, TrajectoryProblem
+from vsf_drake.collocation.problem import Convex, Curve, Design, Grid, Layout, Limits, Residuals, TrajectoryProblem
 from vsf_drake.collocation.solution import Start
 from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
@@ -20,6 +36,12 @@ from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
 
 MM = 1e-3
+POSITIVE, NEGATIVE = 0.25, 1.2
+"""Efficiencies of positive and negative muscle work (Margaria's), here of joints."""
+LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
+          "push_off": "push-off work, negative", "tracking": "deviation from the recording",
+          "deviation": "deviation from the recording"}
+Term = Residuals | Convex
 OWN = np.array([np.nan, 1.0, 0.0, 1.0])
 """The device as it is, by DESIGN."""
 RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25)}
@@ -28,18 +50,25 @@ RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thi
 
 @dataclass(frozen=True, eq=False)
 class Stride:
-    """A recorded stride of a person on a prosthesis.
+    """A recorded stride of a person on a prosthesis, on a grid of instants and under one smoothing of the contact."""
 
-    Attributes:
-        model: of the person. recorded: the motion. own_m: the fulcrum's position in the recording.
-        leg_m: hip to ankle, intact side.
-    """
-
-    model: SagittalModel
+    model: SagittalModel  # of the person
     recorded: RecordedStride
-    own_m: float
-    leg_m: float
+    own_m: float  # the fulcrum's position in the recording
+    leg_m: float  # hip to ankle, intact side
     options: StrideOptions
+    grid: Grid
+    smoothing: Smoothing
+
+    @cached_property
+    def reference(self) -> StrideReference:
+        """The recording at the instants."""
+        return stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
+
+    @cached_property
+    def function(self) -> StrideFunction:
+        """The outputs."""
+        return StrideFunction(self.model, self.smoothing, self.reference.cop_x)
 
     @property
     def reach_mm(self) -> tuple[float, float]:
@@ -47,25 +76,69 @@ class Stride:
         fulcrum = self.model.foot.fulcrum
         return self.options.bounds_mm or (fulcrum.rearmost_m / MM, fulcrum.foremost_m / MM)
 
-    def grid(self, intervals: int | None = None) -> Grid:
-        """The instants of one stride."""
-        return Grid(method=self.options.method, intervals=intervals or self.options.intervals,
-                    duration_s=self.recorded.period_s, periodic=True)
+    def value(self, cost: str, y: np.ndarray) -> float:
+        """A cost of the module's text by its name, of outputs y (N, m)."""
+        return sum(float(self.grid.weights @ part.values(y)) for part in self.terms(cost))
 
-    def costs(self, grid: Grid, smoothing: Smoothing) -> StrideCosts:
-        """The costs on a grid."""
-        reference = stride_reference(self.recorded, grid, self.options)
-        function = StrideFunction(self.model, smoothing, reference.cop_x)
-        return StrideCosts(function=function, reference=reference, options=self.options,
-                           mass_kg=self.model.subject.mass_kg, weight_n=self.model.weight, leg_m=self.leg_m,
-                           duration_s=grid.duration_s)
+    def terms(self, cost: str, factor: float = 1.0) -> list[Term]:
+        """Of a cost by its name, times `factor`."""
+        return getattr(self, f"_{cost}")(factor)
 
-    def problem(
-        self, costs: StrideCosts, terms: Mapping[str, Terms], grid: Grid, fulcrum_mm: tuple[float, float], *,
-        design: tuple[str, ...] = ()
-    ) -> TrajectoryProblem:
+    def minimised(self, cost: str, sizes: Mapping[str, float]) -> list[Term]:
+        """The terms that are minimised for `cost`, named; sizes: of the costs in the tracked stride."""
+        if cost == "tracking":
+            parts = {"tracking": self.terms("tracking")}
+        else:
+            weights = self.options.weights if cost == WEIGHTED else {cost: 1.0}
+            every = sum(weights.values())
+            parts = {name: self.terms(name, weight / every / abs(sizes[name]))
+                     for name, weight in weights.items() if weight}
+            hold = self.options.deviation_weight * (UNBOUNDED if cost == "push_off" else 1.0)
+            parts["deviation"] = self.terms("deviation", hold)
+        return [dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms]
+
+    def _joint_load(self, factor: float) -> list[Term]:
+        weight, moment, each = self.model.weight, self.model.weight * self.leg_m, 2.0 * factor / self.grid.duration_s
+        socket, scale = [f"force_{axis}" for axis in SOCKET], np.array([weight, weight, moment])
+        return [Residuals(outputs=self.function.starting_with("torque_"), weight=each / moment**2),
+                Residuals(outputs=self.function.index(*socket), weight=each * self.options.socket_weight / scale**2)]
+
+    def _metabolic(self, factor: float) -> list[Term]:
+        curve, weight = _work(self.options.smooth_power_w), factor / self.model.subject.mass_kg
+        return [Convex(output=i, function=curve, weight=weight) for i in self.function.starting_with("power_")]
+
+    def _push_off(self, factor: float) -> list[Term]:
+        (power,) = self.function.index("prosthesis_power")
+        return [Convex(output=power, function=_gained(self.options.smooth_power_w),
+                       weight=factor / self.model.subject.mass_kg * self.reference.late)]
+
+    def _deviation(self, factor: float) -> list[Term]:
+        options, reference = self.options, self.reference
+        n = self.function.layout.n
+        scale = np.full(n, np.radians(options.angle_deg))
+        scale[1:3] = options.place_m
+        each = 2.0 * factor / self.grid.duration_s
+        found: list[Term] = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
+                                       weight=0.5 * each / n / scale**2)]
+        fast = np.full(n, options.acceleration_rad_per_s2)
+        fast[1:3] = options.acceleration_m_per_s2
+        found.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
+                               weight=each * options.acceleration_weight / n / fast**2))
+        for foot, force in reference.force.items():
+            outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
+            scales = self.model.weight * np.array([options.force_bw, options.force_bw, options.cop_m])
+            found.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
+                                   weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
+                                   / scales**2))
+        return found
+
+    def _tracking(self, factor: float) -> list[Term]:
+        return self._deviation(factor) + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD)
+
+    def problem(self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
+                ) -> TrajectoryProblem:
         """The problem with the fulcrum within a range; equal ends fix it. design: of DESIGN, what else is free."""
-        function, reference, options = costs.function, costs.reference, self.options
+        function, reference, options = self.function, self.reference, self.options
         layout, low, high = function.layout, OWN.copy(), OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
         for name in design:
@@ -73,34 +146,58 @@ class Stride:
         margin = np.radians(options.angle_margin_deg)
         z_low, z_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         z_low[3:8], z_high[3:8] = reference.q[:, 3:].min(0) - margin, reference.q[:, 3:].max(0) + margin
-        torque = options.torque_nm_per_kg * costs.mass_kg
+        torque = options.torque_nm_per_kg * self.model.subject.mass_kg
         limits = [Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
         for foot, swing in reference.clear.items():
             limits.append(Limits(outputs=function.index(f"{foot}_sole"),
                                  low=np.where(swing, options.clearance_m, -np.inf)[:, None]))
         advance = np.zeros(layout.n)
         advance[1] = self.recorded.advance_m
-        parts = [dataclasses.replace(part, name=name) for name, term in terms.items() for part in term.residuals]
-        convex = [dataclasses.replace(part, name=name) for name, term in terms.items() for part in term.convex]
         return TrajectoryProblem(
-            function, layout, grid, outputs=len(function.names), equations=function.starting_with("balance_"),
-            limits=limits, residuals=parts, convex=convex,
+            function, layout, self.grid, outputs=len(function.names), equations=function.starting_with("balance_"),
+            limits=limits, residuals=[part for part in terms if isinstance(part, Residuals)],
+            convex=[part for part in terms if isinstance(part, Convex)],
             design=Design(names=DESIGN, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1])), advance=advance,
             low=z_low, high=z_high, z_scale=_variable_scales(layout),
-            y_scale=_output_scales(function.names, costs.weight_n, costs.weight_n * self.leg_m))
+            y_scale=_output_scales(function.names, self.model.weight, self.model.weight * self.leg_m))
 
-    def start(self, costs: StrideCosts, grid: Grid, fulcrum_mm: float) -> Start:
+    def start(self, fulcrum_mm: float) -> Start:
         """The recorded motion with keel and socket in balance: not yet a possible motion, but for them."""
-        reference, function = costs.reference, costs.function
-        layout = function.layout
-        rates = grid.rates()
-        p = np.array([fulcrum_mm * MM, *OWN[1:]])
-        w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p, rates,
-                                   function.smoothing)
-        z = np.zeros((grid.instants, layout.size))
+        reference, layout, p = self.reference, self.function.layout, np.array([fulcrum_mm * MM, *OWN[1:]])
+        w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p, self.grid.rates(),
+                                   self.smoothing)
+        z = np.zeros((self.grid.instants, layout.size))
         z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
         z[:, layout.w], z[:, layout.u] = w.T, u.T
         return Start(z=z, p=p)
+
+
+UNBOUNDED = 10.0
+"""How much more the cost push_off alone is held to the recording: work has no end that it could come near."""
+TYPICAL_LOAD = 0.05
+"""Size of joint_load in walking, to which `torque_weight` refers."""
+
+
+def _work(smooth_w: float) -> Curve:
+    """P+ / POSITIVE + P- / NEGATIVE and its derivatives by the power."""
+    mean, difference = 0.5 * (1.0 / POSITIVE + 1.0 / NEGATIVE), 0.5 * (1.0 / POSITIVE - 1.0 / NEGATIVE)
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return (mean * (root - smooth_w) + difference * power, mean * power / root + difference,
+                mean * smooth_w**2 / root**3)
+
+    return curve
+
+
+def _gained(smooth_w: float) -> Curve:
+    """-P+ and its slope; that it is concave is left out of the curvature."""
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return -0.5 * (power + root - smooth_w), -0.5 * (1.0 + power / root), np.zeros_like(power)
+
+    return curve
 
 
 BALANCE_OF_BODY = ("balance_pelvis_tilt", "balance_pelvis_tx", "balance_pelvis_ty")
