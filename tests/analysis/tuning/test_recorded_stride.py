@@ -177,8 +177,8 @@ def test_soles_follow_the_3d_model_while_they_stand(embedded_stride):
     zero = body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place)
     start, end = stride.prosthetic_stance
     rows = (time > stride.start_s + start + 0.05) & (time < stride.start_s + end - 0.05)
-    heel, toe = (np.abs(seen.spheres["P"][rows][:, columns, 2].mean(axis=1)
-                        - solid.spheres["P"][rows][:, columns, 2].mean(axis=1)) for columns in ends(zero))
+    heel, toe = (np.abs(seen.of("sphere P")[rows][:, columns, 2].mean(axis=1)
+                        - solid.of("sphere P")[rows][:, columns, 2].mean(axis=1)) for columns in ends(zero))
     # A millimetre is about 3 % of body weight; the end that carries is the heel early and the toe late.
     half = rows.sum() // 2
     assert np.sqrt(np.mean(heel[:half] ** 2)) < 5e-4
@@ -187,7 +187,7 @@ def test_soles_follow_the_3d_model_while_they_stand(embedded_stride):
 
 def ends(points):
     """Columns of the four hindmost and of the four foremost prosthetic spheres."""
-    order = np.argsort(points.spheres["P"][0, :, 0])
+    order = np.argsort(points.of("sphere P")[0, :, 0])
     return order[:4], order[-4:]
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from vsf_drake.analysis.tuning.recorded_projection import TX, Misfit, SagittalChain, with_mass
+from vsf_drake.analysis.tuning.recorded_projection import TX, Misfit
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
@@ -35,15 +35,11 @@ CLOSING_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class PeriodicCurves:
-    """m curves that repeat after `period_s`, up to an advance.
-
-    Attributes:
-        advance: (m,) per period. coefficients: (2 H + 1, m), mean, cosines, sines.
-    """
+    """m curves that repeat after `period_s`, up to an advance."""
 
     period_s: float
-    advance: np.ndarray
-    coefficients: np.ndarray
+    advance: np.ndarray  # (m,) per period
+    coefficients: np.ndarray  # (2 H + 1, m), mean, cosines, sines
 
     @property
     def order(self) -> int:
@@ -67,11 +63,8 @@ def _harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarr
 
 
 def closing_weights(times: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
-    """(n,) weights of recorded instants, such that those a period apart sum to 1.
-
-    Args:
-        start, end: of the recording, on the clock of `times`; at least a period apart.
-    """
+    """(n,) weights of instants of a recording from start to end, at least a period, such that those a period apart sum
+    to 1."""
     ramp = max(min(end - start - period_s, 0.5 * period_s), 0.0)
 
     def rise(times: np.ndarray) -> np.ndarray:
@@ -116,10 +109,8 @@ def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
 
 
 def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float) -> PeriodicCurves:
-    """Accelerations (n, 2) m/s^2 at (n,) s, with weights (n,), as periodic curves without a mean.
-
-    It is accelerations that are blended where a recording's ends meet, not places.
-    """
+    """Accelerations (n, 2) m/s^2 at (n,) s, with weights (n,), as periodic curves without a mean: it is accelerations
+    that are blended where a recording's ends meet, not places."""
     curves = fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2))
     curves.coefficients[0] = 0.0
     return curves
@@ -127,8 +118,7 @@ def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndar
 
 def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) -> np.ndarray:
     """(n, 2) of a complex path (n,) at the times (n,) s, without what is faster than the cut-off."""
-    rate = 1.0 / float(np.median(np.diff(times)))
-    parts = np.column_stack([path.real, path.imag])
+    rate, parts = 1.0 / float(np.median(np.diff(times))), np.column_stack([path.real, path.imag])
     if cutoff_hz < 0.45 * rate:
         parts = low_pass(parts, rate_hz=rate, cutoff_hz=cutoff_hz)
     return CoordinateTrajectory(times, parts, ("along", "up")).sample(times)[2]
@@ -157,7 +147,7 @@ ACCELERATION = 0.02 * GRAVITY
 """Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to)."""
 
 
-def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
+def close(misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
           acceleration: PeriodicCurves, shift: complex) -> tuple[PeriodicCurves, complex, bool]:
     """The closed curves, the constant d, and whether they moved no more: damped Newton steps.
 
@@ -166,7 +156,7 @@ def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: n
         times: (n,) s since phase 0 of the misfit's instants. weights: (n,), see `closing_weights`.
         acceleration: its values (., 2) are what the centre of mass should do along and up, m/s^2.
     """
-    squares = _Squares(chain, misfit, curves, times, weights, acceleration)
+    squares = _Squares(misfit, curves, times, weights, acceleration)
     x = np.concatenate([curves.coefficients.ravel(), [curves.advance[TX], shift.real, shift.imag]])
     cost, g, N, B = squares.terms(x)
     damping, converged = 1e-6, False
@@ -191,11 +181,11 @@ def close(chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: n
 class _Squares:
     """The sum of squares and its derivatives by x: the curves' coefficients row by row, the advance, d in two parts."""
 
-    def __init__(self, chain: SagittalChain, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray,
-                 weights: np.ndarray, acceleration: PeriodicCurves) -> None:
+    def __init__(self, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
+                 acceleration: PeriodicCurves) -> None:
         along, height = misfit.along.copy(), misfit.height.copy()
         along[:, -1] = height[:, -1] = MASS_PLACE_M**-2
-        self.chain, self.misfit = chain, dataclasses.replace(misfit, along=along, height=height)
+        self.chain, self.misfit = misfit.chain, dataclasses.replace(misfit, along=along, height=height)
         self.times, self.weights, self.period_s = times, weights, curves.period_s
         self.size, self.last = len(curves.coefficients), curves.coefficients.size
         basis = _harmonics(times, self.period_s, curves.order)[0]
@@ -212,7 +202,6 @@ class _Squares:
         self.scale = weights.sum() / count / ACCELERATION**2
 
     def curves(self, x: np.ndarray) -> PeriodicCurves:
-        """The curves that x stands for."""
         return PeriodicCurves(self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8))
 
     def _off(self, x: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -220,16 +209,15 @@ class _Squares:
         return self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wish
 
     def cost(self, x: np.ndarray) -> float:
-        """The sum of squares."""
         now, d = self.curves(x), complex(*x[self.last + 1 :])
-        r = self._off(x, with_mass(self.chain, self.chain.points(now.sample(self.grid)[0])[0])[0])
-        misfit = self.misfit.cost(self.chain, now.sample(self.times)[0], d)
+        r = self._off(x, self.chain.with_mass(self.chain.points(now.sample(self.grid)[0])[0])[0])
+        misfit = self.misfit.cost(now.sample(self.times)[0], d)
         return float(self.weights @ misfit) + self.scale * float(np.sum(np.abs(r) ** 2))
 
     def terms(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Cost, half its gradient, half its second derivatives in two parts, by slopes and by curvature."""
         now, d, last = self.curves(x), complex(*x[self.last + 1 :]), self.last
-        A, b, C, D, e, bent_places = self.misfit.normal(self.chain, now.sample(self.times)[0], d)
+        A, b, C, D, e, bent_places = self.misfit.normal(now.sample(self.times)[0], d)
         gone, weights = self.times / self.period_s, self.weights
         N = np.zeros((last + 3, last + 3))
         N[:last, :last] = self._spread(A, self.pairs)
@@ -241,7 +229,7 @@ class _Squares:
         N[last:, :last] = N[:last, last:].T
         N[last + 1 :, last] = N[last, last + 1 :]
         g = np.concatenate([(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e])
-        places, J = with_mass(self.chain, *self.chain.points(now.sample(self.grid)[0], jacobian=True))
+        places, J = self.chain.with_mass(*self.chain.points(now.sample(self.grid)[0], jacobian=True))
         r, J_mass = self._off(x, places), J[:, -1]
         bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
         J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(len(self.grid), last)
@@ -275,24 +263,15 @@ LEAST_WEIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class FootForce:
-    """One foot's force over one stride, on an even grid.
+    """One foot's force over one stride, on an even grid."""
 
-    Attributes:
-        time_s: (g,) s since phase 0, from 0 to the period, both included.
-        force: (g, 2) N, along the way of walking and up; NaN where not known.
-        cop: (g,) m along the way, less `advance_m` times t / period; NaN where not known or not loaded.
-        period_s, advance_m: see `RecordedStride`.
-        parts_differ: RMS (N, along and up) between two recordings of the same instant while the foot was loaded; NaN if
-            there are none. parts_overlap_s: for how long there are.
-    """
-
-    time_s: np.ndarray
-    force: np.ndarray
-    cop: np.ndarray
+    time_s: np.ndarray  # (g,) s since phase 0, from 0 to the period, both included
+    force: np.ndarray  # (g, 2) N, along the way of walking and up; NaN where not known
+    cop: np.ndarray  # (g,) m along the way, less `advance_m` t / period; NaN where not known or not loaded
     period_s: float
-    advance_m: float
-    parts_differ: tuple[float, float]
-    parts_overlap_s: float
+    advance_m: float  # see `RecordedStride`
+    parts_differ: tuple[float, float]  # RMS (N) between two recordings of one instant under load, or NaN
+    parts_overlap_s: float  # for how long there are
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) force along and up (N) and moment about W's y axis at W's origin (N m); (n,) centre of pressure (m).
@@ -334,8 +313,8 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
         forward: (2,) unit vector along the way of walking in the floor.
         record: for which time the motion was recorded, s: outside, nobody knows whether the foot stands on the plate.
         span: the part of it that makes the stride; the rest serves where there is nothing else.
-        start_s: time of phase 0 on the plate's clock.
-        unknown: spans (s) in which the foot stands on no plate though the record says zero.
+        start_s: of phase 0 on the plate's clock. unknown: spans (s) in which the foot stands on no plate though the
+            record says zero.
     """
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)
@@ -374,10 +353,8 @@ def _held(cop: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(cop))
     if not known.size:
         return cop
-    at = np.arange(len(cop))
-    right = known[np.minimum(np.searchsorted(known, at), len(known) - 1)]
-    left = known[np.maximum(np.searchsorted(known, at, side="right") - 1, 0)]
-    return cop[np.where(np.abs(at - left) <= np.abs(right - at), left, right)]
+    gap = np.abs(known - np.arange(len(cop))[:, None])
+    return cop[known[np.argmin(gap, axis=1)]]
 
 
 def _parts(seen: np.ndarray, f: np.ndarray) -> tuple[tuple[float, float], int]:

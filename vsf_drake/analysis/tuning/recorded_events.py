@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from vsf_drake.analysis.tuning.recorded_projection import BodyPoints
+from vsf_drake.analysis.tuning.recorded_projection import FEET, BodyPoints, SagittalChain
 from vsf_drake.errors import InputError
 from vsf_drake.motion.contacts import TOLERANCE_S, WIDEN_S
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
@@ -43,15 +42,14 @@ def loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
     return found
 
 
-def moved_stances(time_s: np.ndarray, points: BodyPoints, zero: BodyPoints) -> dict[str, list[Stance]]:
-    """By "P" and "I", as the motion of heel and toe tells. zero: the points with every coordinate at zero."""
+def moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) -> dict[str, list[Stance]]:
+    """By "P" and "I", as the motion of heel and toe tells."""
     feet = {}
-    for s, place in (("P", 0), ("I", 1)):
-        x = zero.spheres[s][0, :, 0]
-        floor = np.array([0.0, 0.0, 1.0]) * points.radius[s][:, None]
-        bottom = points.spheres[s] - floor
+    for s in FEET:
+        rows = chain.rows(f"sphere {s}")
+        x, bottom = chain.local[rows].real, points.places[:, rows] - np.outer(points.radius[rows], (0.0, 0.0, 1.0))
         feet[s] = FootTrack(heel_W=bottom[:, x <= x.min() + 1e-6].mean(axis=1),
-                            toe_W=bottom[:, x >= x.max() - 1e-6].mean(axis=1), ankle_W=points.ankle[:, place])
+                            toe_W=bottom[:, x >= x.max() - 1e-6].mean(axis=1), ankle_W=points.of(f"ankle {s}")[:, 0])
     forward = walking_direction(feet, points.pelvis)
     return {s: kinematic_stances(time_s, foot, points.pelvis, forward_W=forward) for s, foot in feet.items()}
 
@@ -79,11 +77,7 @@ def unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
 
 
 def heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
-    """(2,) unit vector in the floor along which the pelvis travels.
-
-    Raises:
-        InputError: it hardly travels.
-    """
+    """(2,) unit vector in the floor along which the pelvis travels; InputError if it hardly does."""
     way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
     if length < LEAST_WAY_M:
@@ -119,11 +113,8 @@ def within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarra
 
 
 def first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
-    """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen;
+    InputError if there is none."""
     inside = [x for x in stances if window[0] - 1e-9 <= x.start_s <= window[1]]
     whole = [x for x in inside if x.complete and x.end_s <= window[1] + 1e-9]
     struck = [x for x in inside if x.start_seen]
@@ -147,23 +138,14 @@ NEAR_EVENTS_S = 0.06
 """Kinematic events are wrong by up to 0.035 s each (see `motion.contacts`)."""
 GRID_S = 0.005
 SAMPLES = 200
-FEET = {"P": "prosthetic", "I": "intact"}
-
-
-@dataclass(frozen=True)
-class Period:
-    """Attributes: seconds: of one stride. method: in words. closing: RMS difference of all angles (rad) between both
-    ends of the recording, one stride apart; NaN if they do not overlap."""
-
-    seconds: float
-    method: str
-    closing: float
+LARGEST_CLOSING = np.radians(8.0)
+"""Ends of a stride that differ by more than this are not the same instant of two strides (a choice)."""
 
 
 def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[np.ndarray, np.ndarray]],
                 loaded: Mapping[str, Sequence[Stance]], moved: Mapping[str, Sequence[Stance]], *,
-                stated_s: float | None = None, file: object = None) -> Period:
-    """The stride of a recording.
+                stated_s: float | None = None, file: object = None) -> tuple[float, str]:
+    """The stride of a recording in seconds, and in words by what.
 
     Two strikes or two lift-offs of one foot on the plates tell it; else two of them in the motion, sharpened by
     the self-similarity nearby; else the self-similarity alone: the time by which the recording is shifted against
@@ -181,13 +163,13 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     """
     alike = _Alike(time_s, motion, forces)
 
-    def period(seconds: float, method: str) -> Period:
+    def period(seconds: float, method: str) -> tuple[float, str]:
         closing = alike.closing(seconds)
         if closing > LARGEST_CLOSING:
             raise InputError(
                 f"its two ends, {seconds:.3f} s apart ({method}), differ by {np.degrees(closing):.1f}° RMS", file=file,
                 where="kinematics", right="A periodic stride needs steady walking")
-        return Period(seconds, method, closing)
+        return seconds, method
 
     record = float(time_s[-1] - time_s[0])
     if stated_s is not None:
@@ -220,10 +202,6 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     return period(seconds, "self-similarity of the motion and the forces")
 
 
-LARGEST_CLOSING = np.radians(8.0)
-"""Ends of a stride that differ by more than this are not the same instant of two strides (a choice)."""
-
-
 def _intervals(stances: Mapping[str, Sequence[Stance]], low: float,
                high: float) -> Iterator[tuple[str, str, float, int]]:
     """Foot, kind of event, mean interval and how many, wherever one event of a foot was seen more than once."""
@@ -241,11 +219,9 @@ class _Alike:
     def __init__(self, time_s: np.ndarray, motion: np.ndarray,
                  forces: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
         self.start, self.end = float(time_s[0]), float(time_s[-1])
-        grid = np.arange(self.start, self.end, GRID_S)
-        angles = CubicSpline(time_s, motion)
-        self.angles = angles
-        parts = [(angles, angles(grid).std(axis=0)), (angles.derivative(), angles(grid, 1).std(axis=0))]
-        self.parts = [(part, float(np.sqrt(np.sum(spread**2)))) for part, spread in parts]
+        grid, self.angles = np.arange(self.start, self.end, GRID_S), CubicSpline(time_s, motion)
+        self.parts = [(part, float(np.sqrt(np.sum(self.angles(grid, order).std(axis=0) ** 2))))
+                      for order, part in enumerate((self.angles, self.angles.derivative()))]
         for force_time_s, force in forces:
             known = np.isfinite(force).all(axis=1)
             if known.any() and (spread := float(np.sqrt(np.sum(force[known].std(axis=0) ** 2)))) > 0.0:

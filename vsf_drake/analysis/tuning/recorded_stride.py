@@ -14,34 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.tuning.recorded_curves import (
-    HARMONICS,
-    FootForce,
-    PeriodicCurves,
-    Span,
-    advance_of,
-    close,
-    closing_weights,
-    fit_periodic,
-    foot_force,
-    forced_acceleration,
-    one_stride,
-    periodic_acceleration,
-    plate_series,
-    second_derivative,
-)
-from vsf_drake.analysis.tuning.recorded_events import (
-    find_period,
-    first_strike,
-    heading,
-    loaded_stances,
-    moved_stances,
-    sides,
-    unknown_spans,
-    within,
-    within_stride,
-)
+from vsf_drake.analysis.tuning import recorded_curves as periodic
+from vsf_drake.analysis.tuning import recorded_events as events
+from vsf_drake.analysis.tuning.recorded_curves import FootForce, PeriodicCurves, Span
 from vsf_drake.analysis.tuning.recorded_projection import (
+    FEET,
     TILT,
     TX,
     BodyPoints,
@@ -49,10 +26,8 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     SagittalChain,
     body_points,
     make_misfit,
-    near_floor,
     project,
     sagittal_chain,
-    targets,
 )
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial_record import Trial
@@ -63,7 +38,6 @@ from vsf_drake.simulation.walk import Walker
 
 SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85
 """What a stance can take of a stride."""
-FEET = (("P", "prosthetic"), ("I", "intact"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,29 +46,20 @@ class RecordedStride:
 
     Times are seconds since phase 0, the prosthetic foot's strike; time t is `start_s` + t in the recording. x is the
     distance along the way of walking from the laboratory's origin, z up.
-
-    Attributes:
-        names: the 8 coordinates, see `simulation.sagittal.model.sagittal_coordinates`.
-        period_s, advance_m: duration, and travel of pelvis_tx in it. start_s: time of phase 0 in the recording.
-        curves: the motion. forces: of the feet by "prosthetic" and "intact"; a foot without a plate is missing.
-        prosthetic_stance, intact_stance: (start, end) s; an end may lie beyond the period. None where unknown.
-        forward: (2,) the way of walking in the laboratory's floor. chain: the sagittal model's geometry.
-        errors: numbers by name with their unit at the end, see `_errors`.
-        notes: what was done and how well it fits, in sentences.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the 8 coordinates, see `simulation.sagittal.model.sagittal_coordinates`
     period_s: float
-    advance_m: float
-    start_s: float
-    curves: PeriodicCurves
-    forces: dict[str, FootForce]
-    prosthetic_stance: Span
-    intact_stance: Span | None
-    forward: np.ndarray
-    chain: SagittalChain
-    errors: dict[str, float]
-    notes: tuple[str, ...]
+    advance_m: float  # travel of pelvis_tx in it
+    start_s: float  # time of phase 0 in the recording
+    curves: PeriodicCurves  # the motion
+    forces: dict[str, FootForce]  # by "prosthetic" and "intact"; a foot without a plate is missing
+    prosthetic_stance: Span  # start and end, s; the end may lie beyond the period
+    intact_stance: Span | None  # None where unknown
+    forward: np.ndarray  # (2,) the way of walking in the laboratory's floor
+    chain: SagittalChain  # the sagittal model's geometry
+    errors: dict[str, float]  # numbers by name with their unit at the end, see below
+    notes: tuple[str, ...]  # what was done and how well it fits, in sentences
 
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0.
@@ -127,58 +92,57 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
     """
     seen, file = _view(trial, walker), trial.path
-    time = seen.time_s
-    loaded, moved = loaded_stances(trial), moved_stances(time, seen.points, seen.zero)
-    unknown = unknown_spans(trial, loaded, moved)
+    time, mass = seen.time_s, trial.subject.mass_kg
+    loaded, moved = events.loaded_stances(trial), events.moved_stances(time, seen.points, seen.chain)
+    unknown = events.unknown_spans(trial, loaded, moved)
+    plates = {s: trial.plates[side] for s, side in events.sides(trial).items() if side in trial.plates}
     angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis")]
-    series = [plate_series(trial.plates[side], seen.forward, unknown[s]) for s, side in sides(trial).items()
-              if side in trial.plates]
-    period = find_period(time, trial.trajectory.sample(time)[0][:, angles], series, loaded, moved, stated_s=period_s,
-                         file=file)
-    T, mass = period.seconds, trial.subject.mass_kg
-    first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
+    T, method = events.find_period(
+        time, trial.trajectory.sample(time)[0][:, angles],
+        [periodic.plate_series(plate, seen.forward, unknown[s]) for s, plate in plates.items()], loaded, moved,
+        stated_s=period_s, file=file)
+    first = events.first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
-    prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
+    prosthetic, how_p = events.within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
     if prosthetic is None or not SHORTEST_SHARE * T <= prosthetic[1] - prosthetic[0] <= LONGEST_SHARE * T:
         raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
                          where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
-    intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
+    intact, how_i = events.within_stride(loaded["I"], moved["I"], start, T)
     seen = seen.turned(_stride_heading(seen, T))
-    span = one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
-    weights = closing_weights(time, *span, T)
-    rates = second_derivative(seen.misfit().wanted[:, -1], time, cutoff_hz=1.5 * HARMONICS / T)
-    path = periodic_acceleration(time - start, rates, weights, T)
+    span = periodic.one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
+    weights = periodic.closing_weights(time, *span, T)
+    rates = periodic.second_derivative(seen.misfit().wanted[:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
+    path = periodic.periodic_acceleration(time - start, rates, weights, T)
     inside = (time >= span[0]) & (time <= span[1])
     seen, weights = seen.at(inside), weights[inside]
     misfit, t = seen.misfit(), seen.time_s - start
-    projection = project(seen.chain, misfit)
-    advance = advance_of(t, projection.q[:, TX], T)
+    projected, shift, converged = project(misfit)
+    advance = periodic.advance_of(t, projected[:, TX], T)
 
     def forces_with(advance: float) -> dict[str, FootForce]:
         record = trial.trajectory.start_s, trial.trajectory.end_s
-        return {foot: foot_force(trial.plates[side], seen.forward, record=record, span=span, start_s=start,
-                                 period_s=T, advance_m=advance, unknown=unknown[s])
-                for (s, foot), side in zip(FEET, sides(trial).values(), strict=True) if side in trial.plates}
+        return {FEET[s]: periodic.foot_force(plate, seen.forward, record=record, span=span, start_s=start, period_s=T,
+                                             advance_m=advance, unknown=unknown[s]) for s, plate in plates.items()}
 
-    forced = forced_acceleration(forces_with(advance), mass)
+    forced = periodic.forced_acceleration(forces_with(advance), mass)
     if follow_forces and forced is None:
         raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
                          right="Without follow_forces the motion's own accelerations serve")
     wish = path
     if forced is not None and follow_forces is not False:
-        wish = periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), T)
-    curves = fit_periodic(t, projection.q, weights, period_s=T, advance=advance * np.eye(8)[TX])
-    curves, shift, closed = close(seen.chain, misfit, curves, t, weights, wish, projection.shift)
+        wish = periodic.periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), T)
+    curves = periodic.fit_periodic(t, projected, weights, period_s=T, advance=advance * np.eye(8)[TX])
+    curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
     advance = float(curves.advance[TX])
     forces = forces_with(advance)
-    standing = {"prosthetic": within(t, prosthetic, T), "intact": within(t, intact, T)}
+    standing = {"prosthetic": events.within(t, prosthetic, T), "intact": events.within(t, intact, T)}
     errors = _place_errors(seen, curves.sample(t)[0], weights, standing)
-    errors |= _closing_errors(seen, projection.q, T)
+    errors |= _closing_errors(seen, projected, T)
     errors |= _force_errors(lambda times: _center_rate(seen.chain, curves, times), forces, mass, T, of="sagittal")
     errors |= _force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
     errors |= moment_balance(seen.chain, curves, forces, T)
-    notes = say("stride", "recorded", period_s=T, by=period.method, advance_m=advance, prosthetic=how_p, intact=how_i,
-                follows_plates=wish is not path, converged=closed and projection.converged, shift=shift, errors=errors,
+    notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
+                follows_plates=wish is not path, converged=closed and converged, shift=shift, errors=errors,
                 **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
     return RecordedStride(
         names=seen.names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
@@ -211,9 +175,9 @@ def _place_errors(seen: _View, final: np.ndarray, weights: np.ndarray,
     """`place.*` and `angle.*` of final coordinates (n, 8), with weights (n,) of the instants."""
     chain, wanted = seen.chain, seen.wanted
     off = 1e3 * (chain.points(final)[0] - wanted)
-    share = near_floor(chain, wanted, seen.ground)
+    share = chain.near_floor(wanted, seen.points.ground)
     found: dict[str, float] = {}
-    for s, foot in FEET:
+    for s, foot in FEET.items():
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
@@ -303,30 +267,20 @@ MOST_HZ = 200.0
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """The recorded instants of a trial, n of them.
-
-    Attributes:
-        points: in 3-D. zero: the same with every coordinate at zero. chain: the sagittal model.
-        names: its coordinates. recorded: (n, 8) their values in the 3-D motion; pelvis_tx and pelvis_tilt as they
-            would be called in a laboratory whose x axis is the way of walking.
-        pelvis: (n, 3) tilt, list and rotation of the pelvis in the laboratory, rad.
-        forward: (2,) the way of walking. ground: z of the floor, m.
-    """
+    """The recorded instants of a trial, n of them."""
 
     time_s: np.ndarray
-    points: BodyPoints
-    zero: BodyPoints
+    points: BodyPoints  # in 3-D
     chain: SagittalChain
-    names: tuple[str, ...]
-    recorded: np.ndarray
-    pelvis: np.ndarray
-    forward: np.ndarray
-    ground: float
+    names: tuple[str, ...]  # of the sagittal coordinates
+    recorded: np.ndarray  # (n, 8) their values in the 3-D motion, in a laboratory whose x axis is the way of walking
+    pelvis: np.ndarray  # (n, 3) tilt, list and rotation of the pelvis in the laboratory, rad
+    forward: np.ndarray  # (2,) the way of walking
 
     @property
     def wanted(self) -> np.ndarray:
         """(n, k) complex, m: the chain's points seen from the side."""
-        return targets(self.chain, self.points, self.forward)
+        return self.points.seen(self.forward)
 
     def turned(self, forward: np.ndarray) -> _View:
         """The same along another way of walking."""
@@ -345,15 +299,11 @@ class _View:
 
     def misfit(self) -> Misfit:
         """What is to be small for a sagittal motion to be near."""
-        return make_misfit(self.chain, self.wanted, self.recorded, ground=self.ground)
+        return make_misfit(self.chain, self.wanted, self.recorded, ground=self.points.ground)
 
 
 def _view(trial: Trial, walker: Walker | None) -> _View:
-    """What the model shows of a trial, along the pelvis's way over the whole recording.
-
-    Raises:
-        InputError: the walker is another person; the pelvis hardly travels.
-    """
+    """What the model shows of a trial, along the pelvis's way over the whole recording."""
     walker = walker or Walker(trial.subject, trial.model)
     if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
         raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
@@ -361,17 +311,12 @@ def _view(trial: Trial, walker: Walker | None) -> _View:
     motion = trial.trajectory
     rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
     rows = slice(None, None, max(1, round(rate / MOST_HZ)))
-    time, values = motion.time_s[rows], motion.values[rows]
-    place = {"fulcrum_m": trial.fulcrum_m}
-    points = body_points(walker, trial.offsets, motion.names, values, **place)
-    names = sagittal_coordinates(trial.subject.prosthetic_side)
-    forward = heading(points, file=trial.path)
-    found = _View(
-        time_s=time, points=points, names=names, recorded=motion.ordered(names).values[rows], forward=forward,
-        pelvis=motion.ordered(PELVIS_ROTATIONS).values[rows],
-        zero=body_points(walker, trial.offsets, (), np.zeros((1, 0)), **place),
-        chain=sagittal_chain(walker, trial.offsets, **place), ground=points.ground)
-    return found.turned(forward)
+    points = body_points(walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m)
+    names, forward = sagittal_coordinates(trial.subject.prosthetic_side), events.heading(points, file=trial.path)
+    return _View(
+        time_s=motion.time_s[rows], points=points, names=names, recorded=motion.ordered(names).values[rows],
+        pelvis=motion.ordered(PELVIS_ROTATIONS).values[rows], forward=forward,
+        chain=sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)).turned(forward)
 
 
 def _stride_heading(seen: _View, period_s: float) -> np.ndarray:
