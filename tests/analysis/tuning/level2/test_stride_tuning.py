@@ -90,8 +90,7 @@ def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_
     for foot, force in reference.force.items():
         size = np.linalg.norm(y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
         assert np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2)) < 0.06 * stride.model.weight
-    trajectory = solved_trajectory(tracked_stride, tuning.walker, advance=tracked_stride.problem.advance,
-                                   offsets=tuning.trial.offsets)
+    trajectory = solved_trajectory(tracked_stride, tuning.walker, offsets=tuning.trial.offsets)
     assert resimulate_prescribed(tuning.walker, trajectory).percent_bw < 3.0
 
 

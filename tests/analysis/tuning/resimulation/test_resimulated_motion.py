@@ -102,17 +102,6 @@ def test_period_closes_as_told():
         dataclasses.replace(solution, advance=0.9 * solution.advance)
 
 
-def test_period_without_its_end_gets_it():
-    """The whole periodic motion from its instants but the last."""
-    whole = periodic_motion(40)
-    rows = {name: getattr(whole, name)[:-1] for name in ("q", "v", "a", "torque")}
-    found = SagittalTrajectory.of_period(
-        whole.time_s[:-1], period_s=whole.period_s, advance=whole.advance, fulcrum_m=0.1, names=whole.names,
-        grf={foot: force[:-1] for foot, force in whole.grf.items()}, **rows)
-    for name in ("time_s", "q", "v", "a"):
-        np.testing.assert_allclose(getattr(found, name), getattr(whole, name), atol=1e-9)
-
-
 def test_torques_that_alternate_are_told_from_smooth_ones():
     """Of a pure alternation all counts; of a sine with n instants a period, (1 - cos(2 pi / n)) / 2."""
     t = np.linspace(0.0, 1.0, 41)

@@ -136,7 +136,7 @@ def _check(found: StrideSolution, best: TrajectorySolution, progress: Progress |
             spread=spread)
     if progress:
         progress("re-simulating", 0.5, None)
-    trajectory = solved_trajectory(best, tuning.walker, advance=best.problem.advance, offsets=tuning.trial.offsets)
+    trajectory = solved_trajectory(best, tuning.walker, offsets=tuning.trial.offsets)
     for kind, simulate in (("prescribed", resimulate_prescribed), ("feedback", resimulate_with_feedback)):
         try:
             run = simulate(tuning.walker, trajectory)
@@ -144,7 +144,7 @@ def _check(found: StrideSolution, best: TrajectorySolution, progress: Progress |
             found.checks.append(Check(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "",
                                       False, str(error)))
         else:
-            found.checks.append(Check(**run.check_row()))
+            found.checks.append(run.as_check())
             found.simulated |= run.arrays()
     if not tuning.options.confirm:
         return

@@ -38,22 +38,17 @@ class RegulatorWeights:
 
     They are choices. With a torque of 20 N m a stride of the embedded subject recovers from a push of 0.2 m/s; with
     40 N m it follows a tracked stride more closely (1.9 against 2.9 % of body weight), but does not recover from 0.1.
-
-    Attributes:
-        tilt_deg, forward_m, up_m: of the pelvis. joint_deg: of the five joints. tilt_deg_per_s, pelvis_m_per_s,
-            joint_deg_per_s: of their rates. torque_nm: of the feedback in each joint.
-        hand_n, hand_nm: of the force and the moment of a hand at the pelvis, where one is allowed.
     """
 
-    tilt_deg: float = quantity(5.0, unit="deg", low=_LEAST, source=_SOURCE)
+    tilt_deg: float = quantity(5.0, unit="deg", low=_LEAST, source=_SOURCE)  # of the pelvis, as the next two
     forward_m: float = quantity(0.1, unit="m", low=_LEAST, source=_SOURCE)
     up_m: float = quantity(0.05, unit="m", low=_LEAST, source=_SOURCE)
-    joint_deg: float = quantity(10.0, unit="deg", low=_LEAST, source=_SOURCE)
+    joint_deg: float = quantity(10.0, unit="deg", low=_LEAST, source=_SOURCE)  # of each of the five
     tilt_deg_per_s: float = quantity(60.0, unit="deg/s", low=_LEAST, source=_SOURCE)
     pelvis_m_per_s: float = quantity(0.3, unit="m/s", low=_LEAST, source=_SOURCE)
     joint_deg_per_s: float = quantity(200.0, unit="deg/s", low=_LEAST, source=_SOURCE)
-    torque_nm: float = quantity(20.0, unit="N m", low=_LEAST, source=_SOURCE)
-    hand_n: float = quantity(20.0, unit="N", low=_LEAST, source=_SOURCE)
+    torque_nm: float = quantity(20.0, unit="N m", low=_LEAST, source=_SOURCE)  # of the feedback in each joint
+    hand_n: float = quantity(20.0, unit="N", low=_LEAST, source=_SOURCE)  # of a hand at the pelvis, if any
     hand_nm: float = quantity(10.0, unit="N m", low=_LEAST, source=_SOURCE)
 
     def __post_init__(self) -> None:

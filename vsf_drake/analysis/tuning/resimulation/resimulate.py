@@ -9,10 +9,10 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning.common import Check
 from vsf_drake.analysis.tuning.resimulation.regulator import (
     LinearSteps,
     RegulatorWeights,
@@ -61,14 +61,9 @@ MOST_STRIDES = 100
 
 @dataclass(frozen=True)
 class ForceDifference:
-    """Root mean square difference of the ground reaction over time, in percent of body weight; NaN without an instant.
+    """Root mean square difference of a foot's ground reaction over time, in percent of body weight; NaN without an
+    instant."""
 
-    The solution is never filtered, because its instants are too far apart for that.
-    """
-
-    foot: str  # "prosthetic" or "intact"
-    over: str  # "stride", all instants that count, or "stance", those of them where either carries the foot (20 N)
-    filtered: bool  # whether the re-simulation was low-passed at 40 Hz before
     fore_aft: float
     vertical: float
     resultant: float  # of the length of the force
@@ -88,7 +83,6 @@ class FeedbackUse:
     open_multiplier: float | None  # without feedback
     hand_percent_bw: float  # root mean square of the force of a hand at the pelvis; 0 without a hand
     hand_moment_nm: float  # the same of its moment
-    weights: Mapping[str, float]  # what the feedback was laid out for, by name (`RegulatorWeights`)
 
     def sentences(self) -> list[str]:
         """What it took, in words."""
@@ -106,21 +100,18 @@ class Resimulation:
     Where the run ended before the solution did, or the person was down, reading a difference raises SimulationError.
     """
 
+    trajectory: SagittalTrajectory
+    body_weight_n: float
     kind: str  # "prescribed" or "feedback"
     fell_after_s: float | None  # from the run's start
     why: str
     counted: np.ndarray  # (n,) bool, instants that are compared: not the start's transient, nothing after a fall
     grf: Mapping[str, np.ndarray]  # by foot (n, 2) N, as the stepper gives it; NaN where not `counted`
     filtered_grf: Mapping[str, np.ndarray]  # low-passed at 40 Hz
-    forces: tuple[ForceDifference, ...]  # of both feet, as they are and filtered
     motion_rms: Mapping[str, float]  # by coordinate, deviation from the solution, deg or mm; {} if prescribed
     lateral_percent_bw: float  # largest lateral force on a foot; the solution knows none
     unconverged_steps: int  # of the run, accepted without convergence
     feedback: FeedbackUse | None  # None if prescribed
-    walk_time_s: np.ndarray  # (m,) at the run's own steps over the compared time
-    walk_q: np.ndarray  # (m, 8)
-    walk_grf: Mapping[str, np.ndarray]  # by foot (m, 2) N
-    notes: Sequence[str]  # what else to know of the run
 
     @property
     def fell(self) -> bool:
@@ -137,9 +128,27 @@ class Resimulation:
             raise SimulationError(f"the {self.label} fell: {self.why}", time_s=self.fell_after_s)
 
     def difference(self, foot: str, *, over: str = STRIDE, filtered: bool = True) -> ForceDifference:
-        """One of `forces`; raises SimulationError if the person fell."""
+        """From the solution's force on a foot, "prosthetic" or "intact", each instant by the time that it stands for.
+
+        Args:
+            over: "stride", all instants that count, or "stance", those of them where either carries the foot (20 N).
+            filtered: whether the re-simulation was low-passed at 40 Hz before; the solution never is, because its
+                instants are too far apart for that.
+
+        Raises:
+            SimulationError: the person fell.
+        """
         self.check()
-        return next(d for d in self.forces if (d.foot, d.over, d.filtered) == (foot, over, filtered))
+        weights = np.gradient(self.trajectory.time_s)
+        weights[[0, -1]] *= 0.5
+        ours, theirs = (np.asarray(grf[foot], dtype=float) / self.body_weight_n for grf in (
+            self.filtered_grf if filtered else self.grf, self.trajectory.grf))
+        loaded = np.fmax(ours[:, 1], theirs[:, 1]) > THRESHOLD_N / self.body_weight_n
+        rows = self.counted & (loaded if over == STANCE else True)
+        off = np.column_stack([ours - theirs, np.linalg.norm(ours, axis=1) - np.linalg.norm(theirs, axis=1)])[rows]
+        w = weights[rows]
+        rms = np.sqrt(w @ off**2 / w.sum()) if rows.any() else np.full(3, np.nan)
+        return ForceDifference(*(100.0 * rms).tolist())
 
     @property
     def percent_bw(self) -> float:
@@ -152,11 +161,10 @@ class Resimulation:
         helped = self.feedback is not None and self.feedback.hand_percent_bw > 0.0
         return not self.fell and not helped and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
 
-    def check_row(self) -> dict[str, Any]:
+    def as_check(self) -> Check:
         """As one of the checks that a tuning leaves."""
-        return {"name": f"resimulation_{self.kind}", "label": self.label,
-                "value": None if self.fell else self.percent_bw, "unit": "% body weight",
-                "target": f"{TARGET_PERCENT_BW[self.kind]:g}", "met": self.met, "sentence": " ".join(self.sentences())}
+        return Check(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw, "% body weight",
+                     f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
@@ -167,7 +175,7 @@ class Resimulation:
         helped = [] if self.feedback is None else self.feedback.sentences()
         if self.fell:
             return [*say("resimulation", "fell", label=self.label, after_s=self.fell_after_s, why=self.why), *helped]
-        over = [self.difference(foot) for foot in FEET]
+        t, over = self.trajectory, [self.difference(foot) for foot in FEET]
         angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
         told = say("resimulation", "found", label=self.label, percent_bw=self.percent_bw,
                    raw=max(self.difference(foot, filtered=False).resultant for foot in FEET),
@@ -175,18 +183,18 @@ class Resimulation:
                    parts=max(max(d.fore_aft, d.vertical) for d in over), worst=max(angles, default=None),
                    pelvis=[self.motion_rms.get(name) for name in PELVIS[1:]], lateral=self.lateral_percent_bw,
                    unconverged=self.unconverged_steps)
-        return [*told, *helped, *self.notes]
+        standing = [] if t.periodic else [foot for foot in FEET if t.grf[foot][0, 1] > THRESHOLD_N]
+        return [*told, *helped, *say("resimulation", "notes", standing=standing,
+                                     alternation=t.alternation if t.alternation > ALTERNATES else None)]
 
 
 def _assess(
-    trajectory: SagittalTrajectory, *, kind: str, body_weight_n: float, record: Record, q: np.ndarray,
-    grf_W: Mapping[str, np.ndarray], step_s: float, shift_s: float = 0.0, fell_s: float | None = None, why: str = "",
-    feedback: FeedbackUse | None = None
+    walker: Walker, walk: Walk, trajectory: SagittalTrajectory, record: Record, *, kind: str, shift_s: float = 0.0,
+    fell_s: float | None = None, why: str = "", feedback: FeedbackUse | None = None
 ) -> Resimulation:
-    """Lays a run of the stepper, or what there is of it, beside the solution.
+    """Lays a run of the mechanism of `walk`, or what there is of it, beside the solution.
 
     Args:
-        q: (m, 8) of the solution's coordinates at the ends of m steps. grf_W: by foot (m, 3) N.
         shift_s: by how much its clock is ahead of the solution's where strides are repeated: a whole number of periods.
         fell_s: until when it counts; None to its end.
     """
@@ -194,52 +202,31 @@ def _assess(
     first, last = _first_counted(trajectory) + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
     counted = (instants >= max(first, time[0]) - 1e-9) & (instants <= last + 1e-9)
     shown = (time >= first - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
-    sagittal = {foot: force[:, [0, 2]] for foot, force in grf_W.items()}
-    series: dict[bool, dict[str, np.ndarray]] = {False: {}, True: {}}
-    differences = []
-    for filtered in (False, True):
-        for foot in FEET:
-            force = low_pass(sagittal[foot], rate_hz=1.0 / step_s, cutoff_hz=CUTOFF_HZ) if filtered else sagittal[foot]
-            found = np.column_stack([np.interp(instants, time, column) for column in force.T])
-            found[~counted] = np.nan
-            series[filtered][foot] = found
-            differences += _differences(foot, trajectory, found, counted, filtered, body_weight_n)
+    count, weight_n = len(walker.gait.person.foot.sites.radius), walker.subject.mass_kg * GRAVITY
+    grf_W = {foot: foot_reaction(record, sites, walk.mechanism.ground_height).grf_W
+             for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True)}
+
+    def at_instants(force: np.ndarray) -> np.ndarray:
+        found = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
+        found[~counted] = np.nan
+        return found
+
     motion_rms = {}
     if kind == FEEDBACK:
-        deviation = q[shown] - SolutionMotion(trajectory).sample(time[shown])[0]
+        columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
+        deviation = record.q[shown][:, columns] - SolutionMotion(trajectory).sample(time[shown])[0]
         rms = np.sqrt(np.mean(deviation**2, axis=0)) if shown.any() else np.full(COORDINATES, np.nan)
         motion_rms = {name: float(value) * (1e3 if coordinate_unit(name) == "m" else 180.0 / np.pi)
                       for name, value in zip(trajectory.names, rms, strict=True)}
-    standing = [] if trajectory.periodic else [foot for foot in FEET if trajectory.grf[foot][0, 1] > THRESHOLD_N]
+    lateral = float(max(np.abs(force[shown, 1]).max(initial=0.0) for force in grf_W.values()))
     return Resimulation(
-        kind=kind, fell_after_s=None if fell_s is None else fell_s - trajectory.start_s, why=why, counted=counted,
-        grf=series[False], filtered_grf=series[True], forces=tuple(differences),
-        motion_rms=motion_rms,
-        lateral_percent_bw=100.0 * float(max(np.abs(force[shown, 1]).max(initial=0.0) for force in grf_W.values()))
-        / body_weight_n,
-        unconverged_steps=int(np.sum(~record.converged)), feedback=feedback, walk_time_s=time[shown] - shift_s,
-        walk_q=q[shown], walk_grf={foot: force[shown] for foot, force in sagittal.items()},
-        notes=say("resimulation", "notes", standing=standing,
-                  alternation=trajectory.alternation if trajectory.alternation > ALTERNATES else None))
-
-
-def _differences(
-    foot: str, trajectory: SagittalTrajectory, resimulated: np.ndarray, counted: np.ndarray, filtered: bool,
-    body_weight_n: float
-) -> list[ForceDifference]:
-    """Of one foot over the stride and over stance, each instant by the time that it stands for."""
-    weights = np.gradient(trajectory.time_s)
-    weights[[0, -1]] *= 0.5
-    ours, theirs = (np.asarray(force, dtype=float)[counted] / body_weight_n
-                    for force in (resimulated, trajectory.grf[foot]))
-    off = np.column_stack([ours - theirs, np.linalg.norm(ours, axis=1) - np.linalg.norm(theirs, axis=1)])
-    loaded = np.maximum(ours[:, 1], theirs[:, 1]) > THRESHOLD_N / body_weight_n
-    found = []
-    for over, rows in ((STRIDE, np.ones(len(off), dtype=bool)), (STANCE, loaded)):
-        w = weights[counted][rows]
-        rms = np.sqrt(w @ off[rows] ** 2 / w.sum()) if rows.any() else np.full(3, np.nan)
-        found.append(ForceDifference(foot, over, filtered, *(100.0 * rms).tolist()))
-    return found
+        trajectory=trajectory, body_weight_n=weight_n, kind=kind, why=why, counted=counted, feedback=feedback,
+        fell_after_s=None if fell_s is None else fell_s - trajectory.start_s,
+        grf={foot: at_instants(force) for foot, force in grf_W.items()},
+        filtered_grf={foot: at_instants(low_pass(force, rate_hz=1.0 / walk.step_s, cutoff_hz=CUTOFF_HZ))
+                      for foot, force in grf_W.items()},
+        motion_rms=motion_rms, lateral_percent_bw=100.0 * lateral / weight_n,
+        unconverged_steps=int(np.sum(~record.converged)))
 
 
 def resimulate_prescribed(
@@ -250,18 +237,13 @@ def resimulate_prescribed(
     A periodic solution is walked `LEAD` of a period ahead; the whole period after that counts. Of another all but the
     first `TRANSIENT_S` counts.
 
-    Args:
-        walker: the person, with no coordinate free.
-
     Raises:
-        InputError: the trajectory is of another person's coordinates; a value is out of range.
+        InputError: the trajectory is of another person's coordinates; a value is out of range; a coordinate of `walker`
+            is free.
         SimulationError: the run diverges: the model cannot follow this motion.
     """
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
-    columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
-    return _assess(trajectory, kind=PRESCRIBED, body_weight_n=walker.subject.mass_kg * GRAVITY, record=walk.record,
-                   q=walk.record.q[:, columns], step_s=walk.step_s,
-                   grf_W={"prosthetic": walk.prosthetic.grf_W, "intact": walk.intact.grf_W})
+    return _assess(walker, walk, trajectory, walk.record, kind=PRESCRIBED)
 
 
 def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S) -> Walk:
@@ -290,15 +272,8 @@ def _first_counted(trajectory: SagittalTrajectory) -> float:
 
 
 def resimulate_with_feedback(
-    walker: Walker,
-    trajectory: SagittalTrajectory,
-    *,
-    strides: int = 2,
-    weights: RegulatorWeights | None = None,
-    feedback: bool = True,
-    hand: bool = False,
-    push: np.ndarray | None = None,
-    step_s: float = DEFAULT_STEP_S,
+    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, weights: RegulatorWeights | None = None,
+    feedback: bool = True, hand: bool = False, push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
 ) -> Resimulation:
     """Drives the five joints with the solution's torques and a feedback of the eight coordinates and their rates.
 
@@ -308,7 +283,6 @@ def resimulate_with_feedback(
     in the state of that walk at the solution's start.
 
     Args:
-        walker: the person, with no coordinate free.
         strides: of a periodic solution, of which the last is compared; another runs once.
         weights: what the feedback is laid out for.
         feedback: False for the torques alone.
@@ -341,30 +315,28 @@ def resimulate_with_feedback(
         states[:, :COORDINATES] += np.outer(turns, trajectory.advance)
     time_s, v0 = trajectory.start_s + h * np.arange(len(k) + 1), v[first].copy()
     v0[columns] += 0.0 if push is None else push
-    driven = drive(
-        walk, trajectory.names, time_s=time_s, feedforward=SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h),
-        gains=gains[k], states=states, q0=q[first].copy(), v0=v0)
+    feedforward = SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h)
+    driven = drive(walk, trajectory.names, time_s=time_s, feedforward=feedforward, gains=gains[k], states=states,
+                   q0=q[first].copy(), v0=v0)
     shift_s = 0.0
     if period is not None:  # of the last stride, or of the one in which the person fell
         fallen = strides - 1 if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // period)
         shift_s = min(fallen, strides - 1) * period
-    closed = steps.A.copy()
+    closed, run = steps.A.copy(), driven.record.time_s
     closed[:, :, steps.person] -= steps.B @ gains
-    weight, run = walker.subject.mass_kg * GRAVITY, driven.record.time_s
     rows = (run >= _first_counted(trajectory) + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
     rows = rows if rows.any() else np.ones_like(rows)
     used, joints = driven.feedback[rows], slice(len(PELVIS), None)
-    hand_rms = np.sqrt(np.mean(used[:, : len(PELVIS)] ** 2, axis=0))
-    forward = np.sqrt(np.sum(np.mean(driven.feedforward[rows][:, joints] ** 2, axis=0)))
+    used_rms, forward = (np.sqrt(np.mean(loads**2, axis=0)) for loads in (used, feedforward[: len(run)][rows]))
+    whole = float(np.linalg.norm(forward[joints]))
     use = FeedbackUse(
-        share=float(np.sqrt(np.sum(np.mean(used[:, joints] ** 2, axis=0))) / forward) if forward else math.inf,
+        share=float(np.linalg.norm(used_rms[joints])) / whole if whole else math.inf,
         feedback_peak=dict(zip(trajectory.names[joints], np.abs(used[:, joints]).max(axis=0).tolist(), strict=True)),
         multiplier=multiplier(closed) if period else None, open_multiplier=multiplier(steps.A) if period else None,
-        hand_percent_bw=100.0 * float(np.hypot(hand_rms[1], hand_rms[2])) / weight, hand_moment_nm=float(hand_rms[0]),
-        weights={name: float(value) for name, value in vars(weights).items()})
-    return _assess(trajectory, kind=FEEDBACK, body_weight_n=weight, record=driven.record, q=driven.q,
-                   grf_W=driven.grf_W(walker), step_s=h, shift_s=shift_s, fell_s=driven.fell_s, why=driven.why,
-                   feedback=use)
+        hand_percent_bw=100.0 * float(np.hypot(used_rms[1], used_rms[2])) / (walker.subject.mass_kg * GRAVITY),
+        hand_moment_nm=float(used_rms[0]))
+    return _assess(walker, walk, trajectory, driven.record, kind=FEEDBACK, shift_s=shift_s, fell_s=driven.fell_s,
+                   why=driven.why, feedback=use)
 
 
 def _gains(steps: LinearSteps, weights: RegulatorWeights, h: float, *, hand: bool, periodic: bool) -> np.ndarray:
@@ -387,18 +359,9 @@ class Driven:
     """m steps, as far as they went."""
 
     record: Record
-    q: np.ndarray  # (m, 8) the coordinates
-    feedforward: np.ndarray  # (m, 8) N m, N on each of them over each step
-    feedback: np.ndarray
-    ground_height: float
+    feedback: np.ndarray  # (m, 8) N m, N on each of the coordinates over each step
     fell_s: float | None  # when the person was down or the run diverged; None if neither
     why: str  # in words
-
-    def grf_W(self, walker: Walker) -> dict[str, np.ndarray]:
-        """(m, 3) N by foot."""
-        count = len(walker.gait.person.foot.sites.radius)
-        return {foot: foot_reaction(self.record, sites, self.ground_height).grf_W
-                for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True)}
 
 
 def drive(
@@ -423,9 +386,8 @@ def drive(
     torques = Torques(coordinates=moving, sensed=moving, feedforward=np.ascontiguousarray(feedforward),
                       gain=np.ascontiguousarray(gains), reference=np.ascontiguousarray(states))
     inputs = Inputs(
-        time_s=time_s, prescribed=held, prescribed_q=np.tile(q0[held], (n, 1)),
-        fulcrum=np.full(n, float(walk.fulcrum_m[0])), ground=np.full(n, mechanism.ground_height),
-        torques=torques)
+        time_s=time_s, prescribed=held, prescribed_q=np.tile(q0[held], (n, 1)), torques=torques,
+        fulcrum=np.full(n, float(walk.fulcrum_m[0])), ground=np.full(n, mechanism.ground_height))
     tilt, up = 0, 2
 
     def down(record: Record, done: int) -> np.ndarray:
@@ -453,8 +415,5 @@ def drive(
         off = record.q[at, moving] - states[at, :COORDINATES]
         fell_s, why = float(record.time_s[at]), say("resimulation", "down", tilt_deg=math.degrees(off[tilt]),
                                                     lower_mm=1e3 * off[up])[0]
-    starts = np.hstack([np.vstack([start, values])[:m, moving] for start, values in ((q0[None], record.q),
-                                                                                     (v0[None], record.v))])
-    return Driven(record=record, q=record.q[:, moving], feedforward=feedforward[:m],
-                  feedback=-np.einsum("kij,kj->ki", gains[:m], starts - states[:m]),
-                  ground_height=mechanism.ground_height, fell_s=fell_s, why=why)
+    starts = np.hstack([np.vstack([start, values])[:m, moving] for start, values in ((q0, record.q), (v0, record.v))])
+    return Driven(record, -np.einsum("kij,kj->ki", gains[:m], starts - states[:m]), fell_s, why)

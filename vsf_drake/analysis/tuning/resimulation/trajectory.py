@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BPoly, CubicSpline
 
+from vsf_drake.analysis.tuning.level1.options import device_values
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -30,47 +31,31 @@ ends of a walk: a spline's ends are less exact."""
 class SagittalTrajectory:
     """Motion, torques and ground reaction of a sagittal solution at n instants; SI, radians, signs of the plant.
 
-    Attributes:
-        time_s: (n,) s, increasing, n >= 3; of a periodic one from the start of the period to its end, both included.
-        names: of the coordinates, see `simulation.sagittal.model.sagittal_coordinates`; the last five have a torque.
-        q, v, a: (n, 8) coordinates, their first and second derivatives.
-        torque: (n, 5) N m on the last five coordinates, as loads of a driver: positive increases the coordinate.
-        grf: by "prosthetic" and "intact" (n, 2) N, fx forward and fz up, of the ground on the foot, in W.
-        period_s, advance: of a periodic trajectory q(t + period_s) = q(t) + advance (8,); None for a single stance.
-        fulcrum_m: from the keel's posterior end.
-        values: variables of the walk (`Walker.walk(values=...)`) that the solution was made with; see `design_values`
-            for those of an optimised device.
-        offsets: of the prosthesis, as for `Walker.walk`.
-        pelvis_load: (n, 3) N m, N, N, a force on the first three coordinates that is known to act (a recording's
-            residual, an external aid); None for none, as in walking.
-
-    Raises:
-        InputError: an array has another shape or a number that is not finite; time does not increase; a periodic
-            trajectory does not close.
+    InputError: an array has another shape or a number that is not finite; time does not increase; a periodic trajectory
+    does not close.
     """
 
-    time_s: np.ndarray
-    names: tuple[str, ...]
-    q: np.ndarray
+    time_s: np.ndarray  # (n,), n >= 3, increasing; of a periodic one from the start of the period to its end
+    names: tuple[str, ...]  # of the coordinates (`simulation.sagittal.model.sagittal_coordinates`)
+    q: np.ndarray  # (n, 8) coordinates; below their first and second derivatives
     v: np.ndarray
     a: np.ndarray
-    torque: np.ndarray
-    grf: Mapping[str, np.ndarray]
-    fulcrum_m: float
-    period_s: float | None = None
+    torque: np.ndarray  # (n, 5) on the last five, as loads of a driver: positive increases the coordinate
+    grf: Mapping[str, np.ndarray]  # by "prosthetic" and "intact" (n, 2), fx forward and fz up, of the ground, in W
+    fulcrum_m: float  # from the keel's posterior end
+    period_s: float | None = None  # of a periodic one q(t + period_s) = q(t) + advance (8,); None for a single stance
     advance: np.ndarray | None = None
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)  # of the walk's variables, see `design_values`
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
-    pelvis_load: np.ndarray | None = None
+    pelvis_load: np.ndarray | None = None  # (n, 3) on the first three: a recording's residual, an aid; None in walking
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
-        wanted = {"time_s": (n,), "q": (n, COORDINATES), "v": (n, COORDINATES), "a": (n, COORDINATES),
-                  "torque": (n, TORQUES)}
-        if self.pelvis_load is not None:
-            wanted["pelvis_load"] = (n, len(PELVIS))
-        for name, shape in wanted.items():
-            _check_array(getattr(self, name), shape, name)
+        motion = dict.fromkeys(("q", "v", "a"), (n, COORDINATES))
+        for name, shape in (motion | {"time_s": (n,), "torque": (n, TORQUES), "pelvis_load": (n, len(PELVIS)),
+                                      "advance": (COORDINATES,)}).items():
+            if getattr(self, name) is not None:
+                _check_array(getattr(self, name), shape, name)
         if n < 3 or not (np.diff(self.time_s) > 0.0).all():
             raise InputError("must hold three or more increasing instants", where="time_s")
         if len(set(self.names)) != COORDINATES or tuple(self.names[:3]) != PELVIS:
@@ -83,33 +68,16 @@ class SagittalTrajectory:
         if (self.period_s is None) != (self.advance is None):
             raise InputError("only one of them is given", where="period_s, advance",
                              right="Give both for a periodic trajectory, none for another")
-        if self.period_s is not None:
-            self._check_period(self.period_s)
-
-    def _check_period(self, period_s: float) -> None:
-        _check_array(self.advance, (COORDINATES,), "advance")
-        spanned = self.end_s - self.start_s
-        if abs(spanned - period_s) > 1e-6:
-            raise InputError(f"the instants span {spanned:g} s, the period is {period_s:g} s", where="time_s",
-                             right="Give the period's start and its end")
+        if self.period_s is None:
+            return
+        if abs(self.end_s - self.start_s - self.period_s) > 1e-6:
+            raise InputError(f"the instants span {self.end_s - self.start_s:g} s, the period is {self.period_s:g} s",
+                             where="time_s", right="Give the period's start and its end")
         for name, gap in (("q", self.q[-1] - self.q[0] - self.advance), ("v", self.v[-1] - self.v[0])):
             worst = int(np.argmax(np.abs(gap)))
             if abs(gap[worst]) > PERIODIC_WITHIN:
                 raise InputError(f"{self.names[worst]} misses its start by {gap[worst]:.2g} after a period",
                                  where=name, right="Give a trajectory that closes, or none as periodic")
-
-    @classmethod
-    def of_period(
-        cls, time_s: np.ndarray, *, period_s: float, advance: np.ndarray, grf: Mapping[str, np.ndarray], **rows: Any
-    ) -> SagittalTrajectory:
-        """A periodic one from n instants of one period without its end, which is added here; arguments as above."""
-        closed = {name: np.concatenate([value, value[:1]])
-                  if name in ("q", "v", "a", "torque", "pelvis_load") and value is not None else value
-                  for name, value in rows.items()}
-        if np.shape(advance) == np.shape(rows["q"])[1:]:
-            closed["q"][-1] += advance
-        return cls(time_s=np.append(time_s, time_s[0] + period_s), period_s=period_s, advance=advance,
-                   grf={foot: np.concatenate([force, force[:1]]) for foot, force in grf.items()}, **closed)
 
     @property
     def periodic(self) -> bool:
@@ -126,14 +94,14 @@ class SagittalTrajectory:
     @property
     def alternation(self) -> float:
         """How much the torques go up and down from one instant to the next: root mean square of (-1, 2, -1)/4 over
-        three instants, which is the whole of what alternates and little of what is smooth, over that of the torques."""
+        three instants, which is the whole of what alternates and little of what is smooth, over that of torques."""
         torque = np.asarray(self.torque, dtype=float)
         change = 0.25 * (2.0 * torque[1:-1] - torque[:-2] - torque[2:])
         size = float(np.sqrt(np.mean(torque**2)))
         return float(np.sqrt(np.mean(change**2))) / size if size else 0.0
 
 
-def _check_array(values: np.ndarray | None, shape: tuple[int, ...], where: str) -> None:
+def _check_array(values: np.ndarray, shape: tuple[int, ...], where: str) -> None:
     if np.shape(values) != shape:
         raise InputError(f"has the shape {np.shape(values)}", where=where, right=f"It must be {shape}")
     if not np.isfinite(np.asarray(values, dtype=float)).all():
@@ -194,32 +162,26 @@ def design_values(
     """Values for `Walker.walk` with which the full model has the device of `simulation.sagittal.model.DESIGN`.
 
     Args:
-        walker: whose numbers are multiplied.
         heel_stiffness: of the heel's zones over the walker's.
         alignment_rad: turn of the foot, toes up, beyond the offsets.
-        keel_thickness: over the walker's: bending stiffness goes with its third power (a rectangle's second moment of
-            area), mass stays.
+        keel_thickness: over the walker's; see `level1.options.device_values`.
 
     Raises:
         InputError: a ratio is not above zero.
     """
-    for name, value in (("heel_stiffness", heel_stiffness), ("keel_thickness", keel_thickness)):
-        if not value > 0.0:
-            raise InputError(f"{value!r} is not usable", where=name, right="It must be above 0")
     values: dict[str, float] = {}
-    if heel_stiffness != 1.0:
-        values |= {name: heel_stiffness * variable.default for name, variable in walker.variables.items()
-                   if name.startswith("contact.heel") and name.endswith(".stiffness")}
-    if alignment_rad:
-        values["offset.alignment"] = alignment_rad
-    if keel_thickness != 1.0:
-        values["keel.flexural_modulus"] = keel_thickness**3 * walker.variables["keel.flexural_modulus"].default
+    for name, x, own in (("heel_stiffness", heel_stiffness, 1.0), ("alignment", alignment_rad, 0.0),
+                         ("keel_thickness", keel_thickness, 1.0)):
+        if own and not x > 0.0:
+            raise InputError(f"{x!r} is not usable", where=name, right="It must be above 0")
+        if x != own:
+            values |= {changed: value for changed, (value, _) in device_values(name, x, walker.variables, {}).items()}
     return values
 
 
 def solved_trajectory(
-    solution: TrajectorySolution, walker: Walker, *, advance: np.ndarray | None = None,
-    values: Mapping[str, float] | None = None, offsets: GeometricOffsets | None = None
+    solution: TrajectorySolution, walker: Walker, *, values: Mapping[str, float] | None = None,
+    offsets: GeometricOffsets | None = None
 ) -> SagittalTrajectory:
     """Motion, torques and ground reaction of a solution, with its fulcrum and its device.
 
@@ -227,29 +189,28 @@ def solved_trajectory(
         solution: of a problem whose function has the outputs torque_COORDINATE and FOOT_fx, FOOT_fz of
             `SagittalModel`, and the parameters `DESIGN`.
         walker: whose device the design multiplies.
-        advance: (8,) of the coordinates in a period, if the problem's grid is periodic.
         values, offsets: of the walk, as the sagittal model was made with them.
 
     Raises:
         FitError: the solution is none; see `TrajectorySolution.unsealed`.
         InputError: it misses an output, or does not close.
     """
-    problem = solution.problem
-    layout, grid, names, y = problem.layout, problem.grid, list(problem.function.names), solution.y()
-    coordinates = tuple(layout.coordinates)
+    problem, y = solution.problem, solution.y()
+    layout, grid, names = problem.layout, problem.grid, list(problem.function.names)
+    period: dict[str, Any] = {"period_s": grid.duration_s, "advance": problem.advance} if grid.periodic else {}
+
+    def closed(rows: np.ndarray, further: Any = 0.0) -> np.ndarray:
+        """Of a period, whose instants are without its end, with that."""
+        return np.concatenate([rows, rows[:1] + further]) if period else np.array(rows)
 
     def columns(*wanted: str) -> np.ndarray:
-        return np.array(y[:, [names.index(name) for name in wanted]])
+        return closed(y[:, [names.index(name) for name in wanted]])
 
-    rows = {part: np.array(solution.z[:, getattr(layout, part)]) for part in ("q", "v", "a")}
+    coordinates = tuple(layout.coordinates)
+    q, v, a = (solution.z[:, getattr(layout, part)] for part in ("q", "v", "a"))
     design = dict(zip(DESIGN, (float(x) for x in solution.p), strict=True))
-    given: dict[str, Any] = {
-        **rows, "torque": columns(*(f"torque_{name}" for name in coordinates[len(PELVIS) :])),
-        "grf": {foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, "names": coordinates,
-        "fulcrum_m": design.pop("fulcrum_m"), "offsets": offsets or GeometricOffsets(),
-        "values": dict(values or {}) | design_values(walker, **design)}
-    if not grid.periodic:
-        return SagittalTrajectory(time_s=np.array(grid.times_s), **given)
-    return SagittalTrajectory.of_period(
-        np.array(grid.times_s), period_s=grid.duration_s, **given,
-        advance=np.zeros(len(coordinates)) if advance is None else np.asarray(advance, dtype=float))
+    return SagittalTrajectory(
+        time_s=closed(grid.times_s, grid.duration_s), names=coordinates, q=closed(q, problem.advance), v=closed(v),
+        a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])), **period,
+        grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, fulcrum_m=design.pop("fulcrum_m"),
+        values=dict(values or {}) | design_values(walker, **design), offsets=offsets or GeometricOffsets())
