@@ -83,7 +83,8 @@ class Apart:
         for receiver in (slip, reaction):
             builder.Connect(contact.GetOutputPort("normal_force"), receiver.GetInputPort("normal_force"))
         builder.Connect(slip.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
-        connect_kinematics(builder, self.plant, [keel, support, carriage, contact, slip, reaction])
+        for system in (keel, support, carriage, contact, slip, reaction):
+            connect_kinematics(builder, self.plant, system)
         for system in (support, contact, slip):
             share_spatial_forces(builder, self.plant, system.GetOutputPort("spatial_forces"))
         for system in (keel, carriage):

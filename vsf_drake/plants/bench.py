@@ -19,13 +19,7 @@ from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, wire_foot, wire_unloaded_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
-from vsf_drake.plants.wiring import (
-    connect_kinematics,
-    export_outputs,
-    servo,
-    share_generalized_forces,
-    share_spatial_forces,
-)
+from vsf_drake.plants.wiring import add_forces, export_outputs, servo
 from vsf_drake.systems.contact import TestingMachine
 from vsf_drake.systems.foot_forces import FootForces
 
@@ -84,9 +78,7 @@ def make_bench(
     plant.Finalize()
     forces = wire_unloaded_foot(builder, plant, foot)
     pressed = _pressed(parameters, foot, heel)
-    machine = builder.AddNamedSystem("testing_machine", TestingMachine(**pressed))
-    connect_kinematics(builder, plant, [machine])
-    share_spatial_forces(builder, plant, machine.GetOutputPort("spatial_forces"))
+    machine = add_forces(builder, plant, "testing_machine", TestingMachine(**pressed))
     builder.ExportInput(forces.GetInputPort("fulcrum_position"), "fulcrum_position")
     builder.ExportInput(machine.GetInputPort("platen"), "platen")
     export_outputs(builder, machine, ("load", "depth"))
@@ -186,9 +178,7 @@ def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> Rol
         (forward, PrismaticJoint, FORWARD), (up, PrismaticJoint, UPWARD), (pitch, RevoluteJoint, RIGHTWARD)])
     foot = add_foot(plant, mount.body_frame(), parameters)
     plant.Finalize()
-    driver = builder.AddNamedSystem("driver", servo(plant, MOUNT_COORDINATES, np.full(3, _SERVO_INERTIA)))
-    connect_kinematics(builder, plant, [driver])
-    share_generalized_forces(builder, plant, driver.GetOutputPort("generalized_force"))
+    driver = add_forces(builder, plant, "driver", servo(plant, MOUNT_COORDINATES, np.full(3, _SERVO_INERTIA)))
     patch = GroundPatch() if friction else GroundPatch(mu_static=0.0, mu_kinetic=0.0)
     wired = wire_foot(builder, plant, foot, ground=Ground(patches=(patch,)))
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")

@@ -19,12 +19,11 @@ from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
 from vsf_drake.plants.wiring import (
     SERVO_FREQUENCY,
+    add_forces,
     check_open,
     check_port,
     check_shareable,
     connect_kinematics,
-    share_generalized_forces,
-    share_spatial_forces,
 )
 from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
@@ -160,14 +159,11 @@ def add_rigid_foot(
     """
     no_keel = dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "carriage_gain", "carriage_rate_gain",
                              "fulcrum_m", "joint_stiffness", "joint_damping"), 0.0)
-    forces = builder.AddNamedSystem(name, FootForces(
+    return add_forces(builder, plant, name, FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
         velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
         site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
         constants=no_keel | _contact_constants(sites, friction, check_ground(ground))))
-    connect_kinematics(builder, plant, [forces])
-    _apply(builder, plant, forces)
-    return forces
 
 
 def _add_forces(
@@ -177,23 +173,19 @@ def _add_forces(
     *keel, slide = [plant.GetJointByName(joint, foot.instance)
                     for joint in (*foot.keel_joint_names, foot.carriage_joint_name)]
     keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
-    forces = builder.AddNamedSystem(f"{foot.name}_{name}", FootForces(
+    forces = FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(),
         position_indices=[joint.position_start() for joint in (*keel, slide)],
         velocity_indices=[joint.velocity_start() for joint in (*keel, slide)], frame_body_index=foot.frame.index(),
         keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
-        site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices]))
-    connect_kinematics(builder, plant, [forces])
+        site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices])
     if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
         slide.set_default_translation(constants["fulcrum_m"])
     if acts:
-        _apply(builder, plant, forces)
+        return add_forces(builder, plant, f"{foot.name}_{name}", forces)
+    builder.AddNamedSystem(f"{foot.name}_{name}", forces)
+    connect_kinematics(builder, plant, forces)
     return forces
-
-
-def _apply(builder: DiagramBuilder, plant: MultibodyPlant, forces: FootForces) -> None:
-    share_spatial_forces(builder, plant, forces.GetOutputPort("spatial_forces"))
-    share_generalized_forces(builder, plant, forces.GetOutputPort("generalized_force"))
 
 
 def _add_reaction(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DrakeReaction:
@@ -362,7 +354,7 @@ def add_fulcrum_drive(
     sensor = None
     if signal != "contact":
         sensor = builder.AddNamedSystem(f"{foot.name}_shank", ShankAngle(body_index=body.index()))
-        connect_kinematics(builder, plant, [sensor])
+        connect_kinematics(builder, plant, sensor)
         builder.Connect(sensor.get_output_port(), controller.GetInputPort("shank_angle"))
     if signal != "shank":
         builder.Connect(grf, controller.GetInputPort("grf"))

@@ -15,13 +15,7 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, add_rigid_foot, wire_foot
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.visuals import add_visuals, connect_scene_graph, draw_ground
-from vsf_drake.plants.wiring import (
-    connect_kinematics,
-    export_outputs,
-    servo,
-    share_generalized_forces,
-    velocity_indices,
-)
+from vsf_drake.plants.wiring import add_forces, export_outputs, servo, velocity_indices
 from vsf_drake.systems.foot_forces import FootForces
 from vsf_drake.systems.joint_forces import GaitDriver, SocketBushing
 
@@ -114,15 +108,12 @@ def make_gait(
     prescribed = tuple(name for name in person.coordinate_names if name not in free)
     upright = plant.CalcMassMatrix(plant.CreateDefaultContext())  # with the carriage at A still
     inertia = np.maximum(np.diag(upright)[velocity_indices(plant, prescribed)], SERVO_INERTIA_FLOOR)
-    driver = builder.AddNamedSystem("driver", servo(plant, prescribed, inertia))
     socket, law = person.socket, ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
-    bushing = builder.AddNamedSystem("bushing", SocketBushing(
+    bushing = add_forces(builder, plant, "bushing", SocketBushing(
         num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, socket.coordinate_names),
         stop_ratio=socket.parameters.stop_ratio,
         **{name: np.array([getattr(axis, name) for axis in socket.axes]) for name in law}))
-    connect_kinematics(builder, plant, [bushing, driver])
-    for system in (bushing, driver):
-        share_generalized_forces(builder, plant, system.GetOutputPort("generalized_force"))
+    driver = add_forces(builder, plant, "driver", servo(plant, prescribed, inertia))
     wired = wire_foot(builder, plant, person.foot, ground=ground)
     intact = add_rigid_foot(builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot")
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")

@@ -67,8 +67,8 @@ from vsf_drake.plants.foot_wiring import ON_THE_GROUND, WiredFoot, wire_foot
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
-from vsf_drake.plants.wiring import connect_kinematics, export_outputs, share_generalized_forces
-from vsf_drake.scenario import Scenario, ScenarioFoot, check_scenario, file_of, scenario_ground
+from vsf_drake.plants.wiring import add_forces, export_outputs, share_generalized_forces
+from vsf_drake.scenario import Scenario, check_scenario, file_of, scenario_ground
 from vsf_drake.systems.foot_forces import FORCES
 from vsf_drake.systems.joint_forces import GaitDriver
 
@@ -144,18 +144,11 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
                 raise InputError(str(error), where="free") from error
             foot = parts.person.foot
         plant, feet = parts.plant, {foot.name: foot}
+        plant.GetJointByName(foot.carriage_joint_name).set_default_translation(1e-3 * scenario.fulcrum_mm)
         _embed(builder, scenario, parts.diagram, meshcat)
-    own = {foot.name: foot for foot in scenario.feet}
-    for name, foot in feet.items():
-        carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance)
-        carriage.set_default_positions(np.array([_fulcrum_m(scenario, own.get(name))]))
     diagram = builder.Build()
     diagram.set_name(scenario.name)
     return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
-
-
-def _fulcrum_m(scenario: Scenario, foot: ScenarioFoot | None) -> float:
-    return 1e-3 * (scenario.fulcrum_mm if foot is None or foot.fulcrum_mm is None else foot.fulcrum_mm)
 
 
 def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None) -> None:
@@ -196,7 +189,7 @@ def _add_leg(
     plant.Finalize()
     wired = {foot.name: wire_foot(
         builder, plant, foot, ground=None if foot.contact in DRAKE_CONTACTS else ground,
-        fulcrum_m=_fulcrum_m(scenario, asked)) for foot, asked in zip(feet, scenario.feet, strict=True)}
+        fulcrum_m=foot.fulcrum_m) for foot in feet}
     if scenario.guides:
         _add_guides(builder, plant, scenario)
     extra = builder.AddNamedSystem("generalized_force", PassThrough(plant.num_velocities()))
@@ -258,7 +251,8 @@ def _foot(
 ) -> FootHandles:
     asked, where = scenario.feet[row], f"feet[{row}]"
     parameters = load_model(file_of(asked.model)).foot if asked.model else model.foot
-    fulcrum_m = check_fulcrum(_fulcrum_m(scenario, asked), parameters, where=f"{where}.fulcrum_mm")
+    fulcrum_m = 1e-3 * (scenario.fulcrum_mm if asked.fulcrum_mm is None else asked.fulcrum_mm)
+    check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
     contact, side = asked.contact or scenario.contact, asked.side
     if asked.parent_frame is None:
         return find_foot(plant, asked.name, parameters, side=side, contact=contact, fulcrum_m=fulcrum_m,
@@ -286,15 +280,13 @@ def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenar
     require(plant.num_positions() == plant.num_velocities(), "a body of the model floats freely, which guides cannot "
             "do with", "guides", "Weld it to the world, or give it joints of one degree of freedom")
     at = [_guided(plant, guide.joint, f"guides[{i}].joint").velocity_start() for i, guide in enumerate(scenario.guides)]
-    driver = builder.AddNamedSystem("guides", GaitDriver(
+    driver = add_forces(builder, plant, "guides", GaitDriver(
         num_velocities=plant.num_velocities(), velocity_indices=at,
         position_gain=np.array([guide.stiffness for guide in scenario.guides]),
         velocity_gain=np.array([guide.damping for guide in scenario.guides])))
     rest = np.concatenate((plant.GetPositions(plant.CreateDefaultContext())[at], np.zeros(len(at))))
     desired = builder.AddNamedSystem("desired_state", PassThrough(rest))
     builder.Connect(desired.get_output_port(), driver.GetInputPort("desired_state"))
-    connect_kinematics(builder, plant, [driver])
-    share_generalized_forces(builder, plant, driver.GetOutputPort("generalized_force"))
     builder.ExportInput(desired.get_input_port(), "desired_state")
 
 

@@ -25,17 +25,21 @@ SERVO_FREQUENCY = 2 * np.pi * 600.0
 """Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
 
 
-def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, systems: Sequence[LeafSystem]) -> None:
-    """Feeds `systems` from the plant: body poses, body spatial velocities and state, whichever they take."""
-    sources = {
-        "body_poses": plant.get_body_poses_output_port(),
-        "body_spatial_velocities": plant.get_body_spatial_velocities_output_port(),
-        "state": plant.get_state_output_port(),
-    }
-    for system in systems:
-        for name, source in sources.items():
-            if system.HasInputPort(name):
-                builder.Connect(source, system.GetInputPort(name))
+def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: LeafSystem) -> None:
+    """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it takes."""
+    for name in ("body_poses", "body_spatial_velocities", "state"):
+        if system.HasInputPort(name):
+            builder.Connect(plant.GetOutputPort(name), system.GetInputPort(name))
+
+
+def add_forces(builder: DiagramBuilder, plant: MultibodyPlant, name: str, system: Any) -> Any:
+    """Adds `system`, fed from the plant, and applies what it exerts to it; returns it."""
+    builder.AddNamedSystem(name, system)
+    connect_kinematics(builder, plant, system)
+    for port, share in (("spatial_forces", share_spatial_forces), ("generalized_force", share_generalized_forces)):
+        if system.HasOutputPort(port):
+            share(builder, plant, system.GetOutputPort(port))
+    return system
 
 
 def export_outputs(builder: DiagramBuilder, system: Any, names: Iterable[str], prefix: str = "") -> None:
