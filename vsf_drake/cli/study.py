@@ -41,8 +41,7 @@ def validate(
         embedded_trials,
         make_study,
     )
-    from vsf_drake.analysis.validation.content import first_line, validation_content
-    from vsf_drake.analysis.validation.run import NAMES, SectionStore, run_sections
+    from vsf_drake.analysis.validation.run import NAMES, SectionStore, first_line, run_sections, validation_content
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
 

@@ -8,8 +8,8 @@ import pytest
 from made_study import embedded_study
 from made_study_walk import with_walks
 
-from vsf_drake.analysis.validation import standing_section as module
-from vsf_drake.analysis.validation.standing_section import standing_section
+from vsf_drake.analysis.validation import bench_section as module
+from vsf_drake.analysis.validation.bench_section import standing_section
 from vsf_drake.errors import SimulationError
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vsf_drake.analysis.validation.content import summary_rows
+from vsf_drake.analysis.validation.run import summary_rows
 
 
 def row(key, sections):

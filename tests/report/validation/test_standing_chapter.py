@@ -8,7 +8,7 @@ import pytest
 from made_study import embedded_study
 from shown_chapter import Shown
 
-from vsf_drake.analysis.validation.standing_section import standing_section
+from vsf_drake.analysis.validation.bench_section import standing_section
 from vsf_drake.report.page import cell
 from vsf_drake.report.validation.chapters import standing_chapter
 

@@ -1,4 +1,4 @@
-"""The bench section of the validation: the foot in the testing machine, experiment beside simulation.
+"""The sections on the foot at rest: in the testing machine, experiment beside simulation, and under a standing person.
 
 After Table 2 and Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), and beyond: speeds from 5 to 5000 mm/min, the way
 back with its energy, other points of the load. Statistics are over the forefoot's positions; the heel stands apart.
@@ -38,10 +38,12 @@ from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import plain, resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
 from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
-from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM
+from vsf_drake.simulation.results import standing_table
+from vsf_drake.simulation.standing import simulate_standing
 
 PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}
 """Of the paper's model against its own bench (McGeehan 2021, Table 2)."""
@@ -336,3 +338,59 @@ def small_load_stiffness(foot: FootParameters, fulcrum_m: float, *, chain: bool 
     if chain:
         return lumped_stiffness(element_lengths=keel.element_lengths_m, **given)
     return float(combined_stiffness(**given))
+
+
+# Standing: the mass that the ground carries against the mass that is known, at every fulcrum position walked on.
+
+
+DURATION_S, QUICK_DURATION_S = 10.0, 2.0
+PAPER_MASS_ERROR = -0.026
+"""McGeehan 2021 (doi 10.1115/1.4050456): mass predicted from standing against mass known."""
+_TAKEN = (
+    "weight_n", "mean_vertical_n", "weight_error", "mean_prosthetic_n", "mean_intact_n", "prosthetic_share", "drift_mm",
+    "turn_deg", "pelvis_deg", "free", "held_nm", "leg_length_mm", "centre_of_mass_height_mm", "unconverged_steps",
+    "refined_steps", "converged", "stands", "notes")
+
+
+def standing_section(study: Study, *, progress: Progress | None = None) -> Section:
+    """Stands the study's subject on its foot, at each fulcrum position.
+
+    Joints are at their anatomical zero and the foot is mounted as the model file says: what a fit found of offsets and
+    joint angles belongs to recordings of walking.
+
+    Table: `rows`, a position each, softest first, with `mass_known_kg`, `mass_predicted_kg` (mean force of both feet
+    over 9.81 m/s²), `mass_error` (share of the known one), the keys _TAKEN of `standing_table`, and `failure` (why
+    there is nothing else; else None); `worst_mass_error`, `paper_mass_error`, `duration_s`, `all_stand`. Arrays of row
+    I, 50 Hz: `standing_I_time_s`, `standing_I_prosthetic_n`, `standing_I_intact_n`, `standing_I_drift_mm`.
+    """
+    duration = QUICK_DURATION_S if study.options.quick else DURATION_S
+    rows: list[dict[str, Any]] = []
+    arrays: dict[str, np.ndarray] = {}
+    missing = []
+    conditions = study.conditions()
+    for i, (fulcrum, (walk, *_)) in enumerate(conditions.items()):
+        def show(fraction: float, i: int = i, fulcrum: float = fulcrum) -> None:
+            if progress:
+                progress(f"standing, fulcrum at {fulcrum:g} mm", (i + fraction) / len(conditions))
+
+        subject = walk.trial.subject
+        rows.append({"fulcrum_mm": fulcrum, "mass_known_kg": subject.mass_kg, "mass_predicted_kg": None,
+                     "mass_error": None, "failure": None, **dict.fromkeys(_TAKEN)})
+        try:
+            stood = standing_table(simulate_standing(
+                subject, study.model, fulcrum_m=walk.trial.fulcrum_m, duration_s=duration, progress=show))
+        except (InputError, SimulationError) as error:
+            rows[-1]["failure"] = str(error)
+            missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
+            continue
+        arrays |= {f"standing_{i}_{name}": np.asarray(stood["series"][name])
+                   for name in ("time_s", "prosthetic_n", "intact_n", "drift_mm")}
+        predicted = stood["mean_vertical_n"] / GRAVITY
+        rows[-1] |= {key: stood[key] for key in _TAKEN} | {
+            "mass_predicted_kg": predicted, "mass_error": predicted / subject.mass_kg - 1.0}
+    if study.options.quick:
+        missing.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
+    errors = [row["mass_error"] for row in rows if row["mass_error"] is not None]
+    table = {"rows": rows, "worst_mass_error": max(errors, key=abs, default=None), "paper_mass_error": PAPER_MASS_ERROR,
+             "duration_s": duration, "all_stand": all(row["stands"] for row in rows) if errors else None}
+    return Section(table=plain(table), arrays=arrays, missing=tuple(missing))

@@ -55,35 +55,20 @@ TERMS = (INPUT, *STORED, *LOST, REMAINDER)
 
 @dataclass(frozen=True, eq=False)
 class ProsthesisEnergy:
-    """Energy of the prosthesis over a walk.
+    """Energy of the prosthesis over a walk."""
 
-    Attributes:
-        time_s: (n,) ends of the steps.
-        terms: TERMS, each (n,) J; differences between two instants count.
-        socket_work: (n,) J of the bushing on the socket: the limb's work without what the bushing keeps.
-        balance_work: (n,) J, the limb's work once more, without the bushing's law: from the wrench of the ground and
-            the rate of the prosthesis' momentum.
-        pylon_power, shank_power: (n,) W, `distal_power` of the pylon and of the residual shank.
-        vertical_n: (n,) force of the ground on the prosthetic foot.
-        keel_load: (n, 2) N and m: load on the keel across it, and where it acts, from A; NaN for the place unloaded.
-    """
-
-    time_s: np.ndarray
-    terms: dict[str, np.ndarray]
-    socket_work: np.ndarray
-    balance_work: np.ndarray
-    pylon_power: np.ndarray
-    shank_power: np.ndarray
-    vertical_n: np.ndarray
-    keel_load: np.ndarray
+    time_s: np.ndarray  # (n,) ends of the steps
+    terms: dict[str, np.ndarray]  # TERMS, each (n,) J; differences between two instants count
+    socket_work: np.ndarray  # (n,) J of the bushing on the socket: the limb's work without what the bushing keeps
+    balance_work: np.ndarray  # (n,) J, the limb's work without the bushing's law: of ground wrench and momentum's rate
+    pylon_power: np.ndarray  # (n,) W, `distal_power` of the pylon
+    shank_power: np.ndarray  # (n,) W, the same of the residual shank
+    vertical_n: np.ndarray  # (n,) force of the ground on the prosthetic foot
+    keel_load: np.ndarray  # (n, 2) N and m: load across the keel, and where it acts, from A; NaN for the place unloaded
 
 
 def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
-    """The ledger of a `walk` that `walker` made with a fulcrum at rest.
-
-    Raises:
-        ValueError: the fulcrum moved.
-    """
+    """The ledger of a `walk` that `walker` made with a fulcrum at rest; ValueError if it moved."""
     if np.ptp(walk.fulcrum_m) > 0.0:
         raise ValueError("this ledger has no line for the work of a fulcrum that moves")
     record, m, person, step = walk.record, walk.mechanism, walker.gait.person, walk.step_s
@@ -160,9 +145,6 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
     Zelik and Honert (2018, doi 10.1016/j.jbiomech.2018.04.017). The formula is that of a public program of E.
     Honert's, the papers' equations were not read. It is the power of the ground's wrench on a body that moves with the
     segment, exact if what lies distal has no mass. Zero where the foot bears too little for a centre of pressure.
-
-    Args:
-        reaction: of the foot. twist: (n, 6) of the segment.
     """
     loaded = ~np.isnan(reaction.cop_W[:, 0])
     turning, moving = twist[:, :3], twist[:, 3:]
@@ -193,17 +175,11 @@ _LEAST_N_PER_M = 8e3
 
 @dataclass(frozen=True, eq=False)
 class SameLoad:
-    """A walk with the load of another.
+    """A walk with the load of another."""
 
-    Attributes:
-        walk: with the changed height, in the finer step.
-        off_bw: root mean square over stance of what the low-passed vertical forces differ by, over body weight.
-        height_mm: largest change of the pelvis' height.
-    """
-
-    walk: Walk
-    off_bw: float
-    height_mm: float
+    walk: Walk  # with the changed height, in the finer step
+    off_bw: float  # root mean square over stance of what the low-passed vertical forces differ by, over body weight
+    height_mm: float  # largest change of the pelvis' height
 
     @property
     def kept(self) -> bool:
@@ -214,29 +190,23 @@ class SameLoad:
 def walk_with_same_load(
     walker: Walker, trial: Trial, *, fulcrum_m: float, search_step_s: float, step_s: float
 ) -> SameLoad:
-    """Walks `trial` with the fulcrum at `fulcrum_m` (m from A) under the load that it has with its own.
-
-    Args:
-        search_step_s: of the walks that look for the height. step_s: of the one that is returned.
-
-    Raises:
-        InputError, SimulationError: see `Walker.walk`.
-    """
+    """Walks `trial` with the fulcrum at `fulcrum_m` (m from A) under the load that it has with its own, in steps of
+    `step_s` after a search for the height in steps of `search_step_s`; raises what `Walker.walk` does."""
     weight = walker.subject.mass_kg * float(np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector()))
 
     def walked(x: float, step: float, height: np.ndarray | None = None, *, differentiated: bool = False) -> Walk:
-        course = None if height is None else Course(
-            name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))
+        courses = [] if height is None else [
+            Course(name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))]
         return walker.walk(
             trial.trajectory, fulcrum_m=x, start_s=trial.start_s, end_s=trial.end_s, step_s=step, offsets=trial.offsets,
-            courses=[] if course is None else [course], values={} if course is None else {"course.height": 1.0},
+            courses=courses, values={"course.height": 1.0} if courses else {},
             with_respect_to=(f"coordinate.{_HEIGHT}",) if differentiated else ())
 
-    def smooth(values: np.ndarray, step: float, cutoff_hz: float) -> np.ndarray:
-        return low_pass(values, rate_hz=1.0 / step, cutoff_hz=cutoff_hz)
+    def smooth(height: np.ndarray) -> np.ndarray:
+        return low_pass(height, rate_hz=1.0 / search_step_s, cutoff_hz=_HEIGHT_CUTOFF_HZ)
 
     def vertical(walk: Walk) -> np.ndarray:
-        return smooth(walk.prosthetic.grf_W[:, 2], walk.step_s, _FORCE_CUTOFF_HZ)
+        return low_pass(walk.prosthetic.grf_W[:, 2], rate_hz=1.0 / walk.step_s, cutoff_hz=_FORCE_CUTOFF_HZ)
 
     def off_bw(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values[inside] ** 2))) / weight if inside.any() else 0.0
@@ -254,8 +224,8 @@ def walk_with_same_load(
         if off_bw(too_much) <= _CLOSE_ENOUGH:
             break
         assert walk.sensitivity is not None
-        falling = smooth(-walk.sensitivity.grf_W[:, 2, 0], search_step_s, _HEIGHT_CUTOFF_HZ)
-        height[1:] += smooth(too_much / np.maximum(falling, _LEAST_N_PER_M), search_step_s, _HEIGHT_CUTOFF_HZ)
+        falling = smooth(-walk.sensitivity.grf_W[:, 2, 0])
+        height[1:] += smooth(too_much / np.maximum(falling, _LEAST_N_PER_M))
     final = walked(fulcrum_m, step_s, height)
     off = np.interp(time, final.record.time_s, vertical(final)) - wanted
     return SameLoad(walk=final, off_bw=off_bw(off), height_mm=float(1e3 * np.abs(height).max()))
@@ -347,10 +317,7 @@ def _beam_energy(foot: FootParameters, fulcrum_m: float, load_n: float, place_m:
     A second method: small deflections, one load in place of the spheres', no time.
     """
     keel = foot.keel
-    if not place_m > fulcrum_m:
-        return None
-    stiffness = lumped_stiffness(
+    return 0.5 * load_n**2 / lumped_stiffness(
         bending_stiffness=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
         element_lengths=keel.element_lengths_m, support=fulcrum_m, load_point=place_m,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
-    return 0.5 * load_n**2 / stiffness
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m) if place_m > fulcrum_m else None

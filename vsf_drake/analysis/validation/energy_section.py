@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.energy_ledger import (
     PERCENT,
     TERMS,
@@ -23,9 +24,8 @@ from vsf_drake.analysis.validation.energy_ledger import (
     stance_energy,
     walk_with_same_load,
 )
-from vsf_drake.analysis.validation.study import Progress, Section, Study, spread
+from vsf_drake.analysis.validation.study import Progress, Section, Study, reached, spread, walkers_of
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
@@ -53,12 +53,7 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     `shank_power_w` (rows, 200).
     """
     fine, coarse, moved, search = STEPS_S[study.options.quick]
-    positions = []
-    for x in PUBLISHED_FULCRUMS_M:
-        try:
-            positions.append(check_fulcrum(x, study.model.foot))
-        except InputError:
-            continue
+    positions = reached(study.model.foot, PUBLISHED_FULCRUMS_M)
     own = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
            for step in (fine, coarse) for walk in study.walks]
     elsewhere = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=moved, search_step_s=step)
@@ -67,41 +62,29 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
                        progress=progress and (lambda f: progress("walking in small steps", 0.95 * f)))
     count = len(study.walks)
     reported, twins, walks = found[:count], found[count : 2 * count], found[2 * count :]
-    missing = [f"{walk.case.label} has no energy ledger with the fulcrum at {1e3 * walk.case.fulcrum_m:g} mm"
-               f"{' and its own load' * (walk.case.search_step_s is not None)}: {walk.failure}."
-               for walk in (*reported, *walks) if walk.failure]
-    missing += [f"{walk.unconverged_steps} steps of {walk.case.label} did not converge: its energies are not to be "
-                "trusted." for walk in reported if walk.unconverged_steps]
 
     # N/m by position (mm) of this model in the testing machine
     wanted = sorted({round(1e3 * x, 6) for x in positions} | {walk.fulcrum_mm for walk in study.walks})
     stiffness: dict[float, float] = {}
+    bench_problem = None
     try:
         bench = BenchStiffness(study.model.foot, fulcrums_m=[1e-3 * x for x in wanted], heel=False)
         stiffness = dict(zip(wanted, map(float, bench.evaluate({})[0]), strict=True))
     except (InputError, SimulationError) as error:
-        missing.append(f"The bench's F²/2k is not there for comparison: {error}")
+        bench_problem = error
     trials = [row for walk in reported for row in _rows(walk, stiffness)]
     motion, load = (
         [row | {"own": abs(walk.case.fulcrum_m - walk.case.trial.fulcrum_m) < _SAME_M, "off_bw": walk.off_bw,
                 "height_mm": walk.height_mm}
          for walk in part for row in _rows(walk, stiffness)[:1]]
         for part in (walks[: len(walks) // 2], walks[len(walks) // 2 :]))
-    if len(positions) < len(PUBLISHED_FULCRUMS_M):
-        missing.append("Not all of the published fulcrum positions are within reach of this foot's carriage.")
     conditions = [_condition(x, [row for row in trials if row["fulcrum_mm"] == x])
                   for x in sorted({row["fulcrum_mm"] for row in trials})]
-    if len(conditions) == 1:
-        missing.append("There is one fulcrum position among the trials: whether a softer setting stores more cannot be "
-                       "told as recorded, only for this load with the fulcrum elsewhere.")
-    one_person = len({walk.trial.subject for walk in study.walks}) == 1
-    if not one_person and len(conditions) > 1:
-        missing.append("The trials are of more than one person: whether a softer setting stores more cannot be told as "
-                       "recorded.")
+    persons = len({walk.trial.subject for walk in study.walks})
+    judged = {key: _judged(load, motion, conditions if persons == 1 else (), key) for key in ("stored_j", "returned_j")}
     worst = {key: max((row[key] for row in trials if row[key] is not None), default=None)
              for key in ("remainder_share", "balance_share", "distal_share")}
     remainder = worst["remainder_share"]
-    judged = {key: _judged(load, motion, conditions if one_person else (), key) for key in ("stored_j", "returned_j")}
     table = {
         "trials": trials, "conditions": conditions, "same_load": load, "same_motion": motion,
         "convergence": _convergence(trials, [row for walk in twins for row in _rows(walk, stiffness)]),
@@ -112,12 +95,16 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         "balance_share_max": worst["balance_share"], "distal_share_max": worst["distal_share"],
         "result_remainder_share_max": _result_remainder(study, trials), "result_step_s": study.options.step_s,
         "softer_stores_more": judged["stored_j"]["both"], "softer_returns_more": judged["returned_j"]["both"],
-        "softer": judged, "synthetic": study.synthetic,
-    }
+        "softer": judged, "synthetic": study.synthetic}
     stances = [stance for walk in reported for stance in walk.stances]
     curves = {name: np.array([stance.curves[name] for stance in stances])
               for name in ("terms_j", "pylon_power_w", "shank_power_w")} if stances else {}
-    return Section(table=table, arrays={"percent": PERCENT} | curves, missing=tuple(missing))
+    return Section(table=table, arrays={"percent": PERCENT} | curves, missing=tuple(say(
+        "energy", "missing", bench=bench_problem, reaches_all=len(positions) == len(PUBLISHED_FULCRUMS_M),
+        failed=[(walk.case.label, 1e3 * walk.case.fulcrum_m, walk.case.search_step_s is not None, walk.failure)
+                for walk in (*reported, *walks) if walk.failure],
+        unconverged=[(walk.case.label, walk.unconverged_steps) for walk in reported if walk.unconverged_steps],
+        one_position=len(conditions) == 1, persons=persons if len(conditions) > 1 else 1)))
 
 
 def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[Row]:
@@ -137,10 +124,8 @@ def _result_remainder(study: Study, rows: Sequence[Row]) -> float | None:
     found = []
     for walk in study.walks:
         result = walk.result
-        if "remainder" not in result.energy_names:
-            continue
-        remainder = result.energy_j[:, result.energy_names.index("remainder")]
-        for row in rows:
+        remainder = dict(zip(result.energy_names, result.energy_j.T, strict=True)).get("remainder")
+        for row in rows if remainder is not None else ():
             inside = remainder[(result.time_s >= row["start_s"]) & (result.time_s <= row["end_s"])]
             if row["label"] == walk.label and row["stored_j"] > 0.0 and inside.size:
                 found.append(float(np.abs(inside - inside[0]).max()) / row["stored_j"])
@@ -196,17 +181,15 @@ def _judged(load: Sequence[Row], motion: Sequence[Row], conditions: Sequence[Row
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EnergyCase:
-    """A trial to be walked with the fulcrum at `fulcrum_m` (m from A) in steps of `step_s`; `label` is the trial's.
-
-    `search_step_s`: step of the walks that look for the pelvis' height with which the load is that of the trial's own
-    position; None for the recorded motion as it is.
-    """
+    """A trial to be walked with the fulcrum at `fulcrum_m` (m from A) in steps of `step_s`; `label` is the trial's."""
 
     label: str
     trial: Trial
     fulcrum_m: float
     step_s: float
     search_step_s: float | None = None
+    """Step of the walks that look for the pelvis' height with which the load is that of the trial's own position; None
+    for the recorded motion as it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,20 +207,8 @@ class EnergyWalk:
 def walk_cases(
     cases: Sequence[EnergyCase], *, workers: int | None, progress: Callable[[float], None] | None = None
 ) -> list[EnergyWalk]:
-    """Walks every case, in their order; one that fails stops no other.
-
-    Args:
-        workers: threads; None for one a core. The numbers do not depend on it.
-        progress: called with the finished fraction.
-    """
-    built: list[Walker] = []  # one for each person with a device, before there are threads: they share it
-    walkers = []
-    for trial in (case.trial for case in cases):
-        own = next((w for w in built if (w.subject, w.model) == (trial.subject, trial.model)), None)
-        if own is None:
-            own = Walker(trial.subject, trial.model)
-            built.append(own)
-        walkers.append(own)
+    """Walks every case, in their order, in as many threads (None: one a core); one that fails stops no other."""
+    walkers = walkers_of(case.trial for case in cases)  # before there are threads, which share them
     found: list[EnergyWalk] = []
     with ThreadPoolExecutor(max(1, min(workers or os.cpu_count() or 1, len(cases)))) as pool:
         for walk in pool.map(_walk, walkers, cases):
@@ -257,8 +228,7 @@ def _walk(walker: Walker, case: EnergyCase) -> EnergyWalk:
             same = walk_with_same_load(walker, trial, fulcrum_m=case.fulcrum_m, step_s=case.step_s,
                                        search_step_s=case.search_step_s)
             if not same.kept:
-                return EnergyWalk(case=case, failure="no height of the pelvis was found that keeps the load: it is "
-                                                     f"off by {same.off_bw:.1%} of body weight")
+                return EnergyWalk(case=case, failure=say("energy", "not_kept", off_bw=same.off_bw)[0])
             walk, off_bw, height_mm = same.walk, same.off_bw, same.height_mm
     except (InputError, SimulationError) as error:
         return EnergyWalk(case=case, failure=str(error))

@@ -15,7 +15,8 @@ from vsf_drake.analysis.comparison import (
     StanceComparison,
     filtered_while_loaded,
 )
-from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk, reached, spread
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
@@ -30,28 +31,24 @@ WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effectiv
 LEAST_FORCE_N, MOST_FORCE_N = 50.0, 5000.0
 STEPS_PER_MM, ISO_STEPS = 160.0, 1200
 QUICK_STEPS_PER_MM, QUICK_ISO_STEPS, QUICK_POSITIONS_M = 40.0, 600, (0.066, 0.108, 0.151)
+Row = dict[str, Any]
+Curves = dict[str, np.ndarray]
 
 
 def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """Everything about rolling over.
+    """Everything about rolling over; InputError if the force of the profile is no force to test a foot with.
 
     Table: `inclined` (rows by angle and fulcrum position), `iso` (`force_n`, `force_from`, `follows`, `positions`, and
     for comparison `with_friction`), `walks` (a row a footfall) and `conditions` (by fulcrum position, mean, SD and
     count of `model`, `measured`, and of the model's `foot_alone` in the pylon's frame).
-
-    Raises:
-        InputError: the force of the profile is no force to test a foot with.
     """
     given, quick, foot = study.options.iso_force_n, study.options.quick, study.model.foot
     if given is not None and not LEAST_FORCE_N <= given <= MOST_FORCE_N:
         raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
                          right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N")
     force = float(study.walks[0].recorded.subject.mass_kg * GRAVITY if given is None else given)
-    low, high = foot.fulcrum.rearmost_m - 1e-9, foot.fulcrum.foremost_m + 1e-9
     wanted = QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M
-    fulcrums = tuple(x for x in wanted if low <= x <= high)
-    left = ", ".join(f"{1e3 * x:g}" for x in wanted if x not in fulcrums)
-    missing = [f"Not loaded: fulcrum at {left} mm, which this foot does not reach."] if left else []
+    fulcrums = reached(foot, wanted)
 
     def part(start: float, share: float, more: str = "") -> Progress:
         return lambda what, fraction: progress(what + more, start + share * fraction) if progress else None
@@ -63,8 +60,9 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     rough, _, failed_rough = iso_roll_over(
         foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS, friction=True,
         progress=part(0.7, 0.1, " with friction"))
-    missing += failed + failed_rolls + failed_rough
-    rows: list[dict[str, Any]] = []
+    missing = [*say("roll_over", "unreached", positions_m=[x for x in wanted if x not in fulcrums]),
+               *failed, *failed_rolls, *failed_rough]
+    rows: list[Row] = []
     for i, walk in enumerate(study.walks):
         part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
         shapes, unknown = walked_shapes(walk)
@@ -81,25 +79,20 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
                     "foot_length_m": foot.length_m,
                     "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
                     "with_friction": rough},
-            "walks": rows, "conditions": _conditions(rows), "foot_length_m": foot.length_m,
-            "heel_behind_pylon_m": foot.pylon_x_m - foot.heel_x_m, "synthetic": study.synthetic, "quick": quick},
+            "walks": rows, "conditions": [_condition(x, [row for row in rows if row["fulcrum_mm"] == x])
+                                          for x in sorted({row["fulcrum_mm"] for row in rows})],
+            "foot_length_m": foot.length_m, "heel_behind_pylon_m": foot.pylon_x_m - foot.heel_x_m,
+            "synthetic": study.synthetic, "quick": quick},
         arrays={**curves, **more}, missing=tuple(missing))
 
 
-def _conditions(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Mean, SD (None for fewer than two) and count by fulcrum position, softest first."""
-    found = []
-    for fulcrum in sorted({row["fulcrum_mm"] for row in rows}):
-        own = [row for row in rows if row["fulcrum_mm"] == fulcrum]
-        found.append({"fulcrum_mm": fulcrum, "footfalls": len(own),
-                      "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in own)})
-        for side in ("model", "measured", "foot_alone"):
-            found[-1][side] = {}
-            for name in (name for name in WALKED if name in own[0][side]):
-                known = [row[side][name] for row in own if row[side].get(name) is not None]
-                found[-1][side][name] = {
-                    "mean": float(np.mean(known)) if known else None,
-                    "sd": float(np.std(known, ddof=1)) if len(known) > 1 else None, "count": len(known)}
+def _condition(fulcrum_mm: float, rows: Sequence[Row]) -> Row:
+    """Mean, SD (None for fewer than two) and count over the footfalls at one position."""
+    found: Row = {"fulcrum_mm": fulcrum_mm, "footfalls": len(rows),
+                  "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in rows)}
+    for side in ("model", "measured", "foot_alone"):
+        spreads = {name: spread(row[side].get(name) for row in rows) for name in WALKED if name in rows[0][side]}
+        found[side] = {name: {"mean": own["mean"], "sd": own["sd"], "count": own["n"]} for name, own in spreads.items()}
     return found
 
 
@@ -121,16 +114,15 @@ BORNE_N = 1.0
 
 
 def _inclined_loading(
-    foot: FootParameters, fulcrums_m: tuple[float, ...], *, steps_per_mm: float, progress: Progress
-) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
-    """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at 50 mm/min.
-
-    Rows of the table, curves by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and
-    sentences on what failed.
-    """
+    foot: FootParameters, fulcrums_m: Sequence[float], *, steps_per_mm: float, progress: Progress
+) -> tuple[list[Row], Curves, list[str]]:
+    """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at 50 mm/min: rows, curves
+    by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and sentences on what failed."""
     machine = RollOver(foot, friction=False)
     sites = machine.machine.foot.sites
-    rows, curves, missing = [], {}, []
+    rows: list[Row] = []
+    curves: Curves = {}
+    missing = []
     cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
     for i, (angle, fulcrum) in enumerate(cases):
         progress("pressing the inclined foot", i / len(cases))
@@ -206,11 +198,11 @@ OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Poses in W over n instants: origins (n, 3) m, and forward, left and up axes as the columns of (n, 3, 3)."""
+    """Poses in W over n instants."""
 
     time_s: np.ndarray
-    origin: np.ndarray
-    axes: np.ndarray
+    origin: np.ndarray  # (n, 3) m
+    axes: np.ndarray  # (n, 3, 3), forward, left and up as columns
 
     def at(self, time_s: np.ndarray) -> Frames:
         """The same at other times, on straight lines between the known ones."""
@@ -227,7 +219,7 @@ class Frames:
 class WalkedShape:
     """One footfall: `row` of the table, and curves (101, 2) over the measured stance, NaN outside the shape."""
 
-    row: dict[str, Any]
+    row: Row
     model: np.ndarray
     measured: np.ndarray
     foot_alone: np.ndarray
@@ -237,18 +229,13 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
     """The shape of every footfall that is recorded and simulated as a whole, and sentences on what is not there."""
     plate, result = walk.recorded.prosthetic_plate, walk.result
     whole = [item for item in walk.comparison.stances if item.inside]
-    missing = []
     if not whole:
-        return [], [f"{walk.label}: no stance is recorded and simulated as a whole; it has no roll-over shape."]
-    if not plate.has_cop:
-        missing.append(f"{walk.label}: the plate has no centre of pressure; its roll-over shape is the model's only.")
+        return [], say("roll_over", "no_shape", label=walk.label)
     shank, pylon, heel, leg = _frames(walk)
     shapes = []
     for item in whole:
         start, duration = item.measured.start_s, item.measured.duration_s
         end, kind = _end(walk, item)
-        if kind == TOE_OFF:
-            missing.append(f"{walk.label}: opposite heel strike is not recorded; the shape ends at toe-off.")
         instants = start + PERCENT / 100.0 * duration
         cops, seen, sides = {}, {}, {}
         for name, time, force, cop, free in (
@@ -267,7 +254,8 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
                "end_percent": 100.0 * (end - start) / duration, "leg_length_m": leg, "heel_m": heel, **sides,
                "foot_alone": shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m)}
         shapes.append(WalkedShape(row, seen["model"], seen["measured"], alone))
-    return shapes, missing
+    return shapes, say("roll_over", "partly", label=walk.label, has_cop=plate.has_cop,
+                       until_toe_off=sum(shape.row["ends_at"] == TOE_OFF for shape in shapes))
 
 
 def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
@@ -328,26 +316,22 @@ ROLL_CURVE_POINTS = 301
 
 
 def iso_roll_over(
-    foot: FootParameters, fulcrums_m: tuple[float, ...], *, force_n: float, steps: int, friction: bool = False,
+    foot: FootParameters, fulcrums_m: Sequence[float], *, force_n: float, steps: int, friction: bool = False,
     progress: Progress | None = None
-) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], list[str]]:
-    """Rolls the foot at every fulcrum position (m).
+) -> tuple[list[Row], Curves, list[str]]:
+    """Rolls the foot at every fulcrum position (m), to F_1cmax = `force_n` (N), the profile's first peak, in as many
+    steps: rows, curves by name, and sentences on what failed and, without friction, on what does not follow.
 
-    Args:
-        force_n: F_1cmax, the profile's first peak (N). steps: of the 600 ms.
-        friction: the foot's own friction with the platform, whose tilt axis then matters: it is put into the
-            platform's surface, under the pylon (a choice). The foot slides under a line that is held.
-
-    Returns:
-        Rows of the table, curves by name, and sentences on what failed and, without friction, on what does not follow
-        the profile.
+    With `friction`, the foot's own with the platform, the tilt axis matters: it is put into the platform's surface,
+    under the pylon (a choice). The foot slides under a line that is held.
     """
     machine = RollOver(foot, friction=friction)
     time = np.linspace(0.0, DURATION_S, steps + 1)
     tilt, force = tilt_rad(time), force_n * force_share(time)
     kept = np.unique(np.round(np.linspace(1, steps, ROLL_CURVE_POINTS)).astype(int)) - 1
     curves = {"iso_time_s": time[1:][kept], "iso_tilt_deg": np.degrees(tilt[1:][kept]), "iso_wanted_n": force[1:][kept]}
-    rows, missing = [], []
+    rows: list[Row] = []
+    missing: list[str] = []
     for i, fulcrum in enumerate(fulcrums_m):
         if progress:
             progress("rolling the foot over", i / len(fulcrums_m))
@@ -360,15 +344,12 @@ def iso_roll_over(
         row, found = _iso_row(machine, run, following, fulcrum)
         rows.append(row)
         if not row["follows"] and not friction:
-            missing.append(f"{place}: the force misses the profile by up to {row['residual_n']:.0f} N; its numbers are "
-                           "not those of the profile.")
+            missing += say("roll_over", "not_followed", place=place, residual_n=row["residual_n"])
         curves |= {f"iso_{1e3 * fulcrum:.0f}_{name}": values[kept] for name, values in found.items()}
     return rows, curves, missing
 
 
-def _iso_row(
-    machine: RollOver, run: RollOverRun, following: Following, fulcrum: float
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum: float) -> tuple[Row, Curves]:
     foot, e = machine.parameters, run.energy
     cop = in_mount_frame(run.cop_W, run.mount)
     arm = run.cop_W - np.column_stack([run.mount[:, 0], np.zeros(len(cop)), run.mount[:, 1]])
@@ -464,12 +445,9 @@ def fit_arc(points_m: np.ndarray) -> Arc | None:
 
 
 def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) -> dict[str, float | None]:
-    """What describes a roll-over shape; None where it cannot be known.
-
-    Args:
-        points_m: (n, 2) m, centre of pressure forward and up in the shank's frame; NaN where there is none.
-        heel_m: where the rear end of the foot, from which `foot_length_m` counts, is on the forward axis.
-    """
+    """What describes a roll-over shape, the centre of pressure (n, 2) forward and up in the shank's frame, NaN where
+    there is none; `heel_m` is where the rear end of the foot, from which `foot_length_m` counts, is on the forward
+    axis. None where it cannot be known."""
     points = np.asarray(points_m, dtype=float)
     points = points[np.isfinite(points).all(axis=1)]
     arc = None
@@ -477,9 +455,7 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / _SPACING_M) + 1))
         arc = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
-    forward = np.asarray(points_m)[:, 0]
-    front = float(np.nanmax(forward)) if np.isfinite(forward).any() else None
-    length = None if front is None else front - heel_m
+    length = float(points[:, 0].max()) - heel_m if len(points) else None
     return {
         "radius_m": arc.radius_m if arc else None,
         "centre_forward_m": arc.centre_m[0] if arc else None,
@@ -491,11 +467,8 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
 
 
 def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray) -> float | None:
-    """Impulse of the moment about the ankle (toe up positive) over that of the vertical force (m); None without load.
-
-    Args:
-        time_s, moment_nm, vertical_n: (n,); where the moment is NaN neither counts.
-    """
+    """Impulse of the moment about the ankle (toe up positive) over that of the vertical force (m); where the moment is
+    NaN neither counts. None without load."""
     known = np.isfinite(moment_nm)
     force = np.where(known, vertical_n, 0.0)
     impulse = float(np.trapezoid(force, time_s))

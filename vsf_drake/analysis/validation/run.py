@@ -1,28 +1,35 @@
-"""Runs the sections of the validation one after the other; what is finished survives an interruption."""
+"""Runs the sections of the validation one after the other, and puts together what `validation.json` and `.npz` hold.
+
+What is finished survives an interruption.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import time
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vsf_drake.analysis.validation.bench_section import bench_section
+from vsf_drake.analysis.sentences import say
+from vsf_drake.analysis.validation.bench_section import bench_section, standing_section
 from vsf_drake.analysis.validation.energy_section import energy_section
 from vsf_drake.analysis.validation.roll_over_section import roll_over_section
 from vsf_drake.analysis.validation.sensitivity_section import sensitivity_section
 from vsf_drake.analysis.validation.settings_section import settings_section
-from vsf_drake.analysis.validation.standing_section import standing_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
 from vsf_drake.analysis.validation.walking_section import walking_section
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import plain, read_json, read_npz, replaced, sha256, write_json
+from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
+from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.many.cases import digest, software
 
 EXACT = "walking_exact"
@@ -48,15 +55,10 @@ class Finished:
 def run_sections(
     study: Study, *, exact: Study | None = None, folder: str | Path | None = None, progress: Progress | None = None
 ) -> dict[str, Finished]:
-    """Every section of the validation, by name.
+    """Every section of the validation, by name, and of `exact`, the same walks without errors of measurement.
 
     A section that fails (a bench that gives way, a simulation that diverges) is named with the reason and stops no
-    other.
-
-    Args:
-        exact: the same walks without errors of measurement, where there are such.
-        folder: where finished sections are kept, so that an interrupted run of the same study goes on.
-        progress: called with what is being done and the finished fraction of everything.
+    other. Finished sections are kept in `folder`, so that an interrupted run of the same study goes on.
     """
     plan = [(name, make, weight, study) for name, (make, weight) in _SECTIONS.items()]
     if exact is not None:
@@ -75,13 +77,13 @@ def run_sections(
             continue
         show("starting", 0.0)
         began = time.perf_counter()
+        section, failure = None, ""
         try:
             section = make(own, progress=show)
         except (InputError, SimulationError, FitError) as error:
-            finished[name] = Finished(section=None, wall_s=time.perf_counter() - began, failure=str(error))
-            continue
-        finished[name] = Finished(section=section, wall_s=time.perf_counter() - began)
-        if store:
+            failure = str(error)
+        finished[name] = Finished(section=section, wall_s=time.perf_counter() - began, failure=failure)
+        if store and section is not None:
             store.write(name, section, finished[name].wall_s)
     return finished
 
@@ -101,12 +103,8 @@ def study_key(study: Study) -> str:
 
 
 class SectionStore:
-    """A folder of finished sections of an unfinished validation, each complete or not there.
-
-    Args:
-        folder: created when the first section is written.
-        key: see `study_key`; what another key left is not read.
-    """
+    """A folder of finished sections of an unfinished validation, each complete or not there; it is created when the
+    first is written. What another key (see `study_key`) left is not read."""
 
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
@@ -125,11 +123,7 @@ class SectionStore:
             return None
 
     def write(self, name: str, section: Section, wall_s: float) -> None:
-        """Keeps a finished section.
-
-        Raises:
-            InputError: the folder cannot be written.
-        """
+        """Keeps a finished section; InputError if the folder cannot be written."""
         arrays = self.folder / f"{name}.npz"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -153,3 +147,135 @@ class SectionStore:
 def is_kept(path: Path, names: Container[str]) -> bool:
     """Whether a file of a store's folder is of one of these sections, complete or not."""
     return path.suffix in (".json", ".npz", ".part") and path.name.lstrip(".").partition(".")[0] in names
+
+
+# What the files hold: a finished study as plain values and arrays.
+
+
+def validation_content(
+    study: Study, finished: Mapping[str, Finished], *, exact: Study | None = None
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
+    tables = {name: None if one.section is None else one.section.table for name, one in finished.items()}
+    trials = [{
+        "height_mm": 1e3 * walk.trial.offsets.height_m, "fore_aft_mm": 1e3 * walk.trial.offsets.fore_aft_m,
+        "alignment_deg": math.degrees(walk.trial.offsets.alignment_rad), "label": walk.label, "name": walk.trial.name,
+        "file": walk.trial.path.name, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
+        "synthetic": walk.trial.synthetic, "doubts": " ".join(walk.doubts) or None,
+        "window_s": [walk.trial.start_s, walk.trial.end_s], "unconverged_steps": walk.result.unconverged_steps}
+        for walk in study.walks]
+    content: dict[str, Any] = plain({
+        "title": f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
+        "first_line": first_line(study), "synthetic": study.synthetic,
+        "sections": {name: {"table": tables[name], "missing": list(one.section.missing) if one.section else [],
+                            "wall_s": one.wall_s, "failure": one.failure} for name, one in finished.items()},
+        "options": to_plain(study.options) | {"step_s": study.options.step_s},
+        "contact": say("validation", "contact", contact=study.contact, name=study.contact_name)[0],
+        "failed": [list(pair) for pair in study.failed], "notes": _notes(study, finished), "trials": trials,
+        "provenance": provenance(
+            dict(study.inputs) | {f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()},
+            seed=study.options.seed),
+        "summary": summary_rows({name: table for name, table in tables.items() if table})})
+    arrays = {f"{name}/{key}": array for name, one in finished.items() if one.section
+              for key, array in one.section.arrays.items()}
+    return content, arrays
+
+
+def first_line(study: Study) -> str:
+    """Where the data come from, in one sentence."""
+    synthetic = [walk.label for walk in study.walks if walk.trial.synthetic]
+    return say("validation", "first_line", synthetic=synthetic, all_synthetic=len(synthetic) == len(study.walks),
+               bench=study.bench)[0]
+
+
+def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
+    own = [walk.label for walk in study.walks if walk.trial.model == study.model]
+    prints: dict[str, list[str]] = {}
+    for walk in study.walks:
+        prints.setdefault(fingerprint(walk.recorded), []).append(walk.label)
+    return say(
+        "validation", "notes", contact=study.contact, bench_problem=study.bench_problem,
+        persons=len({walk.trial.subject for walk in study.walks}),
+        other_models_than=own[0] if len(own) < len(study.walks) else None,
+        repeated=[labels for labels in prints.values() if len(labels) > 1],
+        unconverged=[walk.label for walk in study.walks if not walk.result.converged],
+        failed=[(name, one.failure) for name, one in finished.items() if one.section is None])
+
+
+# What the validation comes to: its main figures beside the paper's and beside what is asked of this model.
+#
+# Published: McGeehan, Adamczyk, Nichols and Hahn 2021, doi 10.1115/1.4050456.
+
+
+class _Line(NamedTuple):
+    """A line of the summary."""
+
+    what: str
+    key: str  # where the value stands, "section/key/key"
+    unit: str
+    form: str = "{:z.2f}"  # of the value as it is shown, times `scale`
+    scale: float = 1.0
+    paper: str | None = None  # the published figure in words
+    most: float | None = None  # what the value may be
+    least: float | None = None
+
+
+_REMAINDER, _HELD_OUT = "energy/ledger_remainder_share_max", "walking/held_out/"
+_LINES = (
+    _Line("Bench: R² of stiffness over fulcrum positions", "bench/stiffness_r2", "", "{:.4f}", paper="0.98",
+          least=0.98),
+    _Line("Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37),
+    _Line("Bench: RMSE of mid-range displacement", "bench/mid_range_rmse_mm", "mm", paper="0.45", most=0.45),
+    _Line("Standing: mass predicted less mass known, largest", "standing/worst_mass_error", "%", scale=100.0,
+          paper="-2.6"),
+    _Line("Fitted walks: resultant GRF, RMSE, mean", "walking/fitted/grf_rmse_bw", "% BW", scale=100.0, paper="5.3",
+          most=0.053),
+    _Line("Held-out walks: resultant GRF, RMSE, mean", f"{_HELD_OUT}grf_rmse_bw", "% BW", scale=100.0,
+          paper="10 to 14", most=0.10),
+    _Line("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
+          paper="14", most=0.14),
+    _Line("Held-out walks: null model (a stretched measured curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
+          "% BW", scale=100.0),
+    _Line("Held-out walks: CoP, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length", scale=100.0,
+          paper="5.7 to 9.5", most=0.095),
+    _Line("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
+          paper="0.01 to 0.05", most=0.05),
+    _Line("Joint angles: tracking, RMSE", "walking/angle_rmse_deg", "°", "{:.1e}", paper="1.9", most=0.01),
+    _Line("Joint angles: phase lag, largest", "walking/angle_lag_ms", "ms", "{:.1e}"),
+    _Line("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
+    _Line("Energy: ledger's remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
+_ANSWERS = (("energy/softer_stores_more", "A softer setting stores more energy, as measured on the real device"),
+            ("energy/softer_returns_more", "A softer setting returns more energy, as measured on the real device"))
+
+
+def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of the summary: what, value (as its section holds it), shown, unit, paper, asked, met.
+
+    `sections` are their tables by name; what is not there gives a row with an unknown value.
+    """
+    def found(key: str) -> Any:
+        value: Any = sections
+        for part in key.split("/"):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        return value
+
+    rows = []
+    fitted = bool(found("bench/contact_on_bench"))
+    for line in _LINES:
+        value, what = found(line.key), line.what
+        limit, relation = (line.most, "at most") if line.most is not None else (line.least, "at least")
+        met = None if value is None or limit is None else bool(
+            value <= limit if line.most is not None else value >= limit)
+        if fitted and line.key.startswith("bench/"):
+            what += " (fitted to a bench)"
+        if line.key == _REMAINDER and value is not None:
+            what += f" (in steps of {1e3 * sections['energy']['step_s']:g} ms)"
+        text = None if value is None else line.form.format(line.scale * value)
+        rows.append({"what": what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper,
+                     "shown": line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
+                     "asked": None if limit is None else f"{relation} {line.scale * limit:g}", "met": met})
+    for key, what in _ANSWERS:
+        value = found(key)
+        rows.append({"what": what, "key": key, "value": value, "unit": "", "paper": None, "asked": "yes", "met": value,
+                     "shown": None if value is None else "yes" if value else "no"})
+    return rows

@@ -24,7 +24,7 @@ from vsf_drake.analysis.comparison import (
     walk_axes,
 )
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known
+from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known, walkers_of
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.parameters import GRAVITY
@@ -114,11 +114,7 @@ class DesignWalks:
         self.walks, self._executor, self._count = walks, executor, count
         self.failures: list[str] = []  # why walks failed, in the order of the points
         self.walked = self.unconverged = 0  # walks so far, and those that accepted steps without convergence
-        self.walkers: list[Walker] = []
-        for walk in walks:
-            subject, model = walk.trial.subject, walk.trial.model
-            same = (w for w in self.walkers if w.subject == subject and w.model == model)
-            self.walkers.append(next(same, None) or Walker(subject, model))
+        self.walkers = walkers_of(walk.trial for walk in walks)
         self.scorers = [WalkScorer(walk, walker) for walk, walker in zip(walks, self.walkers, strict=True)]
         self.variables: list[Mapping[str, Variable]] = [walker.variables for walker in self.walkers]
         reaches = [(walk.trial.model.foot.fulcrum, walk.trial.fulcrum_m) for walk in walks]

@@ -133,6 +133,15 @@ def reached(foot: FootParameters, fulcrums_m: Iterable[float]) -> list[float]:
     return [float(x) for x in fulcrums_m if low <= x <= high]
 
 
+def walkers_of(trials: Iterable[Trial]) -> list[Walker]:
+    """What walks each trial; those of one person on one device share it."""
+    found: list[Walker] = []
+    for trial in trials:
+        same = (one for one in found if (one.subject, one.model) == (trial.subject, trial.model))
+        found.append(next(same, None) or Walker(trial.subject, trial.model))
+    return found
+
+
 def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path, ...]:
     """Manifests of the trials that ship with the package, three a setting; one a setting if `quick`.
 

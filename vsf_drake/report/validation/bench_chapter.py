@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,62 +10,62 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import (
-    MARKERS,
-    MEASURED,
-    NEUTRAL,
-    SHADE,
-    SIMULATED,
-    condition_colour,
-    drawing,
-    label,
-    log_scale,
-    new_figure,
-    style,
+from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, SIMULATED, drawing, label, log_scale
+from vsf_drake.report.validation.figures import (
+    DOTTED,
+    FULCRUM,
+    Arrays,
+    Row,
+    bars,
+    colour_of,
+    numbers,
+    position,
+    tag,
+    value,
 )
 
 _LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
-_DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
-Row = Mapping[str, Any]
+_SLOPE_ABOVE_N = 200.0
+_OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
 
 
-def bench_chapter(table: Row, arrays: Mapping[str, Any]) -> Chapter:
+def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
     lines, points, forefoot = table["lines"], table["load_points"], _forefoot(table)
-    comparison = [{"of": line["name"] + (": the settings it did not see" if key == "held_out" else ""), **line[key]}
-                  for line in lines for key in ("statistics", "held_out") if line.get(key)]
+    compared = [{"of": line["name"] + (": the settings it did not see" if key == "held_out" else ""), **line[key]}
+                for line in lines for key in ("statistics", "held_out") if line.get(key)]
     names = {"measured": "measured"} | {line["key"]: line["name"] for line in lines}
-    passes = sorted((row for row in table["rates"] if row["fulcrum_mm"] is not None),
-                    key=lambda row: (row["fulcrum_mm"], row["speed_mm_per_min"]))
-    slowest = {row["fulcrum_mm"]: row for row in reversed(passes)}
-    softest, stiffest = (slowest[min(slowest)], slowest[max(slowest)]) if len(slowest) > 1 else (None, None)
-    at = {(row["fulcrum_mm"], row["speed_mm_per_min"]): row for row in passes}
     low, high = min(table["rate_speeds_mm_per_min"]), max(table["rate_speeds_mm_per_min"])
+    at = {(row["fulcrum_mm"], row["speed_mm_per_min"]): row
+          for row in sorted((row for row in table["rates"] if row["fulcrum_mm"] is not None),
+                            key=lambda row: (row["fulcrum_mm"], -row["speed_mm_per_min"]))}
+    slowest = {x: row for (x, _), row in at.items()}
+    softest, stiffest = (slowest[min(slowest)], slowest[max(slowest)]) if len(slowest) > 1 else (None, None)
     change = None
     if softest and all((softest["fulcrum_mm"], speed) in at for speed in (low, high)):
         change = (at[softest["fulcrum_mm"], high]["stiffness_n_per_mm"]
                   - at[softest["fulcrum_mm"], low]["stiffness_n_per_mm"])
-    by_fulcrum = {x: [row for row in points if row["fulcrum_mm"] == x] for x in sorted(
-        {row["fulcrum_mm"] for row in points})}
+    by_fulcrum = {x: [row for row in points if row["fulcrum_mm"] == x]
+                  for x in sorted({row["fulcrum_mm"] for row in points})}
     facts = {
         "line_of": {line["key"]: line for line in lines},
         "pressed": [row for row in forefoot if row["model"]],
         "heel": next((row for row in table["settings"] if row["fulcrum_mm"] is None), None),
-        "worst": max((row for row in forefoot if _value(row, "model", "mid_range_offset_mm") is not None),
+        "worst": max((row for row in forefoot if value(row, "model", "mid_range_offset_mm") is not None),
                      key=lambda row: abs(row["model"]["mid_range_offset_mm"]), default=None),
-        "comparison_rows": [*comparison, {"of": "paper, its model on its bench", "n": 5, **table["limits"]}],
+        "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table["limits"]}],
         "setting_rows": _setting_rows(table), "setting_columns": _setting_columns(table),
-        "shape_rows": [{"setting": _position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
-                       for row in table["settings"] for key, name in names.items() if _value(row, key, "shape")],
+        "shape_rows": [{"setting": position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
+                       for row in table["settings"] for key, name in names.items() if value(row, key, "shape")],
         "chord_shares": [(name, shares) for key, name in (
             ("measured", "measured here"), ("model", f"simulated ({lines[0]['name']})"))
             if (shares := [(row["fulcrum_mm"], share) for row in forefoot
-                           if (share := _value(row, key, "shape", "curvature_share")) is not None])],
+                           if (share := value(row, key, "shape", "curvature_share")) is not None])],
         "softest": softest, "stiffest": stiffest, "stiffening_n_per_mm": change,
-        "returned": {(x, speed): _value(at, (x, speed), "return_ratio") for x in slowest for speed in (low, high)},
-        "rate_rows": [row | {"setting": _position(row["fulcrum_mm"]), "lost_share": 1.0 - row["return_ratio"]}
+        "returned": {(x, speed): value(at, (x, speed), "return_ratio") for x in slowest for speed in (low, high)},
+        "rate_rows": [row | {"setting": position(row["fulcrum_mm"]), "lost_share": 1.0 - row["return_ratio"]}
                       for row in table["rates"]],
         "moved_ends": [(by_fulcrum[x][0], by_fulcrum[x][-1]) for x in (min(by_fulcrum), max(by_fulcrum))]
         if points else [],
@@ -77,7 +76,7 @@ def bench_chapter(table: Row, arrays: Mapping[str, Any]) -> Chapter:
     if table["rates"]:
         figures["bench_energy"] = _energy_figure(table, arrays)
     if points:
-        figures["bench_load_point"] = _load_point_figure(table)
+        figures["bench_load_point"] = _load_point_figure(points)
     return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**table, **facts},
                    figures=figures)
 
@@ -101,37 +100,14 @@ def _setting_columns(table: Row) -> list[tuple[str, ...]]:
 
 def _setting_rows(table: Row) -> list[dict[str, Any]]:
     return [{
-        "setting": _position(row["fulcrum_mm"]), "max_load_n": row["max_load_n"],
+        "setting": position(row["fulcrum_mm"]), "max_load_n": row["max_load_n"],
         "published_n_per_mm": row["published_n_per_mm"], "repeats": row["repeats"] or None,
-        "measured_half_width_n_per_mm": _value(row, "measured", "stiffness_n_per_mm_half_width"),
-        "measured_mid_range_half_width_mm": _value(row, "measured", "mid_range_mm_half_width"),
-        **{f"{key}_{name}": _value(row, key, of) for key in ("measured", *(line["key"] for line in table["lines"]))
+        "measured_half_width_n_per_mm": value(row, "measured", "stiffness_n_per_mm_half_width"),
+        "measured_mid_range_half_width_mm": value(row, "measured", "mid_range_mm_half_width"),
+        **{f"{key}_{name}": value(row, key, of) for key in ("measured", *(line["key"] for line in table["lines"]))
            for name, of in (("n_per_mm", "stiffness_n_per_mm"), ("offset_mm", "mid_range_offset_mm"),
                             ("mid_range_mm", "mid_range_mm"), ("curve_rmse_mm", "curve_rmse_mm"))}}
         for row in table["settings"]]
-
-
-def _metres(fulcrum_mm: float | None) -> float | None:
-    """The position as the style's colours want it."""
-    return None if fulcrum_mm is None else 1e-3 * fulcrum_mm
-
-
-def _position(fulcrum_mm: float | None) -> str:
-    return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
-
-
-def _value(row: Any, *keys: Any) -> Any:
-    """A value of a nested row; None where any part is missing."""
-    for key in keys:
-        if not isinstance(row, Mapping) or row.get(key) is None:
-            return None
-        row = row[key]
-    return row
-
-
-def _numbers(rows: Sequence[Row], *keys: str) -> list[float]:
-    """The same over rows, NaN where it is missing: gaps in a figure."""
-    return [float("nan") if (found := _value(row, *keys)) is None else float(found) for row in rows]
 
 
 def _forefoot(table: Row) -> list[Row]:
@@ -142,65 +118,62 @@ def _source(table: Row) -> str:
     return "measured (SYNTHETIC)" if table["measured_synthetic"] else "measured"
 
 
-# Stiffness by fulcrum position, and by what the simulation misses it and the mid-range displacement.
+def _simulated(table: Row) -> str:
+    return f"simulated: {table['lines'][0]['name']}"
 
 
-def bench_agreement_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
-    """The figure: three panels with measured curves, the first alone without."""
-    with style():
-        if table["n"]:
-            figure = new_figure(10.5, 4.3)
-            first, second, third = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0))
-            _errors(second, table, arrays)
-            _offsets(third, table)
-        else:
-            figure = new_figure(6.4, 4.3)
-            first = figure.subplots()
+def bench_agreement_figure(table: Row, arrays: Arrays) -> Figure:
+    """Stiffness by fulcrum position; with measured curves also by what the simulation misses it and the mid-range
+    displacement."""
+    with drawing(10.5 if table["n"] else 6.4, 4.3) as figure:
+        first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if table["n"] else [figure.subplots()]
+        if others:
+            _errors(others[0], table, arrays)
+            _offsets(others[1], table)
         _stiffness(first, table)
-        figure.draw_without_rendering()
     return figure
 
 
 def _stiffness(axes: Axes, table: Row) -> None:
     rows = _forefoot(table)
-    x, measured, model = _numbers(rows, "fulcrum_mm"), *(
-        _numbers(rows, key, "stiffness_n_per_mm") for key in ("measured", "model"))
+    x, measured, model, half = numbers(rows, "fulcrum_mm"), *(numbers(rows, *keys) for keys in (
+        ("measured", "stiffness_n_per_mm"), ("model", "stiffness_n_per_mm"),
+        ("measured", "stiffness_n_per_mm_half_width")))
     if np.isfinite(measured).any():
         axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
-    axes.plot(x, model, color=NEUTRAL, label=f"simulated: {table['lines'][0]['name']}", **SIMULATED)
+    axes.plot(x, model, color=NEUTRAL, label=_simulated(table), **SIMULATED)
     for i, row in enumerate(rows):
-        colour = condition_colour(1e-3 * x[i])
+        colour, marker = colour_of(x[i]), MARKERS[i % len(MARKERS)]
         if row["published_n_per_mm"] is not None:
             axes.plot(x[i], row["published_n_per_mm"], marker="_", markersize=20, markeredgewidth=3.0, color=colour,
                       alpha=0.6, linestyle="")
-        half = _numbers([row], "measured", "stiffness_n_per_mm_half_width")[0]
-        axes.errorbar(x[i], measured[i], yerr=half if np.isfinite(half) else None, color=colour, linestyle="",
-                      capsize=4, marker=MARKERS[i % len(MARKERS)], markersize=6)
-        axes.plot(x[i], model[i], marker=MARKERS[i % len(MARKERS)], color=colour, markersize=10, linestyle="",
-                  markerfacecolor="none", markeredgewidth=1.4)
+        axes.errorbar(x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, color=colour, linestyle="",
+                      capsize=4, marker=marker, markersize=6)
+        axes.plot(x[i], model[i], marker=marker, color=colour, markersize=10, linestyle="", markerfacecolor="none",
+                  markeredgewidth=1.4)
     axes.plot([], [], marker="_", markersize=14, markeredgewidth=3.0, color=NEUTRAL, alpha=0.6, linestyle="",
               label="published end points")
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1, y=0.12)
     axes.legend(loc="upper left")
-    label(axes, x="fulcrum from the keel's posterior end (mm)", y="stiffness above 200 N (N/mm)", title="Stiffness")
+    label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)", title="Stiffness")
 
 
-def _errors(axes: Axes, table: Row, arrays: Mapping[str, Any]) -> None:
+def _errors(axes: Axes, table: Row, arrays: Arrays) -> None:
     rows, limit = _forefoot(table), table["limits"]["stiffness_rmse_n_per_mm"]
-    measured = _numbers(rows, "measured", "stiffness_n_per_mm")
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} N/mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
     if table["regression"] is not None:
-        at, line, low, high = (np.asarray(arrays[f"regression_{key}"], dtype=float)
-                               for key in ("measured_n_per_mm", "line", "low", "high"))
+        at, line, low, high = (arrays[f"regression_{key}"] for key in ("measured_n_per_mm", "line", "low", "high"))
         axes.fill_between(at, low - at, high - at, color="0.5", alpha=0.35, linewidth=0,
                           label=f"regression, 95 % band (n = {table['regression']['n']})")
         axes.plot(at, line - at, color="0.1", **SIMULATED)
     for line in table["lines"]:
-        axes.plot(measured, _numbers(rows, line["key"], "stiffness_error_n_per_mm"), linestyle="", color="0.1",
-                  marker=_LINE_MARKERS[line["key"]], markerfacecolor="0.1" if line["key"] == "model" else "none",
-                  markersize=5 if line["key"] == "model" else 8, label=line["name"])
+        own = line["key"] == "model"
+        axes.plot(numbers(rows, "measured", "stiffness_n_per_mm"),
+                  numbers(rows, line["key"], "stiffness_error_n_per_mm"), linestyle="", color="0.1",
+                  marker=_LINE_MARKERS[line["key"]], markerfacecolor="0.1" if own else "none",
+                  markersize=5 if own else 8, label=line["name"])
     axes.set_ylim(-1.9 * limit, 2.6 * limit)
     axes.margins(x=0.08)
     axes.legend(loc="upper left", fontsize=7.5)
@@ -209,83 +182,57 @@ def _errors(axes: Axes, table: Row, arrays: Mapping[str, Any]) -> None:
 
 def _offsets(axes: Axes, table: Row) -> None:
     rows, limit = _forefoot(table), table["limits"]["mid_range_rmse_mm"]
-    places, lines = np.arange(len(rows)), table["lines"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    width = 0.8 / len(lines)
-    for j, line in enumerate(lines):
-        offset = _numbers(rows, line["key"], "mid_range_offset_mm")
-        axes.bar(places + (j - 0.5 * (len(lines) - 1)) * width, offset, width, color=_LINE_GREYS[line["key"]],
-                 edgecolor="0.1", linewidth=0.6, label=line["name"])
-    axes.set_xticks(places, [f"{row['fulcrum_mm']:g}" for row in rows])
+    bars(axes, [(line["name"], _LINE_GREYS[line["key"]], numbers(rows, line["key"], "mid_range_offset_mm"))
+                for line in table["lines"]], [f"{row['fulcrum_mm']:g}" for row in rows])
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.45 * (high - low))
     axes.legend(loc="upper left", fontsize=7.5)
-    label(axes, x="fulcrum from the keel's posterior end (mm)", y="simulated less measured (mm)",
-          title="Offset Δ_D of the mid-range displacement")
+    label(axes, x=FULCRUM, y="simulated less measured (mm)", title="Offset Δ_D of the mid-range displacement")
 
 
-# Load over displacement at every setting, experiment beside simulation, after Figure 4 of McGeehan 2021.
-
-
-_SLOPE_ABOVE_N = 200.0
-
-
-def _curves_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
-    """The figure: forefoot on the left, heel on the right; `table` and `arrays` of the bench section."""
+def _curves_figure(table: Row, arrays: Arrays) -> Figure:
+    """Load over displacement at every setting, experiment beside simulation, after Figure 4 of McGeehan 2021."""
     with drawing(10.5, 5.0) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.4, 1.0), sharey=True)
         for i, row in enumerate(table["settings"]):
             _setting(left if row["fulcrum_mm"] is not None else right, i, row, table, arrays)
-        if table["measured"]:
-            left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
-        else:
-            left.plot([], [], color=NEUTRAL, label="published slope, laid through the simulation at 200 N", **MEASURED)
-        left.plot([], [], color=NEUTRAL, label=f"simulated: {table['lines'][0]['name']}", **SIMULATED)
+        left.plot([], [], color=NEUTRAL, label=_source(table) if table["measured"] else
+                  "published slope, laid through the simulation at 200 N", **MEASURED)
+        left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         if any(line["key"] == "nominal" for line in table["lines"]):
             left.plot([], [], color=NEUTRAL, label="simulated: nominal", **_NOMINAL)
-        left.legend(loc="lower right", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
-        for axes in (left, right):
+        left.legend(loc="lower right", **_OVER)
+        for axes, title in ((left, "Forefoot, by position of the fulcrum"), (right, "Heel")):
             axes.axhline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
             axes.set_xlim(left=0.0)
             axes.margins(y=0.1)
             axes.set_ylim(bottom=0.0)
-        label(left, x="displacement since touch-down (mm)", y="load (N)", title="Forefoot, by position of the fulcrum")
-        label(right, x="displacement since touch-down (mm)", y="load (N)", title="Heel")
+            label(axes, x="displacement since touch-down (mm)", y="load (N)", title=title)
     return figure
 
 
-def _setting(
-    axes: Axes, i: int, row: Row, table: Row, arrays: Mapping[str, Any]
-) -> None:
-    colour = condition_colour(_metres(row["fulcrum_mm"]))
-    load = np.asarray(arrays["load_n"], dtype=float)[i]
-    curves = {key: np.asarray(arrays[f"{key}_mm"], dtype=float)[i] for key in ("measured", "model", "nominal")
-              if f"{key}_mm" in arrays}
-    half = np.asarray(arrays["measured_half_width_mm"], dtype=float)[i]
+def _setting(axes: Axes, i: int, row: Row, table: Row, arrays: Arrays) -> None:
+    colour, load, half = colour_of(row["fulcrum_mm"]), arrays["load_n"][i], arrays["measured_half_width_mm"][i]
+    measured, model = arrays["measured_mm"][i], arrays["model_mm"][i]
     if np.isfinite(half).any():
-        axes.fill_betweenx(load, curves["measured"] - half, curves["measured"] + half, color=colour, alpha=0.2,
-                           linewidth=0)
-    axes.plot(curves["measured"], load, color=colour, **MEASURED)
-    axes.plot(curves["model"], load, color=colour, **SIMULATED)
-    if "nominal" in curves:
-        axes.plot(curves["nominal"], load, color=colour, **_NOMINAL)
-    if not table["measured"] and row["published_n_per_mm"] is not None and np.isfinite(curves["model"]).all():
-        above = load >= _SLOPE_ABOVE_N
-        start = float(np.interp(_SLOPE_ABOVE_N, load, curves["model"]))
-        axes.plot(start + (load[above] - _SLOPE_ABOVE_N) / row["published_n_per_mm"], load[above], color=colour,
-                  **MEASURED)
-    shown = next((curve for curve in (curves["model"], curves["measured"]) if np.isfinite(curve[-1])), None)
-    if shown is not None:
-        axes.annotate(_position(row["fulcrum_mm"]), (shown[-1], load[-1]), xytext=(0, 5), ha="center", fontsize=8,
-                      textcoords="offset points", color=colour, fontweight="bold", annotation_clip=False)
+        axes.fill_betweenx(load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(measured, load, color=colour, **MEASURED)
+    axes.plot(model, load, color=colour, **SIMULATED)
+    if "nominal_mm" in arrays:
+        axes.plot(arrays["nominal_mm"][i], load, color=colour, **_NOMINAL)
+    if not table["measured"] and row["published_n_per_mm"] is not None and np.isfinite(model).all():
+        above = load[load >= _SLOPE_ABOVE_N]
+        start = float(np.interp(_SLOPE_ABOVE_N, load, model))
+        axes.plot(start + (above - _SLOPE_ABOVE_N) / row["published_n_per_mm"], above, color=colour, **MEASURED)
+    ends = [curve[-1] for curve in (model, measured) if np.isfinite(curve[-1])]
+    if ends:
+        tag(axes, row["fulcrum_mm"], (ends[0], load[-1]), xytext=(0, 5), ha="center")
 
 
-# Loading and unloading: the loop at the highest speed, what is lost by speed, and what is stored by position.
-
-
-def _energy_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
-    """The figure: loops, loss over speed, stored energy by setting; `table` and `arrays` of the bench section."""
+def _energy_figure(table: Row, arrays: Arrays) -> Figure:
+    """Loading and unloading: the loop at the highest speed, what is lost by speed, and what is stored by position."""
     with drawing(10.5, 4.2) as figure:
         first, second, third = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
         _loops(first, table, arrays)
@@ -294,19 +241,18 @@ def _energy_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _loops(axes: Axes, table: Row, arrays: Mapping[str, Any]) -> None:
-    x, load = (np.asarray(arrays[key], dtype=float) for key in ("loop_mm", "loop_n"))
-    for i, fulcrum in enumerate(table["rate_settings_mm"]):
-        colour = condition_colour(_metres(fulcrum))
-        axes.fill(np.concatenate(x[i]), np.concatenate(load[i]), color=colour, alpha=0.18, linewidth=0)
-        axes.plot(x[i, 0], load[i, 0], color=colour, **SIMULATED)
-        axes.plot(x[i, 1], load[i, 1], color=colour, **_DOTTED)
+def _loops(axes: Axes, table: Row, arrays: Arrays) -> None:
+    for fulcrum, x, load in zip(table["rate_settings_mm"], arrays["loop_mm"], arrays["loop_n"], strict=True):
+        colour = colour_of(fulcrum)
+        axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
+        axes.plot(x[0], load[0], color=colour, **SIMULATED)
+        axes.plot(x[1], load[1], color=colour, **DOTTED)
     axes.plot([], [], color=NEUTRAL, label="loading", **SIMULATED)
-    axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **_DOTTED)
+    axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **DOTTED)
     axes.set_xlim(left=0.0)
     axes.margins(y=0.12)
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower right", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
+    axes.legend(loc="lower right", **_OVER)
     label(axes, x="displacement of the platen (mm)", y="load (N)",
           title=f"There and back at {max(table['rate_speeds_mm_per_min']):g} mm/min")
 
@@ -314,8 +260,8 @@ def _loops(axes: Axes, table: Row, arrays: Mapping[str, Any]) -> None:
 def _losses(axes: Axes, table: Row) -> None:
     for i, fulcrum in enumerate(table["rate_settings_mm"]):
         rows = [row for row in table["rates"] if row["fulcrum_mm"] == fulcrum and row["lost_j"] > 0.0]
-        axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
-                  color=condition_colour(_metres(fulcrum)), markersize=5, label=_position(fulcrum),
+        axes.plot(numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
+                  color=colour_of(fulcrum), markersize=5, label=position(fulcrum),
                   marker="*" if fulcrum is None else MARKERS[i % len(MARKERS)], **SIMULATED)
     log_scale(axes.xaxis)
     log_scale(axes.yaxis)
@@ -330,41 +276,34 @@ def _stored(axes: Axes, table: Row) -> None:
     slowest = min(table["rate_speeds_mm_per_min"], key=lambda speed: abs(speed - table["speed_mm_per_min"]))
     rows = [row for row in table["rates"] if row["speed_mm_per_min"] == slowest]
     places = np.arange(len(rows))
-    axes.bar(places, _numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
-             color=[condition_colour(_metres(row["fulcrum_mm"])) for row in rows], alpha=0.75, label="simulated")
-    axes.plot(places, _numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
+    axes.bar(places, numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
+             color=[colour_of(row["fulcrum_mm"]) for row in rows], alpha=0.75, label="simulated")
+    axes.plot(places, numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
               color="0.05", label="linear spring, F²/2k")
-    measured = {row["fulcrum_mm"]: row for row in table["settings"]
-                if row["measured"] and abs(row["max_load_n"] - 600.0) < 1.0}
-    stored = _numbers([measured.get(row["fulcrum_mm"], {}) for row in rows], "measured", "stored_j")
+    measured = {row["fulcrum_mm"]: row for row in table["settings"] if abs(row["max_load_n"] - 600.0) < 1.0}
+    stored = numbers([measured.get(row["fulcrum_mm"], {}) for row in rows], "measured", "stored_j")
     if np.isfinite(stored).any():
         axes.plot(places, stored, linestyle="", marker="D", markersize=6, color="white", markeredgecolor="0.05",
                   markeredgewidth=1.2, label=_source(table))
-    axes.set_xticks(places, [_position(row["fulcrum_mm"]).removesuffix(" mm") for row in rows])
+    axes.set_xticks(places, [position(row["fulcrum_mm"]).removesuffix(" mm") for row in rows])
     axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
     axes.legend(loc="upper right")
     label(axes, x="fulcrum (mm), heel", y="energy stored at 600 N (J)", title=f"Stored at {slowest:g} mm/min")
 
 
-# Stiffness with the load elsewhere on the keel, beside the closed form of the overhung beam.
-
-
-def _load_point_figure(table: Row) -> Figure:
-    """The figure: one line a fulcrum position; `table` of the bench section, which has load points."""
-    points = table["load_points"]
+def _load_point_figure(points: list[Row]) -> Figure:
+    """Stiffness with the load elsewhere on the keel, beside the closed form: one line a fulcrum position."""
     with drawing(7.2, 4.2) as figure:
         axes = figure.subplots()
         for i, fulcrum in enumerate(sorted({row["fulcrum_mm"] for row in points})):
             rows = [row for row in points if row["fulcrum_mm"] == fulcrum]
-            colour, x = condition_colour(_metres(fulcrum)), _numbers(rows, "load_point_mm")
-            axes.plot(x, _numbers(rows, "stiffness_n_per_mm"), color=colour, marker=MARKERS[i % len(MARKERS)],
-                      markersize=5, **SIMULATED)
-            axes.plot(x, _numbers(rows, "closed_form_n_per_mm"), color=colour, **_DOTTED)
-            axes.annotate(_position(fulcrum), (x[-1], rows[-1]["stiffness_n_per_mm"]), xytext=(7, 0), va="center",
-                          fontsize=8, textcoords="offset points", color=colour, fontweight="bold",
-                          annotation_clip=False)
+            x, stiffness = numbers(rows, "load_point_mm"), numbers(rows, "stiffness_n_per_mm")
+            axes.plot(x, stiffness, color=colour_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=5,
+                      **SIMULATED)
+            axes.plot(x, numbers(rows, "closed_form_n_per_mm"), color=colour_of(fulcrum), **DOTTED)
+            tag(axes, fulcrum, (x[-1], stiffness[-1]), xytext=(7, 0), va="center")
         axes.plot([], [], color=NEUTRAL, marker="o", markersize=5, label="simulated", **SIMULATED)
-        axes.plot([], [], color=NEUTRAL, **_DOTTED, label="overhung beam, small deflections")
+        axes.plot([], [], color=NEUTRAL, **DOTTED, label="overhung beam, small deflections")
         axes.set_xticks(sorted({row["load_point_mm"] for row in points}))
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1)
@@ -374,44 +313,35 @@ def _load_point_figure(table: Row) -> Figure:
     return figure
 
 
-# The linear and the curvilinear part of the bench's curves: slope over load, and how much the foam's toe takes.
-
-
-def _shape_figure(table: Row, arrays: Mapping[str, Any]) -> Figure:
-    """The figure: slope dF/dx over load on the left, curvature by position on the right."""
+def _shape_figure(table: Row, arrays: Arrays) -> Figure:
+    """The linear and the curvilinear part of the curves: slope dF/dx over load on the left, curvature by position on
+    the right."""
     with drawing(10.5, 4.4) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-        load = np.asarray(arrays["load_n"], dtype=float)
         for i, row in enumerate(table["settings"]):
             if row["fulcrum_mm"] is None:
                 continue
-            colour, last = condition_colour(_metres(row["fulcrum_mm"])), float("nan")
+            load, ends = arrays["load_n"][i], []
             for key, look in (("measured", MEASURED), ("model", SIMULATED)):
-                slope = np.asarray(arrays[f"{key}_tangent_n_per_mm"], dtype=float)[i]
-                left.plot(load[i], slope, color=colour, **look)
-                known = np.flatnonzero(np.isfinite(slope))
-                last = slope[known[-1]] if known.size else last
-            if np.isfinite(last):
-                left.annotate(_position(row["fulcrum_mm"]), (load[i, -1], last), xytext=(3, 0), va="center", fontsize=8,
-                              textcoords="offset points", color=colour, fontweight="bold", annotation_clip=False)
-        left.axvline(200.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
+                slope = arrays[f"{key}_tangent_n_per_mm"][i]
+                left.plot(load, slope, color=colour_of(row["fulcrum_mm"]), **look)
+                ends += [*slope[np.isfinite(slope)][-1:]]
+            if ends:
+                tag(left, row["fulcrum_mm"], (load[-1], ends[-1]), xytext=(3, 0), va="center")
+        left.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
         if table["measured"]:
             left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
-        left.plot([], [], color=NEUTRAL, label=f"simulated: {table['lines'][0]['name']}", **SIMULATED)
+        left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         left.set_ylim(0.0, 1.2 * left.get_ylim()[1])
         left.legend(loc="upper left")
         label(left, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
         rows = _forefoot(table)
-        keys = (["measured"] if table["measured"] else []) + [line["key"] for line in table["lines"]]
-        names = {line["key"]: line["name"] for line in table["lines"]} | {"measured": _source(table)}
-        places, width = np.arange(len(rows)), 0.8 / len(keys)
-        for j, key in enumerate(keys):
-            share = 100.0 * np.array(_numbers(rows, key, "shape", "curvature_share"))
-            right.bar(places + (j - 0.5 * (len(keys) - 1)) * width, share, width, color=_LINE_GREYS[key],
-                      edgecolor="0.1", linewidth=0.6, label=names[key])
-        right.set_xticks(places, [f"{row['fulcrum_mm']:g}" for row in rows])
+        names = {"measured": _source(table)} if table["measured"] else {}
+        names |= {line["key"]: line["name"] for line in table["lines"]}
+        bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(numbers(rows, key, "shape", "curvature_share")))
+                     for key, name in names.items()], [f"{row['fulcrum_mm']:g}" for row in rows])
         right.set_ylim(0.0, 1.5 * right.get_ylim()[1])
         right.legend(loc="upper left", ncols=2)
-        label(right, x="fulcrum from the keel's posterior end (mm)", y="largest distance from the chord (% of travel)",
+        label(right, x=FULCRUM, y="largest distance from the chord (% of travel)",
               title="How far the curve is from straight")
     return figure
