@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.energy_ledger import (
     PERCENT,
     TERMS,
@@ -28,6 +27,7 @@ from vsf_drake.analysis.validation.study import Progress, Section, Study, reache
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker

@@ -15,7 +15,6 @@ from vsf_drake.analysis.comparison import (
     StanceComparison,
     filtered_while_loaded,
 )
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk, reached, spread
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
@@ -23,6 +22,7 @@ from vsf_drake.motion.events import find_stances
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
+from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
 from vsf_drake.simulation.roll_over import Following, RollOver, RollOverRun, in_mount_frame
 

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vsf_drake.analysis.sentences import say
 from vsf_drake.analysis.validation.bench_section import bench_section, standing_section
 from vsf_drake.analysis.validation.energy_section import energy_section
 from vsf_drake.analysis.validation.roll_over_section import roll_over_section
@@ -29,6 +28,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import plain, read_json, read_npz, replaced, sha256, write_json
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
+from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.many.cases import digest, software
 
