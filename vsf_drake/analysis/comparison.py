@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vsf_drake.motion.events import Stance, find_stances, runs
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.simulation.results import WalkResult
 
 FORCE_CUTOFF_HZ = 40.0
@@ -28,74 +29,38 @@ if TYPE_CHECKING:
     from vsf_drake.simulation.reactions import ReactionSensitivity
 
 
-class Plate(Protocol):
-    """What is needed of a force plate: `vsf_drake.motion.formats.recording.PlateRecording` has it."""
-
-    @property
-    def time_s(self) -> np.ndarray: ...
-
-    @property
-    def force_W(self) -> np.ndarray: ...
-
-    @property
-    def cop_W(self) -> np.ndarray: ...
-
-    @property
-    def has_cop(self) -> bool: ...
-
-
 @dataclass(frozen=True, eq=False)
 class StanceComparison:
-    """One measured stance that overlaps the simulation.
+    """One measured stance that overlaps the simulation; centres of pressure (101, 2) m, fore-aft and lateral, at
+    0-100 % of the measured stance."""
 
-    Attributes:
-        measured: the stance in the plate's whole record.
-        model: the model's stance that overlaps it most, if any.
-        inside: whether the measured stance lies inside the simulated time as a whole.
-        span: (start, end) of stance ± margin, clipped to the compared time (s).
-        wanted_s: length of stance ± margin before clipping.
-        measured_cop: (101, 2) m, centre of pressure fore-aft and lateral at 0-100 % of the measured
-            stance, the whole of it; NaN where the plate is not loaded.
-        model_cop: (101, 2) m, the model's at the same instants; NaN where it cannot be compared.
-    """
-
-    measured: Stance
-    model: Stance | None
-    inside: bool
-    span: tuple[float, float]
-    wanted_s: float
-    measured_cop: np.ndarray
-    model_cop: np.ndarray
+    measured: Stance  # in the plate's whole record
+    model: Stance | None  # the model's stance that overlaps it most, if any
+    inside: bool  # the measured stance lies inside the simulated time as a whole
+    span: tuple[float, float]  # start and end (s) of stance ± MARGIN_S, clipped to the compared time
+    measured_cop: np.ndarray  # of the whole stance; NaN where the plate is not loaded
+    model_cop: np.ndarray  # NaN where it cannot be compared
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Model and plate on the model's instants.
+    """Model and plate on the model's instants."""
 
-    Attributes:
-        time_s: (n,) evenly spaced, where both exist. step_s: its spacing.
-        model, measured: (n, 3) N, low-passed: fore-aft, lateral (left), vertical.
-        scored: (n,) whether the instant lies in a measured stance ± margin.
-        stances: the measured stances that overlap `time_s`, in order.
-        extra_model_stances: model stances that overlap no measured one.
-        heading: (2,) unit vector of progression in W.
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  # (n,) evenly spaced, where both exist
     step_s: float
-    model: np.ndarray
-    measured: np.ndarray
-    scored: np.ndarray
-    stances: tuple[StanceComparison, ...]
-    extra_model_stances: int
-    heading: np.ndarray
+    model: np.ndarray  # (n, 3) N, low-passed: fore-aft, lateral (left), vertical
+    measured: np.ndarray  # likewise
+    scored: np.ndarray  # (n,) bool: the instant lies in a measured stance ± MARGIN_S
+    stances: tuple[StanceComparison, ...]  # that overlap `time_s`, in order
+    extra_model_stances: int  # that overlap no measured one
+    heading: np.ndarray  # (2,) unit vector of progression in W
 
     def within(self, start_s: float, end_s: float) -> np.ndarray:
         """(n,) whether the instant lies in [start_s, end_s]."""
         return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
 
 
-def compare(result: WalkResult, plate: Plate) -> Comparison:
+def compare(result: WalkResult, plate: PlateRecording) -> Comparison:
     """Brings a finished walk and the record of the plate under the prosthetic foot together.
 
     Forces: the plate, which may be longer or shorter, is resampled to the model's instants (and beyond the simulated
@@ -127,12 +92,10 @@ def compare(result: WalkResult, plate: Plate) -> Comparison:
                for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
                                    (result.time_s, result.grf_W[:, 2], result.cop_W))]
         cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
-        wanted = (stance.start_s - MARGIN_S, stance.end_s + MARGIN_S)
         stances.append(StanceComparison(
-            measured=stance, model=partner(stance, model_stances),
-            measured_cop=cop[0], model_cop=cop[1],
+            measured=stance, model=partner(stance, model_stances), measured_cop=cop[0], model_cop=cop[1],
             inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
-            span=(max(wanted[0], float(time[0])), min(wanted[1], float(time[-1]))), wanted_s=wanted[1] - wanted[0]))
+            span=(max(stance.start_s - MARGIN_S, float(time[0])), min(stance.end_s + MARGIN_S, float(time[-1])))))
     comparison = Comparison(
         time_s=time, step_s=step, model=model[kept], measured=_filtered_plate(time, step, plate, plate_force),
         scored=np.zeros(len(time), dtype=bool), stances=tuple(stances), heading=heading,
@@ -165,7 +128,7 @@ def resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarr
     return np.column_stack([np.interp(grid, time, column) for column in values.T])
 
 
-def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarray) -> np.ndarray:
+def _filtered_plate(time: np.ndarray, step: float, plate: PlateRecording, force: np.ndarray) -> np.ndarray:
     before = int(min(MARGIN_S, time[0] - plate.time_s[0]) / step + 1e-6)
     after = int(min(MARGIN_S, plate.time_s[-1] - time[-1]) / step + 1e-6)
     wide = time[0] + step * np.arange(-before, len(time) + after)
@@ -176,12 +139,11 @@ def _filtered_plate(time: np.ndarray, step: float, plate: Plate, force: np.ndarr
 def filtered_while_loaded(
     series: np.ndarray, time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray
 ) -> np.ndarray:
-    """(k, m) a series at other instants, low-passed inside each interval in which the foot is loaded; NaN elsewhere.
+    """(k, m) a series at other instants (k,), low-passed while the foot is loaded, each time apart; NaN elsewhere.
 
     Args:
         series: (n, m) the centre of pressure, or what is as linear as it: a derivative of it.
         time, vertical, cop: (n,) s, (n,) N and (n, 2 or 3) m, which tell when the foot is loaded.
-        instants: (k,) s.
     """
     grid = uniform_grid(time)
     rate = 1.0 / float(grid[1] - grid[0])
@@ -219,17 +181,11 @@ def partner(stance: Stance, candidates: Sequence[Stance]) -> Stance | None:
 
 @dataclass(frozen=True, eq=False)
 class ComparisonSensitivity:
-    """Derivatives of a `Comparison` by P variables, per unit of each.
-
-    Attributes:
-        names: the variables.
-        model: (n, 3, P) N, of `Comparison.model`.
-        cop: of each stance's `model_cop`, (101, 2, P) m, NaN where that is.
-    """
+    """Derivatives of a `Comparison` by P variables, per unit of each."""
 
     names: tuple[str, ...]
-    model: np.ndarray
-    cop: tuple[np.ndarray, ...]
+    model: np.ndarray  # (n, 3, P) N, of `Comparison.model`
+    cop: tuple[np.ndarray, ...]  # (101, 2, P) m, of each stance's `model_cop`, NaN where that is
 
 
 def compare_sensitivity(
@@ -271,15 +227,12 @@ def rmse(model: np.ndarray, measured: np.ndarray) -> float:
 def r_squared(model: np.ndarray, measured: np.ndarray, *, groups: np.ndarray | None = None) -> float:
     """Coefficient of determination 1 - SSE / SST: the share of the measured variance that the model explains.
 
-    It is negative for a model worse than the measured mean; it is not a squared correlation, which
-    would forgive a wrong scale or offset.
+    It is negative for a model worse than the measured mean, NaN where the measured series does not vary; it is not a
+    squared correlation, which would forgive a wrong scale or offset.
 
     Args:
         groups: (n,) labels; SST is then taken about the mean of each group, so that a distance
             between groups (footprints along a walkway) is not counted as explained.
-
-    Returns:
-        NaN where the measured series does not vary.
     """
     model, measured = np.asarray(model, dtype=float), np.asarray(measured, dtype=float)
     labels = np.zeros(measured.shape) if groups is None else np.asarray(groups)
@@ -296,5 +249,4 @@ def cumulative_integral(values: np.ndarray, step: float) -> np.ndarray:
 def uniform_grid(time_s: np.ndarray) -> np.ndarray:
     """Evenly spaced instants over the span of `time_s`, at its median spacing."""
     step = float(np.median(np.diff(time_s)))
-    steps: np.ndarray = np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1)
-    return np.asarray(time_s[0] + step * steps)
+    return np.asarray(time_s[0] + step * np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1))

@@ -24,10 +24,10 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import (
     FORCE_CUTOFF_HZ,
+    MARGIN_S,
     PERCENT,
     THRESHOLD_N,
     Comparison,
-    Plate,
     StanceComparison,
     compare,
     cumulative_integral,
@@ -37,33 +37,34 @@ from vsf_drake.analysis.comparison import (
 from vsf_drake.files import plain
 from vsf_drake.motion.events import find_stances, runs
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 
-def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | None = None,
+def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.ndarray | None = None,
                  comparison: Comparison | None = None) -> dict[str, Any]:
     """The numbers of `metrics.json` (definitions above); plain values, None for what is unknown.
 
     Args:
-        result: the finished walk.
-        plate: the plate under the prosthetic foot.
+        plate: under the prosthetic foot.
         null_curve: (k,) resultant of *another* trial in BW, evenly spaced over its stance
             (`stance_curve`); stretched to the measured stances it is the null model.
-        comparison: `compare(result, plate)` with other options, where wanted.
+        comparison: `compare(result, plate)`, where it was made before.
     """
     c = compare(result, plate) if comparison is None else comparison
     weight = result.subject_mass_kg * GRAVITY
     model, measured = c.model / weight, c.measured / weight
     resultants = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
-    s = c.scored
+    s, wanted = c.scored, sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
+    load, measured_load = float(np.sum(model[s, 2])), float(np.sum(measured[s, 2]))
     metrics = {
         "grf_rmse_bw": rmse(resultants[0][s], resultants[1][s]),
         "grf_r2": r_squared(resultants[0][s], resultants[1][s]),
         "vertical_rmse_bw": rmse(model[s, 2], measured[s, 2]),
         "fore_aft_rmse_bw": rmse(model[s, 0], measured[s, 0]),
         "medio_lateral_rmse_bw": rmse(model[s, 1], measured[s, 1]) if np.any(plate.force_W[:, 1]) else None,
-        "vertical_impulse_error": _relative(np.sum(model[s, 2]), np.sum(measured[s, 2])),
+        "vertical_impulse_error": load / measured_load - 1.0 if measured_load else None,
         **_impulse(c, *resultants),
         **_centre_of_pressure(c, result.foot_length_m),
         **_times(c),
@@ -72,7 +73,7 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
         "stances": [_stance(c, item, model, measured) for item in c.stances],
         "extra_model_stances": c.extra_model_stances,
         "scored_window_s": [[c.time_s[start], c.time_s[stop - 1]] for start, stop in runs(s)],
-        "coverage": _coverage(c),
+        "coverage": sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
         "heading_deg": np.degrees(np.arctan2(c.heading[1], c.heading[0])),
         "body_weight_n": weight,
         "simulated_s": result.simulated_s,
@@ -89,7 +90,7 @@ def walk_metrics(result: WalkResult, plate: Plate, *, null_curve: np.ndarray | N
     return content
 
 
-def stance_curve(plate: Plate, *, subject_mass_kg: float) -> np.ndarray | None:
+def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray | None:
     """(101,) measured resultant in BW over 0-100 % of stance, mean of the complete stances; None without one."""
     rate = 1.0 / float(np.median(np.diff(plate.time_s)))
     force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
@@ -101,19 +102,17 @@ def stance_curve(plate: Plate, *, subject_mass_kg: float) -> np.ndarray | None:
 
 def _impulse(c: Comparison, model: np.ndarray, measured: np.ndarray) -> dict[str, float]:
     """Cumulative impulse (BW s) of the resultant over the stances."""
-    curves: list[tuple[np.ndarray, np.ndarray]] = []
-    for item in c.stances:
-        rows = c.within(item.measured.start_s, item.measured.end_s)
-        curves.append((cumulative_integral(model[rows], c.step_s), cumulative_integral(measured[rows], c.step_s)))
-    both = [np.concatenate(side) for side in zip(*curves, strict=True)] or [np.empty(0), np.empty(0)]
+    rows = [c.within(item.measured.start_s, item.measured.end_s) for item in c.stances]
+    both = [np.concatenate([np.empty(0), *(cumulative_integral(series[own], c.step_s) for own in rows)])
+            for series in (model, measured)]
     return {"impulse_rmse_bws": rmse(*both), "impulse_r2": r_squared(*both)}
 
 
 def _centre_of_pressure(c: Comparison, foot_length: float) -> dict[str, Any]:
     used = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
-    empty = np.empty((0, 2))
-    model = np.concatenate([item.model_cop[rows] for item, rows in zip(c.stances, used, strict=True)] or [empty])
-    measured = np.concatenate([item.measured_cop[rows] for item, rows in zip(c.stances, used, strict=True)] or [empty])
+    model, measured = (
+        np.concatenate([np.empty((0, 2)), *(cop[rows] for cop, rows in zip(side, used, strict=True))])
+        for side in ([item.model_cop for item in c.stances], [item.measured_cop for item in c.stances]))
     footprint = np.repeat(np.arange(len(used)), [np.count_nonzero(rows) for rows in used])
     return {
         "cop_rmse_fl": rmse(model[:, 0], measured[:, 0]) / foot_length,
@@ -160,7 +159,16 @@ def _null_rmse(c: Comparison, measured: np.ndarray, curve: np.ndarray) -> float:
 
 
 def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray) -> dict[str, Any]:
-    halves = np.linspace(item.measured.start_s, item.measured.end_s, 3)
+    start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
+    first, second, whole = c.within(start, middle), c.within(middle, end), c.within(start, end)
+
+    def peaks(force: np.ndarray) -> dict[str, float]:
+        """Largest vertical load in each half of the stance, and the extremes fore-aft, as far as simulated."""
+        return {"vertical_first_half": np.max(force[first, 2], initial=-np.inf),
+                "vertical_second_half": np.max(force[second, 2], initial=-np.inf),
+                "braking": np.min(force[whole, 0], initial=np.inf),
+                "propulsion": np.max(force[whole, 0], initial=-np.inf)}
+
     return {
         "measured_start_s": item.measured.start_s,
         "measured_end_s": item.measured.end_s,
@@ -169,31 +177,9 @@ def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: 
         "complete": item.inside,
         "scored_s": list(item.span),
         "cop_points": np.count_nonzero(np.isfinite(item.model_cop[:, 0])),
-        "model_peaks_bw": _peaks(c, model, halves),
-        "measured_peaks_bw": _peaks(c, measured, halves),
+        "model_peaks_bw": peaks(model),
+        "measured_peaks_bw": peaks(measured),
     }
-
-
-def _peaks(c: Comparison, force: np.ndarray, halves: np.ndarray) -> dict[str, float]:
-    """Largest vertical load in each half of the stance, and the extremes fore-aft, as far as simulated."""
-    first, second = force[c.within(halves[0], halves[1])], force[c.within(halves[1], halves[2])]
-    whole = np.concatenate((first, second))
-    return {
-        "vertical_first_half": np.max(first[:, 2], initial=-np.inf),
-        "vertical_second_half": np.max(second[:, 2], initial=-np.inf),
-        "braking": np.min(whole[:, 0], initial=np.inf),
-        "propulsion": np.max(whole[:, 0], initial=-np.inf),
-    }
-
-
-def _coverage(c: Comparison) -> float | None:
-    """Share of the measured stances ± margin that the simulation covers."""
-    wanted = sum(item.wanted_s for item in c.stances)
-    return sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None
-
-
-def _relative(value: float, reference: float) -> float | None:
-    return float(value / reference - 1.0) if reference else None
 
 
 def _mean(values: list[float]) -> float | None:

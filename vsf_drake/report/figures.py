@@ -19,7 +19,8 @@ from vsf_drake.analysis.bench_metrics import (
     displacement,
     published_stiffness,
 )
-from vsf_drake.analysis.comparison import PERCENT, Comparison, Plate, compare
+from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
     HEEL_COLOUR,
     MARKERS,
@@ -118,7 +119,7 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: Mapping[str, Any]) -
     label(axes, x="fulcrum from the keel's posterior end (mm)", y="stiffness (N/mm)", title="Stiffness above 200 N")
 
 
-def walk_figure(result: WalkResult, plate: Plate, metrics: Mapping[str, Any]) -> Figure:
+def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Mapping[str, Any]) -> Figure:
     """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and the load of each zone.
 
     Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`. Stances that the

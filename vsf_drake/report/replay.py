@@ -12,11 +12,12 @@ from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGr
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, Plate, resample, uniform_grid, walking_direction
+from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, resample, uniform_grid, walking_direction
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
 from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
@@ -39,7 +40,7 @@ ARROW_M_PER_BW = 1.0
 _SHAFT_RADIUS_M, _HEAD_LENGTH_M, _HEAD_RADIUS_M, _TRACE_RADIUS_M = 0.010, 0.07, 0.024, 0.004
 
 
-def write_replay(result: WalkResult, path: str | Path, *, plate: Plate | None = None,
+def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording | None = None,
                  frame_rate_hz: float = 60.0) -> None:
     """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
 
@@ -203,7 +204,7 @@ class Frames:
     measured: ForceFrames | None
 
 
-def make_frames(result: WalkResult, *, plate: Plate | None, rate_hz: float) -> Frames:
+def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: float) -> Frames:
     """Samples `result` (and `plate`, the record under the prosthetic foot) at `rate_hz` frames a second."""
     if not 0.0 < rate_hz <= HIGHEST_RATE_HZ:
         raise InputError(f"{rate_hz:g} frames per second cannot be shown", where="frame_rate_hz",
