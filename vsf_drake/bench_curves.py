@@ -35,14 +35,10 @@ from vsf_drake.errors import InputError
 from vsf_drake.schema import load_yaml, quantity
 from vsf_drake.text_table import as_label, table_rows, text_lines
 
-FEWEST_SAMPLES = 5
-"""Of a pass, from touch-down on."""
-LATEST_START = 0.05
-"""Share of the largest load with which a pass may begin, and over which its first slope is taken."""
-FARTHEST_TOUCH = 0.1
-"""Share of a pass's travel by which touch-down may lie before its first sample."""
-LARGEST_FALL = 0.05
-"""Share of the largest load by which the load may fall while a pass loads: noise and no more."""
+FEWEST_SAMPLES = 5  # of a pass, from touch-down on
+LATEST_START = 0.05  # share of the largest load with which a pass may begin, and over which its first slope is taken
+FARTHEST_TOUCH = 0.1  # share of a pass's travel by which touch-down may lie before its first sample
+LARGEST_FALL = 0.05  # share of the largest load by which the load may fall while a pass loads: noise and no more
 _NEEDED = "It needs the columns fulcrum_mm, displacement_mm and load_n (or fulcrum_m, displacement_m, load_kn), and " \
           "repeat where a setting was pressed more than once"
 _COLUMNS = {
@@ -273,8 +269,7 @@ def _is_number(cell: str) -> bool:
 #     displacement_uncertainty_mm: 0.5
 
 
-STIFFNESS_ABOVE_N = 200.0
-"""Load (N) from which the slope counts."""
+STIFFNESS_ABOVE_N = 200.0  # load (N) from which the slope counts
 _LOWEST, _HIGHEST = 0.1, 1000.0
 _SHORTEST, _LONGEST = 0.01, 300.0
 

@@ -36,12 +36,9 @@ from vsf_drake.yaml_file import Dumper
 
 T = TypeVar("T")
 FORMAT = "vsf_drake contact 1"
-FEWEST_COEFFICIENTS = 4
-"""Of a cubic spline."""
-PATHS = ("pelvis_tx", "pelvis_tz")
-"""Translations of the pelvis that a fit may correct recording by recording."""
-LARGEST_CORRECTION = 1.0
-"""rad, m: of a coordinate, far beyond what any recording errs by."""
+FEWEST_COEFFICIENTS = 4  # of a cubic spline
+PATHS = ("pelvis_tx", "pelvis_tz")  # translations of the pelvis that a fit may correct recording by recording
+LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
     r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
     r"contact\..+\.(full_damping_depth|rise)": "m", r"friction\.mu_(static|kinetic)": "1",

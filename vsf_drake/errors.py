@@ -51,8 +51,7 @@ class FitError(VsfError):
     exit_code = 4
 
 
-CLEARING_S = 10.0
-"""How long after a signal the program may take to clear up."""
+CLEARING_S = 10.0  # how long after a signal the program may take to clear up
 _asked_s = -math.inf
 
 

@@ -31,8 +31,7 @@ import numpy as np
 from vsf_drake.errors import UNPRINTABLE, InputError
 
 _FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
-_SHOWN = 60
-"""Characters of a path that cannot be one, in messages."""
+_SHOWN = 60  # characters of a path that cannot be one, in messages
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -105,8 +104,7 @@ def sha256(path: str | Path) -> str:
 # Writing: a part beside the target, locked while its process lives, becomes the target at the end.
 
 
-OTHER_HOSTS_S = 7 * 86400.0
-"""How long what another machine has begun stays, whose processes cannot be seen from here."""
+OTHER_HOSTS_S = 7 * 86400.0  # how long what another machine has begun stays, whose processes cannot be seen from here
 _HOST = hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
 
 
@@ -216,8 +214,7 @@ def csv_cells(values: Iterable[Any]) -> list[Any]:
 # JSON: tables in full precision, never NaN.
 
 
-MOST_JSON_BYTES = 2**25
-"""Of a table that is read; that of a sweep of 100 000 walks has that many."""
+MOST_JSON_BYTES = 2**25  # of a table that is read; that of a sweep of 100 000 walks has that many
 _TAKEN, _MOST_TAKEN = {"{": 232, "[": 64, ",": 64}, 2**28
 """Bytes that each of these letters stands for in memory, about, and how many all may take."""
 _MOST_DIGITS = 99
@@ -272,12 +269,10 @@ def _sound(value: Any) -> bool:
 # .npz: arrays of numbers and text by name.
 
 
-MOST_NPZ_BYTES = 2**31
-"""Of all arrays of a file together; a walk of ten minutes has 1.3e9."""
+MOST_NPZ_BYTES = 2**31  # of all arrays of a file together; a walk of ten minutes has 1.3e9
 ALWAYS_BYTES, LARGEST_RATIO = 2**27, 8
 """What any file may hold, and how many times its own size beyond that; walks are compressed to 0.6 of theirs."""
-_DIRECTORY_BYTES, _PIECE = 2**20, 2**20
-"""Of the list of arrays; of what is read at once."""
+_DIRECTORY_BYTES, _PIECE = 2**20, 2**20  # of the list of arrays; of what is read at once
 _END = struct.Struct("<4s4xHHLL2x")
 _HEADER = re.compile(
     rb"\{'descr': '([<|](?:b1|[iu][1248]|f[248]|U[1-9]\d{0,4}))', 'fortran_order': (True|False), "

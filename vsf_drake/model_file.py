@@ -14,8 +14,7 @@ from vsf_drake.schema import check, load_yaml, unit_hint
 
 FOAM_LOADS_N = (200.0, 600.0)
 """Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper one a choice)."""
-DEEPEST_M = 1.0
-"""A foam that bears less than the largest load at this depth is none."""
+DEEPEST_M = 1.0  # a foam that bears less than the largest load at this depth is none
 
 
 def load_model(path: str | Path) -> ModelParameters:

@@ -23,8 +23,7 @@ _PUBLIC = "GaitModel_VSF scripts"
 _CHOICE = "choice, not measured"
 _SOCKET = "derived from Childers 2016, PMC4208197 and Klute 2024, axis by axis as SocketParameters says"
 
-GRAVITY = 9.81
-"""m/s^2, as in Drake; what body weight means everywhere here."""
+GRAVITY = 9.81  # m/s^2, as in Drake; what body weight means everywhere here
 FOAM_DAMPING_TIME_S = 0.1 * 2 * 0.6 / math.pi**2
 """Foam damping / stiffness (s) by default: loses 10 % of the energy of a 0.6 s half-sine load cycle when it acts
 in loading only (loss / stored energy = time * pi^2 / (2 * 0.6 s)), as much as the keel's. A choice; McGeehan 2021

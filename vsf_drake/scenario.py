@@ -27,8 +27,7 @@ from vsf_drake.parameters import GRAVITY, SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
 
 KINDS = ("bench", "person", "leg")
-CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")
-"""As `plants.foot.CONTACTS`."""
+CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")  # as `plants.foot.CONTACTS`
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler", "runge_kutta2", "runge_kutta3",
                "runge_kutta5", "bogacki_shampine3", "explicit_euler", "semi_explicit_euler")
 PACKAGE = "package://vsf_drake/"

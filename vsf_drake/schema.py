@@ -36,8 +36,7 @@ _OTHER_UNITS = {"mm": {"metres": 1e3, "centimetres": 10.0},
 """What else people give where a unit is asked for, and how much of that unit it is."""
 
 
-_SHOWN = 40
-"""Letters of a wrong value in messages."""
+_SHOWN = 40  # letters of a wrong value in messages
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
 _RIGHT = {float: "Write it in decimals, such as 70, 0.5 or 1e5", int: "Write it in decimals, such as 70",
           bool: "Write true or false"}

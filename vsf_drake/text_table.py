@@ -14,12 +14,9 @@ import numpy as np
 from vsf_drake.errors import UNPRINTABLE, InputError
 from vsf_drake.files import reading
 
-LONGEST_LINE = 4_000_000
-"""Characters; a TRC line of 1000 markers has 40 000."""
-MOST_ODDITIES = 10_000
-"""Cells that hold no number and are remembered as they stand, for messages."""
-_SPARSE = 4
-"""Cells that are kept for each byte of the file, at most; a cell that stands there takes one byte or more."""
+LONGEST_LINE = 4_000_000  # characters; a TRC line of 1000 markers has 40 000
+MOST_ODDITIES = 10_000  # cells that hold no number and are remembered as they stand, for messages
+_SPARSE = 4  # cells that are kept for each byte of the file, at most; a cell that stands there takes one byte or more
 _NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(ind", "nan(snan", "na", "n/a", "null",
               "none"}
 

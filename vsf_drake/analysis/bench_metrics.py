@@ -18,14 +18,11 @@ from vsf_drake.files import plain
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
-PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}
-"""Fulcrum (m) -> stiffness (N/m), measured on the prototype."""
+PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}  # fulcrum (m) -> stiffness (N/m), measured on the prototype
 PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
 _SAME_POSITION_M = 5e-4
-_START_SHARE = 0.02
-"""Share of the largest load with which a curve may start."""
-_NOISE = 1e-6
-"""Share of the largest load by which a load may fall without counting as not monotone."""
+_START_SHARE = 0.02  # share of the largest load with which a curve may start
+_NOISE = 1e-6  # share of the largest load by which a load may fall without counting as not monotone
 
 
 def displacement(setting: BenchSetting) -> np.ndarray:

@@ -14,10 +14,8 @@ from vsf_drake.simulation.results import WalkResult
 
 USUAL_PEAK_BW = (0.8, 1.8)
 """Range of the measured peak resultant in walking (body weights); outside it the mass is the first suspect."""
-FAR_COP_FL = 1.0
-"""Distance between the two centres of pressure (foot lengths) at which they are not of the same foot."""
-SCUFF_BW = 0.05
-"""Contact of the swinging foot (body weights) that is worth a sentence."""
+FAR_COP_FL = 1.0  # distance between the two centres of pressure (foot lengths) at which they are not of the same foot
+SCUFF_BW = 0.05  # contact of the swinging foot (body weights) that is worth a sentence
 
 
 def doubts(result: WalkResult, comparison: Comparison, metrics: dict[str, Any], fit: OffsetFit | None) -> list[str]:

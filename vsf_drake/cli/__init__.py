@@ -11,8 +11,7 @@ from typing import Any, Self
 
 from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
-RAISED_AGAIN_S = 0.05
-"""How long after a signal fell into a callback of compiled code it is raised once more (a choice)."""
+RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 

@@ -22,11 +22,9 @@ console = Console(markup=False, highlight=False, emoji=False)
 errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 """What they print may hold a user's names: nothing in it is markup."""
 
-INTERRUPTED = 130
-"""What Typer ends with after Ctrl-C."""
+INTERRUPTED = 130  # what Typer ends with after Ctrl-C
 
-path = user_path
-"""A path that a user gave, with ~ expanded."""
+path = user_path  # a path that a user gave, with ~ expanded
 Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
 OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")]
 Model = Annotated[Path | None, typer.Option(parser=path, help="Model file (YAML) instead of the nominal one.")]

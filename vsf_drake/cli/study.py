@@ -11,8 +11,7 @@ import typer
 from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, print_text, progress, say, warn
 from vsf_drake.errors import InputError, SimulationError
 
-MOST_ISO_FORCE_N = 10_000.0
-"""Beyond what any structural test presses a foot with (a choice)."""
+MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot with (a choice)
 
 
 @app.command()

@@ -30,10 +30,8 @@ from vsf_drake.cli.app import (
 from vsf_drake.errors import InputError, SimulationError
 
 SHIFT = "fulcrum.shift"
-MOST = 20_000
-"""Walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s."""
-MANY = 2_000
-"""Walks above which a sweep has to be meant."""
+MOST = 20_000  # walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s
+MANY = 2_000  # walks above which a sweep has to be meant
 
 
 @app.command()

@@ -37,18 +37,14 @@ from vsf_drake.report.style import (
 from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, WalkResult
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
-TITLE_WIDTH = 110
-"""Letters on a line of the title: what the figure is wide enough for."""
-MOST_LABELLED = 4
-"""Stances that the legend tells apart; a longer recording shows its footprints without one."""
+TITLE_WIDTH = 110  # letters on a line of the title: what the figure is wide enough for
+MOST_LABELLED = 4  # stances that the legend tells apart; a longer recording shows its footprints without one
 PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"
-LIMIT_MM = 1e3 * LARGEST_DRIFT_M
-"""Where standing still ends, marked in the figure."""
+LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
 _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
            ("cop_rmse_fl", 100.0, "RMS error (% foot length)", "Centre of pressure, fore-aft"),
            ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"))
-_WIDE = 20.0
-"""Ratio of largest to smallest value above which the axis is logarithmic."""
+_WIDE = 20.0  # ratio of largest to smallest value above which the axis is logarithmic
 
 
 def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:

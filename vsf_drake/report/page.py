@@ -24,13 +24,11 @@ from vsf_drake.errors import InputError, raise_if_interrupted
 from vsf_drake.files import csv_cells, replaced
 from vsf_drake.report.style import save_figure, style
 
-FIGURES, TABLES = "figures", "tables"
-"""Folders of the files of chapters."""
+FIGURES, TABLES = "figures", "tables"  # folders of the files of chapters
 UNKNOWN = "–"
 _PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
 """Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
-_SENTENCES = re.compile(r"<(p|li)[ >].*?</\1>", re.DOTALL)
-"""What templates may break into lines."""
+_SENTENCES = re.compile(r"<(p|li)[ >].*?</\1>", re.DOTALL)  # what templates may break into lines
 _NUMBER = r"[+-]?[0-9.]+(e[+-]?[0-9]+)?"
 
 

@@ -33,10 +33,8 @@ T = TypeVar("T")
 PREDICTED: RGB = (0.90, 0.38, 0.00)
 MEASURED: RGB = (0.10, 0.25, 0.65)
 LOADED: RGB = (0.80, 0.05, 0.05)
-WALK, FORCES, GROUND = "/walk", "/forces", "/ground"
-"""Where things stand in Meshcat's tree."""
-ARROW_M_PER_BW = 1.0
-"""Length of a force arrow for one body weight (m)."""
+WALK, FORCES, GROUND = "/walk", "/forces", "/ground"  # where things stand in Meshcat's tree
+ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
 _SHAFT_RADIUS_M, _HEAD_LENGTH_M, _HEAD_RADIUS_M, _TRACE_RADIUS_M = 0.010, 0.07, 0.024, 0.004
 
 
@@ -179,8 +177,7 @@ def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray
 
 
 HIGHEST_RATE_HZ = 1000.0
-FULL_COLOUR_BW = 0.1
-"""Normal force (body weights) at which a contact sphere has its full colour."""
+FULL_COLOUR_BW = 0.1  # normal force (body weights) at which a contact sphere has its full colour
 
 
 @dataclass(frozen=True, eq=False)

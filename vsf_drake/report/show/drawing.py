@@ -16,8 +16,7 @@ from vsf_drake.report.page import render
 
 RGB = tuple[float, float, float]
 FIELD_OF_VIEW_DEG, ASPECT, ENDLESS = 35.0, 1.6, 100_000
-_AXES = (Rgba(0.85, 0.10, 0.10), Rgba(0.10, 0.60, 0.15), Rgba(0.15, 0.25, 0.85))
-"""Colours of x, y, z."""
+_AXES = (Rgba(0.85, 0.10, 0.10), Rgba(0.10, 0.60, 0.15), Rgba(0.15, 0.25, 0.85))  # colours of x, y, z
 _STROKES = {
     "W": [(0.0, 1.0), (0.25, 0.0), (0.5, 0.8), (0.75, 0.0), (1.0, 1.0)],
     "K": [(0.0, 0.0), (0.0, 1.0), (0.0, 0.45), (0.9, 1.0), (0.0, 0.45), (0.9, 0.0)],

@@ -24,10 +24,8 @@ from vsf_drake.report.show.drawing import ASPECT, FIELD_OF_VIEW_DEG, add_arrow, 
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
 KINDS = ("foot", "bench", "person")
-MODEL, FRAMES, ARROW = "/model", "/frames", "/load"
-"""Where bodies, triads and the load's arrow stand in Meshcat's tree."""
-LOAD, FULCRUM = "load at the toe", "fulcrum"
-"""Names of the two controls that bend the keel."""
+MODEL, FRAMES, ARROW = "/model", "/frames", "/load"  # where bodies, triads and the load's arrow stand in Meshcat's tree
+LOAD, FULCRUM = "load at the toe", "fulcrum"  # names of the two controls that bend the keel
 LARGEST_LOAD_N, ARROW_M_PER_N, _HEAD_M = 800.0, 2.5e-4, (0.018, 0.008)
 PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
 _PLATEN_THICKNESS_M = 0.010

@@ -22,8 +22,7 @@ from vsf_drake.report.show.scene import FRAMES, FULCRUM, LARGEST_LOAD_N, LOAD, S
 
 LEAST_PORT, LAST_PORT = 1024, 65535
 FRAMES_PER_SECOND = 20.0
-SHOWN_LOAD_N = 400.0
-"""Under which the fulcrum moves on a page without sliders."""
+SHOWN_LOAD_N = 400.0  # under which the fulcrum moves on a page without sliders
 BEND_S, MOVE_S, COORDINATE_S = 1.0, 2.0, 0.8
 """How long the load takes to come and to go, the fulcrum from end to end, a coordinate to its value and back."""
 _LARGEST_SHARE = 0.5
