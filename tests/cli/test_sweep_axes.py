@@ -21,8 +21,8 @@ def test_a_list_and_a_single_value_stay_as_they_are():
 
 
 def test_a_sample_takes_a_name_with_its_own_or_with_other_bounds():
-    assert axis("offset.height", sampled=True).bounds is None
-    assert axis("offset.height=-0.01:0.02", sampled=True).bounds == (-0.01, 0.02)
+    assert axis("offset.height", sampled=True).values == ()
+    assert axis("offset.height=-0.01:0.02", sampled=True).values == (-0.01, 0.02)
 
 
 @pytest.mark.parametrize(("text", "said"), [

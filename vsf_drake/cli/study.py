@@ -33,13 +33,7 @@ def validate(
 ) -> None:
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation import (
-        StudyOptions,
-        embedded_bench,
-        embedded_contact,
-        embedded_trials,
-        make_study,
-    )
+    from vsf_drake.analysis import validation
     from vsf_drake.analysis.validation.run import NAMES, SectionStore, first_line, run_sections, validation_content
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
@@ -48,17 +42,18 @@ def validate(
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
                          right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")
-    options = StudyOptions(quick=quick, seed=seed, workers=workers, iso_force_n=iso_force_n)
+    options = validation.StudyOptions(quick=quick, seed=seed, workers=workers, iso_force_n=iso_force_n)
     exact = None
     with progress() as show:
         if trials:
-            study = make_study(trials, contact=contact, bench=bench, options=options, progress=show)
+            study = validation.make_study(trials, contact=contact, bench=bench, options=options, progress=show)
         else:
-            study = make_study(embedded_trials(quick=quick), contact=contact or embedded_contact(),
-                               bench=bench or embedded_bench(), options=options, progress=show)
+            study = validation.make_study(
+                validation.embedded_trials(quick=quick), contact=contact or validation.embedded_contact(),
+                bench=bench or validation.embedded_bench(), options=options, progress=show)
             if contact is None and not quick:
-                exact = make_study(embedded_trials("exact"), contact=embedded_contact("exact"), options=options,
-                                   progress=show)
+                exact = validation.make_study(validation.embedded_trials("exact"), options=options, progress=show,
+                                              contact=validation.embedded_contact("exact"))
     console.print(first_line(study))
     try:
         with progress() as show:

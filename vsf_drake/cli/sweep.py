@@ -7,9 +7,8 @@ import math
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -94,8 +93,8 @@ def sweep(
         plan["vary"] = {item.name: item.values for item in axes}
         sets = grid_values(plan["vary"])
     else:
-        bounded = {item.name: dataclasses.replace(variables[item.name], low=item.bounds[0], high=item.bounds[1])
-                   if item.bounds else variables[item.name] for item in axes}
+        bounded = {name: dataclasses.replace(variables[name], low=values[0], high=values[1]) if values
+                   else variables[name] for name, values in axes}
         plan["sample"] = {"count": sample, "seed": seed, "bounds": {k: [v.low, v.high] for k, v in bounded.items()},
                           "method": "Latin hypercube, of the logarithm where the lower bound is above 0"}
         sets = sample_values(bounded, list(bounded), sample, seed)
@@ -142,7 +141,7 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
         try:
             check_names([item.name for item in axes], own, where="--vary")
             for item in axes:
-                for value in (*item.values, *(item.bounds or ())):
+                for value in item.values:
                     check_values({item.name: value}, own)
         except InputError as error:
             where = (error.where or "").removeprefix("values").strip("[]'")
@@ -153,7 +152,7 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
         variables = variables or own
         for mm in positions:
             check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
-    if sampled and any(item.name == SHIFT and item.bounds is None for item in axes):
+    if sampled and any(item.name == SHIFT and not item.values for item in axes):
         variables = _within_reach(variables, found, positions)
     return {name if names.count(name) == 1 else f"{name} ({file})": trial
             for name, file, trial in zip(names, trials, found, strict=True)}, variables
@@ -190,13 +189,11 @@ def _print_variables(trials: Sequence[Any]) -> None:
 # What a user may vary in a sweep, from the words of the command line to numbers.
 
 
-@dataclass(frozen=True)
-class Axis:
-    """One quantity with its values on a grid; for a sample only its bounds, or None for the variable's own."""
+class Axis(NamedTuple):
+    """One quantity with its values on a grid; for a sample with its two bounds, or none for the variable's own."""
 
     name: str
     values: tuple[float, ...] = ()
-    bounds: tuple[float, float] | None = None
 
 
 def axis(text: str, *, sampled: bool) -> Axis:
@@ -213,7 +210,7 @@ def axis(text: str, *, sampled: bool) -> Axis:
     if len(ends) != 2:
         raise InputError(f"{spec!r} are no bounds", where=where,
                          right=f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample")
-    return Axis(name, bounds=_rising(ends, where))
+    return Axis(name, _rising(ends, where))
 
 
 def values_of(text: str, where: str) -> tuple[float, ...]:
