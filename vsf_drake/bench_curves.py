@@ -78,10 +78,8 @@ class BenchCurves:
 def load_bench_curves(path: str | Path) -> BenchCurves:
     """Reads a file of load-displacement curves.
 
-    Raises:
-        InputError: the file is missing, empty or no text; a column is missing, unknown, doubled or in another unit; a
-            cell holds no finite number; a number cannot be of its unit; within a pass the displacement falls or the
-            load falls by more than noise; a pass has too few samples, begins too late or is never loaded.
+    InputError names line and column of what is no number or cannot be of its unit, and the pass whose displacement
+    falls, whose load falls by more than noise, or that has too few samples, begins too late or is never loaded.
     """
     path, notes = Path(path), dict[str, str]()
     lines, oddities = _samples(path, notes), dict[tuple[int, int], str]()
@@ -315,12 +313,7 @@ class _BenchFile:
 
 
 def load_bench_file(path: str | Path) -> BenchMeasurement:
-    """Reads a bench file.
-
-    Raises:
-        InputError: see `load_yaml`; there is no setting, or the fulcrum positions do not increase; the largest load is
-            not above 200 N; mid-range displacements are given of some settings only.
-    """
+    """Reads a bench file; positions must increase, mid-range displacements are there for all settings or for none."""
     read = load_yaml(path, _BenchFile)
     if not read.forefoot:
         raise InputError("holds no setting", file=path, where="forefoot",

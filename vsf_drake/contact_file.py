@@ -119,13 +119,7 @@ def save_contact(contact: FittedContact, path: str | Path) -> None:
 
 
 def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> FittedContact:
-    """Returns `contact` after checking what it names and every number in it.
-
-    Raises:
-        InputError: a value is no variable that a fit may hold, or no finite number; a coordinate is not the person's,
-            or corrected beyond reason; a curve or path has too few coefficients; a coordinate or a recording stands
-            twice; the provenance is missing, as in a file that was cut short.
-    """
+    """Returns `contact` after checking what it names, once each, and every number in it; none may be missing."""
     def refuse(what: str, where: str, right: str | None = None) -> InputError:
         return InputError(what, file=file, where=where, right=right)
 
@@ -232,9 +226,7 @@ def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str
                ) -> ModelParameters:
     """`model` with those of `values` (SI, by name) that are its own; `file` is where they come from.
 
-    Raises:
-        InputError: a name is unknown, or is of a zone that the model lacks; a number is out of the model's range, or
-            the parts no longer make a foot.
+    InputError for a zone that the model lacks, a number out of its range, and parts that no longer make a foot.
     """
     foot, socket = model.foot, model.socket
     for name, value in values.items():

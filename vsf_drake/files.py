@@ -112,10 +112,8 @@ _HOST = hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
 def replaced(path: str | Path, mode: str = "w", *, lasting: bool = False) -> Iterator[IO[Any]]:
     """A file to write that becomes `path` only when the block ends without an exception; else an older one stays.
 
-    Args:
-        path: in an existing folder.
-        mode: "w" for text (UTF-8, lines end in a line feed) or "wb" for bytes.
-        lasting: whether it must be whole even if the machine stops in the next moment, which costs milliseconds.
+    `mode` is "w" for text (UTF-8, lines end in a line feed) or "wb" for bytes. `lasting` makes it whole even if the
+    machine stops in the next moment, which costs milliseconds.
     """
     path = Path(path)
     if mode not in ("w", "wb"):

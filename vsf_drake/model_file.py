@@ -31,13 +31,7 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
 
 
 def check_foot(foot: FootParameters, *, file: str | Path | None = None, group: str = "") -> FootParameters:
-    """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what messages call it.
-
-    Raises:
-        InputError: a value is out of range; lists of one zone differ in length; there are no zones, no sphere on the
-            heel block or one ahead of the keel; fulcrum or load point lie outside the keel; the parts weigh more than
-            the foot, or are higher than it.
-    """
+    """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what messages call it."""
     def refuse(what: str, where: str, right: str | None = None) -> InputError:
         return InputError(what, file=file, where=f"{group}{where}", right=right)
 

@@ -111,12 +111,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Scenario:
-    """Returns `scenario` after checking it: every number, and that its keys belong together.
-
-    Raises:
-        InputError: a number is out of range; a key is not for this kind, or one is missing; a name stands twice; a
-            file does not exist.
-    """
+    """Returns `scenario` after checking every number, that its keys belong together and that its files exist."""
     def refuse(what: str, where: str, right: str) -> InputError:
         return InputError(what, file=file, where=where, right=right)
 

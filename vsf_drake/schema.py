@@ -56,9 +56,7 @@ def choice(default: Any = dataclasses.MISSING, *, options: tuple[str, ...], sour
 def load_yaml(path: str | Path, schema: type[T], *, right: str | None = None) -> T:
     """Reads `path` into `schema`; `right` is what to do if there is no such file.
 
-    Raises:
-        InputError: see `vsf_drake.yaml_file.read_yaml`; a key is unknown, doubled or missing; a value has the wrong
-            type, is not finite or is out of range.
+    InputError, with file, line and key: a key is unknown, doubled or missing; a value has the wrong type or range.
     """
     node = read_yaml(path, right=right)
     if node is None:

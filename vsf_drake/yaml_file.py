@@ -30,10 +30,8 @@ _WORDS = {**dict.fromkeys(("", "~", "null", "Null", "NULL")), **dict.fromkeys(("
 def read_yaml(path: str | Path, *, right: str | None = None) -> yaml.Node | None:
     """The one document of a file, whose keys are all scalars; None if it is empty.
 
-    Raises:
-        InputError: the file is missing (then `right` says what to do), no text, no YAML or too large; has more than
-            MOST_NODES values (aliases counted as what they stand for), is nested more than DEEPEST deep, has aliases of
-            what holds aliases, keys that are no scalars, or unprintable characters. The message names file and line.
+    InputError, with file and line, beyond MOST_NODES values (aliases counted as what they stand for) or DEEPEST, for
+    aliases of what holds aliases and for unprintable characters; `right` is what to do if there is no such file.
     """
     text = read_text(path, most=MOST_BYTES, right=right)
     try:

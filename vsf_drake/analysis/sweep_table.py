@@ -56,10 +56,8 @@ def sweep_table(
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """What sweep.json holds, and the rows of sweep.csv.
 
-    Args:
-        outcomes: of walks of the `trials`, which are given by the names that the table shall have.
-        variables: that were varied; fulcrum: whether it was.
-        plan: what was asked for. show: called with the finished fraction.
+    The `outcomes` are of walks of the `trials`, which are given by the names that the table shall have; `variables`
+    were varied, and the `fulcrum`; `plan` is what was asked for; `show` is called with the finished fraction.
     """
     rows: list[dict[str, Any]] = []
     peaks, name_of = dict[str, float | None](), {id(trial): name for name, trial in trials.items()}

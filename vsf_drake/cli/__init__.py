@@ -28,8 +28,11 @@ def main() -> None:
 
 def _ended(signals: _Signals) -> int | str | None:
     """Runs the command, and says what there is to say of how it ended; the exit code."""
-    try:
-        _run()
+    try:  # the commands are loaded here, where a signal already finds its answer
+        from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
+        from vsf_drake.cli.app import app
+
+        app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
         if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # Typer's word for it, and ours
@@ -52,14 +55,6 @@ def _ended(signals: _Signals) -> int | str | None:
         fail(str(error))
         return error.exit_code
     return 0
-
-
-def _run() -> None:
-    """Loads the commands here, where a signal already finds its answer, and runs the one that is asked for."""
-    from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
-    from vsf_drake.cli.app import app
-
-    app()
 
 
 class _Signals:
@@ -96,8 +91,11 @@ class _Signals:
             signal.signal(each, signal.SIG_IGN)
 
     def _interrupt(self, number: int, frame: Any) -> None:
-        if number == signal.SIGHUP:
-            _leave_terminal()
+        if number == signal.SIGHUP:  # what is said from now on goes nowhere: to the closed terminal it were an error
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            for stream in (1, 2):
+                if stat.S_ISCHR(os.fstat(stream).st_mode):
+                    os.dup2(nowhere, stream)
         if number == signal.SIGINT or not interrupted_lately():  # no other disturbs the clearing up
             self.ended_by = signal.Signals(number)
             note_interruption()
@@ -116,11 +114,3 @@ class _Signals:
             self._interrupt(self.ended_by, frame)
         else:  # results are being put in their place: after that
             signal.setitimer(signal.ITIMER_REAL, RAISED_AGAIN_S)
-
-
-def _leave_terminal() -> None:
-    """What is said from now on goes nowhere instead of to a terminal that is closed, where it would be an error."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for stream in (1, 2):
-        if stat.S_ISCHR(os.fstat(stream).st_mode):
-            os.dup2(nowhere, stream)
