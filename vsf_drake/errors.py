@@ -35,6 +35,12 @@ class InputError(VsfError):
         super().__init__(UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), message))
 
 
+def require(holds: object, what: str, where: str, right: str | None = None) -> None:
+    """Raises InputError unless `holds`."""
+    if not holds:
+        raise InputError(what, where=where, right=right)
+
+
 class SimulationError(VsfError):
     """A simulation that could not be carried to its end: what happened, in which part of the model, and when."""
 

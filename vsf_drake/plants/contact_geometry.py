@@ -42,12 +42,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.ground import Ground, GroundPatch, check_ground, ground_arrays
 from vsf_drake.laws.hunt_crossley import matched_dissipation
 from vsf_drake.model_file import secant_stiffness
 from vsf_drake.parameters import FootParameters, FrictionParameters
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, require
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
 REFERENCE_LOAD_N = 50.0

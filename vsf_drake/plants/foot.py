@@ -36,20 +36,12 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_foot, check_fulcrum, secant_stiffness
 from vsf_drake.parameters import SIDES, FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_contact_geometry, check_scene_graph
-from vsf_drake.plants.foot_handles import (
-    FULCRUM_M,
-    ContactSites,
-    FootHandles,
-    check_context,
-    check_type,
-    require,
-    zone_sites,
-)
+from vsf_drake.plants.foot_handles import FULCRUM_M, ContactSites, FootHandles, check_context, check_type, zone_sites
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)

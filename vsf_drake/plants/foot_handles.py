@@ -9,7 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyConstraintId, RigidBody
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.parameters import ContactZone, FootParameters
 
 FULCRUM_M = 0.108
@@ -72,12 +72,6 @@ class FootHandles:
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
         return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
-
-
-def require(holds: object, what: str, where: str, right: str | None = None) -> None:
-    """Raises InputError unless `holds`."""
-    if not holds:
-        raise InputError(what, where=where, right=right)
 
 
 def check_type(value: object, kind: type, where: str, right: str) -> None:

@@ -11,12 +11,13 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, LeafSystem, OutputPort
 
+from vsf_drake.errors import require
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ActuatorParameters, FrictionParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.plants.wiring import (
     SERVO_FREQUENCY,
     add_forces,

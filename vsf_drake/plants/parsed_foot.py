@@ -23,11 +23,12 @@ from pydrake.multibody.tree import (
     RigidBody,
 )
 
+from vsf_drake.errors import require
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, Pad, pad_of, rigid_foot
 from vsf_drake.plants.foot import CONTACTS, add_foot, checked_side, with_implicit_device
-from vsf_drake.plants.foot_handles import FootHandles, require
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 AGREEMENT = 1e-9

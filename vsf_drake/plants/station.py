@@ -54,7 +54,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from vsf_drake.contact_file import load_contact, model_with
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.files import resource
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.trial_record import load_subject
@@ -62,7 +62,7 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
-from vsf_drake.plants.foot_handles import FootHandles, require
+from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, WiredFoot, wire_foot
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.parsed_foot import find_foot

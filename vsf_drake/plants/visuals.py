@@ -16,11 +16,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M
 from vsf_drake.plants.contact_geometry import box_under
-from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type, require
+from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles
 
 Colour = tuple[float, float, float, float]

@@ -17,8 +17,8 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Adder
 
-from vsf_drake.errors import InputError
-from vsf_drake.plants.foot_handles import check_type, require
+from vsf_drake.errors import InputError, require
+from vsf_drake.plants.foot_handles import check_type
 from vsf_drake.systems.joint_forces import GaitDriver
 
 SERVO_FREQUENCY = 2 * np.pi * 600.0

@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import BasicVector_, DependencyTicket
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
@@ -335,31 +335,25 @@ def _state(context) -> np.ndarray:
 def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
     tangent = law.lead_angle_tangent(p.screw_lead_m, p.screw_mean_diameter_m)
     friction = law.flank_friction(p.thread_friction, p.thread_flank_angle_rad)
-    if not law.is_self_locking(tangent, friction):
-        raise InputError(
-            f"the screw gives way under the keel's load: its friction {friction:.3f} (thread_friction / cos of the "
-            f"flank angle) is not above the tangent {tangent:.3f} of its lead angle", where="thread_friction",
-            right="Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction")
-    if not friction * tangent < 1.0:
-        raise InputError("no torque turns this screw", where="thread_friction",
-                         right="Take a smaller screw_lead_m or less thread_friction")
+    require(law.is_self_locking(tangent, friction), f"the screw gives way under the keel's load: its friction "
+            f"{friction:.3f} (thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of its "
+            "lead angle", "thread_friction",
+            "Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction")
+    require(friction * tangent < 1.0, "no torque turns this screw", "thread_friction",
+            "Take a smaller screw_lead_m or less thread_friction")
     rotor = (p.rotor_inertia_kg_m2 * p.gear_ratio**2 + p.screw_inertia_kg_m2) * (2.0 * math.pi / p.screw_lead_m) ** 2
-    if not carriage_mass > 0.0:
-        raise InputError(f"the carriage weighs {carriage_mass} kg", where="carriage_mass", right="It must be above 0")
-    if not rotor > -carriage_mass * law.returning_efficiency(tangent, friction):
-        raise InputError(
+    require(carriage_mass > 0.0, f"the carriage weighs {carriage_mass} kg", "carriage_mass", "It must be above 0")
+    require(rotor > -carriage_mass * law.returning_efficiency(tangent, friction),
             f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its {carriage_mass:.3g} "
-            "kg for a screw that locks itself: it would jam at once", where="rotor_inertia_kg_m2",
-            right="Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values")
+            "kg for a screw that locks itself: it would jam at once", "rotor_inertia_kg_m2",
+            "Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values")
 
 
 def _check_travel(rearmost: float, foremost: float, position: float) -> None:
-    if not rearmost < foremost:
-        raise InputError(f"the travel from {rearmost} to {foremost} m has no length", where="rearmost",
-                         right="rearmost must be less than foremost")
-    if not rearmost <= position <= foremost:
-        raise InputError(f"{position} m is outside the carriage's travel", where="initial_position",
-                         right=f"It must be between {rearmost:g} and {foremost:g} m from A")
+    require(rearmost < foremost, f"the travel from {rearmost} to {foremost} m has no length", "rearmost",
+            "rearmost must be less than foremost")
+    require(rearmost <= position <= foremost, f"{position} m is outside the carriage's travel", "initial_position",
+            f"It must be between {rearmost:g} and {foremost:g} m from A")
 
 
 FulcrumActuator = FulcrumActuator_[float]

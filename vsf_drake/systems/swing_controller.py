@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.math import arctan2
 from pydrake.systems.framework import BasicVector_
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import require
 from vsf_drake.systems._system import FARTHEST_M, System_, cross, system_template
 
 SIGNALS = ("contact", "shank", "both")
@@ -80,14 +80,11 @@ def SwingController_(T):
             constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
                          "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,
                          "least_stance": least_stance}
-            if signal not in SIGNALS:
-                raise InputError(f"{signal!r} is not known", where="signal", right=f"Known are: {', '.join(SIGNALS)}")
-            if not period > 0.0:
-                raise InputError(f"{period} s is no sampling period", where="period", right="It must be above 0 s")
+            require(signal in SIGNALS, f"{signal!r} is not known", "signal", f"Known are: {', '.join(SIGNALS)}")
+            require(period > 0.0, f"{period} s is no sampling period", "period", "It must be above 0 s")
             for low, high in (("unload_force", "load_force"), ("stop_rate", "swing_rate")):
-                if not constants[low] < constants[high]:
-                    raise InputError(f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
-                                     where=high, right=f"It must be above {low}")
+                require(constants[low] < constants[high], f"{constants[high]:g} leaves no hysteresis above the "
+                        f"{constants[low]:g} of {low}", high, f"It must be above {low}")
             self._signal, self._period = signal, float(period)
             self._declare_inputs(desired_position=1, grf=3, shank_angle=2)
             self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
@@ -114,9 +111,8 @@ def SwingController_(T):
 
         def _desired(self, context) -> Any:
             desired = self._value(context, "desired_position")[0]
-            if not abs(desired) <= FARTHEST_M:
-                raise InputError(f"is {desired} at {context.get_time()} s", where="desired_position",
-                                 right="It must be a position in m from A")
+            require(abs(desired) <= FARTHEST_M, f"is {desired} at {context.get_time()} s", "desired_position",
+                    "It must be a position in m from A")
             return desired
 
         def _sign(self, context) -> tuple[bool, bool]:
@@ -231,8 +227,7 @@ def AdjustmentRecorder_(T):
 
         def _construct(self, *, period: float = 5e-3, reached: float = 1e-3) -> None:
             for name, value in (("period", period), ("reached", reached)):
-                if not value > 0.0:
-                    raise InputError(f"is {value}", where=name, right="It must be above 0")
+                require(value > 0.0, f"is {value}", name, "It must be above 0")
             self._declare_inputs(enabled=1, energy=1, position_error=1)
             self._declare_parameters(reached=(reached, ()))
             # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled and
