@@ -17,9 +17,7 @@ from vsf_drake.laws._elementwise import Array, Values, unit_clip
 from vsf_drake.laws.kelvin_voigt import smooth_step
 
 
-def friction_coefficient(
-    speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values
-) -> Array:
+def friction_coefficient(speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values) -> Array:
     """The library's piecewise linear coefficient at slip speed >= 0 (m/s)."""
     u = np.asarray(speed) / threshold_velocity
     mu: Array = mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))

@@ -180,13 +180,12 @@ def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
 #     D    the pylon's lower end: origin on the pylon's axis, x forward, y left, z up along the pylon
 #     P    the foot's place: where the foot's mount M goes (`foot.add_foot`)
 #
-# P is D moved forward and away from the midline (in D's axes), then turned about its own origin, which is the
-# pylon's end, `build_height_m` above the sole: first toe up about the axis to the right, then into inversion
-# about the forward axis that this has turned, then outward about the upright axis that both have turned. That is
-# the order of the ankle's coordinates (flexion, adduction, rotation; Wu et al. 2002, doi
-# 10.1016/S0021-9290(01)00222-6), so that alignment, inversion and minus toe-out are the ankle angles of the
-# prosthesis. What a trial's manifest adds (`foot.set_mount`) acts between P and the foot, in the foot's own
-# axes: its meaning does not depend on the placement.
+# P is D moved forward and away from the midline (in D's axes), then turned about its own origin, the pylon's end,
+# `build_height_m` above the sole: first toe up about the axis to the right, then into inversion about the forward axis
+# that this has turned, then outward about the upright axis that both have turned: the order of the ankle's coordinates
+# (flexion, adduction, rotation; Wu et al. 2002, doi 10.1016/S0021-9290(01)00222-6), so that alignment, inversion and
+# minus toe-out are the ankle angles of the prosthesis. What a trial's manifest adds (`foot.set_mount`) acts between P
+# and the foot, in the foot's own axes: its meaning does not depend on the placement.
 
 
 @dataclass(frozen=True, kw_only=True)

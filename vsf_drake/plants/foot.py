@@ -207,9 +207,7 @@ def _add_keel(
     return bodies, starts, names
 
 
-def _foot_sites(
-    foot: FootParameters, frame: RigidBody, keel: list[RigidBody], starts: np.ndarray
-) -> ContactSites:
+def _foot_sites(foot: FootParameters, frame: RigidBody, keel: list[RigidBody], starts: np.ndarray) -> ContactSites:
     """Spheres behind the rearmost fulcrum sit on the rigid frame (the heel block), the others on the keel."""
     indices, points = [], []
     for zone in foot.zones:

@@ -277,10 +277,6 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
 # The actuator's position is a state, so the ring through the foot's support force is no algebraic loop.
 
 
-PERIOD_S = 5e-3
-"""Sampling period of controller and recorder (a choice)."""
-
-
 @dataclass(frozen=True)
 class FulcrumDrive:
     """What `add_fulcrum_drive` put into the diagram; nothing of it is exported."""
@@ -312,7 +308,7 @@ class FulcrumDrive:
 def add_fulcrum_drive(
     builder: DiagramBuilder, plant: MultibodyPlant, wired: WiredFoot, parameters: ActuatorParameters | None = None, *,
     signal: str = "contact", shank: RigidBody | None = None, grf: OutputPort | None = None,
-    initial_m: float | None = None, period_s: float = PERIOD_S
+    initial_m: float | None = None, period_s: float = 5e-3
 ) -> FulcrumDrive:
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
 
@@ -325,13 +321,9 @@ def add_fulcrum_drive(
         shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame,
             which has no ankle and turns with the shank.
         grf: (3,) N on the foot, z_W up; by default that of the foot's own contact.
-        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does, that
-            is where `add_foot` or `wire_foot` put it. Give that joint the same position.
-        period_s: sampling period of controller and recorder.
-
-    Raises:
-        InputError: the fulcrum is moved by something else already, the signal is unknown, a number cannot be (see
-            `FulcrumActuator`, `SwingController`), a port has another size or is not of this builder.
+        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does. Give
+            that joint the same position.
+        period_s: sampling period of controller and recorder (the default is a choice).
     """
     check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
     check_port(builder, wired.GetOutputPort("support_force"))

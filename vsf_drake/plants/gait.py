@@ -88,7 +88,6 @@ def make_gait(
             be seen only, and the diagram the output `query`.
 
     Raises:
-        InputError: see `person.scale_body` and `check_ground`.
         ValueError: `free` names a coordinate that the person does not have, or is one name instead of a list.
     """
     ground = check_ground(ground or Ground())

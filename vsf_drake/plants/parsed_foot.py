@@ -65,9 +65,7 @@ def find_foot(
             lets the spheres be held against the parameters too.
 
     Raises:
-        InputError: there is no such instance or it is no exported foot; it differs from the parameters, and how; it
-            has a support or a fixed carriage; the contact does not go with its collision spheres; the plant has a time
-            step and is finalised, or the step is too long for the springs in its joints.
+        InputError: the instance is no exported foot, or it, contact, time step and parameters do not go together.
     """
     name, instance = _named_instance(plant, instance)
     reference_plant = MultibodyPlant(0.0)

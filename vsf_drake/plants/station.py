@@ -112,8 +112,8 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         meshcat: where to show them; makes it visual.
 
     Raises:
-        InputError: see `check_scenario` and the readers of its files; the model cannot be parsed; a frame, joint, foot
-            or coordinate that the scenario names is not in it; the carriage cannot reach `fulcrum_mm`.
+        InputError: see `check_scenario` and the readers of its files; the model cannot be parsed, or has not what the
+            scenario names; the carriage cannot reach `fulcrum_mm`.
     """
     check_scenario(scenario)
     model = load_model(file_of(scenario.model)) if scenario.model else ModelParameters()

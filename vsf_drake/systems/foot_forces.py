@@ -73,8 +73,7 @@ def FootForces_(T):
         zero. With `law` None there is no contact and no output from grf on. `wire_foot` makes and connects it.
 
         Args:
-            num_positions, num_velocities: of the plant.
-            position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in q and v.
+            position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the plant's q and v.
             frame_body_index: body F.
             keel_starts: (m,) distances (m) of the keel's joints from A.
             site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
@@ -91,7 +90,7 @@ def FootForces_(T):
         ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
 
         Raises:
-            ValueError: an array has the wrong shape, a constant is missing or unknown, or there is no such law.
+            ValueError: a constant is missing or unknown, or there is no such law.
             InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
                 beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
         """

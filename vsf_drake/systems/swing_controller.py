@@ -239,8 +239,7 @@ def AdjustmentRecorder_(T):
 
         def _update(self, context, discrete) -> None:
             ended, last_energy, last_swings, start, swings, before, energy_before = _state(context)
-            enabled, energy, error = (
-                self._value(context, name)[0] for name in ("enabled", "energy", "position_error"))
+            enabled, energy, error = (self._value(context, name)[0] for name in ("enabled", "energy", "position_error"))
             reached = abs(error) <= self._constants(context)["reached"]
             if enabled > 0.5 and swings == 0.0 and not reached:
                 start, swings = energy_before, T(1.0)
