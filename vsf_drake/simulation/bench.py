@@ -29,6 +29,25 @@ STEPS_PER_MM = 40.0
 """Resolution of the platen's path."""
 
 
+def advance_to_load(
+    stepper: Stepper, inputs: Inputs, q0: np.ndarray, load_n: float, travel_m: np.ndarray, *, foot: str, where: str
+) -> tuple[Record, int]:
+    """The run from rest at q0 until the sites bear `load_n`, and after how many steps they do.
+
+    SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the foot and `where`.
+    """
+    def reached(done: int, record: Record) -> bool:
+        return record.site("normal_force")[done - 1].sum() >= load_n
+
+    record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
+    load = record.site("normal_force").sum(axis=1)
+    above, end = np.flatnonzero(load >= load_n), len(load)
+    if not above.size:
+        raise SimulationError(f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
+                              f"{1e3 * travel_m[end]:.0f} mm {where}", time_s=float(inputs.time_s[end]))
+    return record, int(above[0]) + 1
+
+
 class Bench:
     """One bench, built once and pressed often: forefoot, or with `heel` the heel."""
 
@@ -73,25 +92,17 @@ class Bench:
         inputs = Inputs(
             time_s=time_s, prescribed=np.array([carriage]), prescribed_q=np.full((len(time_s), 1), fulcrum_m),
             fulcrum=np.full(len(time_s), fulcrum_m), ground=self.bench.contact_height + np.asarray(platen_m))
-
-        def reached(done: int, record: Record) -> bool:
-            return stop_at_n is not None and record.site("normal_force")[done - 1].sum() >= stop_at_n
-
-        record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
-        load = record.site("normal_force").sum(axis=1)
-        end = len(load)
-        if stop_at_n is not None:
-            above = np.flatnonzero(load >= stop_at_n)
-            if not above.size:
-                raise SimulationError(
-                    f"the {'heel' if self.heel else 'forefoot'} gave way: {load.max():.0f} N of {stop_at_n:g} N after "
-                    f"{1e3 * platen_m[end]:.0f} mm with the fulcrum at {1e3 * fulcrum_m:g} mm",
-                    time_s=float(time_s[end]))
-            end = int(above[0]) + 1
+        if stop_at_n is None:
+            record = stepper.run(inputs, q0, np.zeros_like(q0))
+            end = len(record.time_s)
+        else:
+            record, end = advance_to_load(
+                stepper, inputs, q0, stop_at_n, platen_m, foot="heel" if self.heel else "forefoot",
+                where=f"with the fulcrum at {1e3 * fulcrum_m:g} mm")
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m, time_s=record.time_s[:end],
-            platen_m=np.asarray(platen_m, dtype=float)[1 : end + 1], load_n=load[:end],
-            unconverged_steps=int(np.sum(~record.converged[:end])), refined_steps=int(np.sum(record.parts[:end] > 1)))
+            platen_m=np.asarray(platen_m, dtype=float)[1 : end + 1],
+            load_n=record.site("normal_force")[:end].sum(axis=1), **record.counts(end))
 
     def _travel_bound(self, fulcrum_m: float, max_load_n: float) -> float:
         """Twice what the contact law or the small-load stiffness needs: large deflections only stiffen the keel."""

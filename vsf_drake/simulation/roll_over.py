@@ -18,10 +18,11 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
+from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
@@ -81,13 +82,7 @@ def _follow_coarsely(
 ) -> np.ndarray:
     """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step by step.
 
-    Args:
-        first: inputs of a single step, whose prescribed coordinates are the mount's three, then the carriage.
-        q0: the state to start from, at rest.
-        time_s, tilt_rad, force_n: (n + 1,), in steps of about 10 ms.
-
-    Raises:
-        SimulationError: a step diverges.
+    `first` are inputs of a single step from rest at q0: of the mount's three coordinates, then the carriage.
     """
     heights = np.full(len(time_s), start_height_m)
     q, v = np.array(q0), np.zeros_like(q0)
@@ -118,15 +113,9 @@ def _smooth_path(
     coarse_s: np.ndarray, coarse_m: np.ndarray, time_s: np.ndarray, force_along: Callable[[np.ndarray], np.ndarray],
     wanted_n: np.ndarray
 ) -> np.ndarray:
-    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one as it comes.
+    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one (n,) as it comes.
 
-    Args:
-        coarse_s, coarse_m: a first guess of the heights.
-        force_along: from the heights (n + 1,) at `time_s` to the force (n,) N at the ends of the steps.
-        wanted_n: (n,) N.
-
-    Raises:
-        SimulationError: from `force_along`, on the first guess.
+    `coarse_m` is a first guess; `force_along` leads from heights at `time_s` to the force (n,) N at the steps' ends.
     """
     inner = np.linspace(time_s[0], time_s[-1], KNOTS + 1)
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
@@ -215,12 +204,7 @@ def _root(force: Callable[[float], float], guess: float, wanted: float, stiffnes
 
 
 def mount_path(tilt_rad: np.ndarray, height_m: np.ndarray, *, axis_ahead_m: float = 0.0) -> np.ndarray:
-    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground.
-
-    Args:
-        tilt_rad, height_m: (n,) of the platform, and of the mount's origin above T along the line of force.
-        axis_ahead_m: how far T lies ahead of the line of force.
-    """
+    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground: gamma, h, -x0 as above."""
     pitch = -np.asarray(tilt_rad, dtype=float)
     x0, h = -axis_ahead_m, np.asarray(height_m, dtype=float)
     return np.column_stack([x0 * np.cos(pitch) - h * np.sin(pitch), x0 * np.sin(pitch) + h * np.cos(pitch), pitch])
@@ -257,12 +241,7 @@ class RollOverRun:
 
 
 class RollOver:
-    """One machine, built once and used often.
-
-    Args:
-        parameters: the foot.
-        friction: the foot's own friction with the ground, or none.
-    """
+    """One machine, built once and used often, with the foot's own friction with the ground or none."""
 
     def __init__(self, parameters: FootParameters, *, friction: bool) -> None:
         self.machine = make_roll_over_machine(parameters, friction=friction)
@@ -282,10 +261,6 @@ class RollOver:
 
     def follow(self, *, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> RollOverRun:
         """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the foot at rest at first.
-
-        Raises:
-            InputError: the fulcrum is out of reach.
-            SimulationError: the run diverges.
         """
         stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
         record, columns = stepper.run(inputs, q0, np.zeros_like(q0)), inputs.prescribed[:3]
@@ -294,16 +269,14 @@ class RollOver:
             time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
             cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
             energy=energy_ledger(stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
-            unconverged_steps=int(np.sum(~record.converged)))
+            unconverged_steps=record.counts()["unconverged_steps"])
 
     def press(
         self, *, fulcrum_m: float, pitch_rad: float, max_load_n: float, speed_m_per_s: float, steps_per_mm: float
     ) -> RollOverRun:
         """Lowers the pitched foot from first touch at constant speed until the vertical load is reached, and raises it.
 
-        Raises:
-            InputError: a number is out of range.
-            SimulationError: the foot gives way before the load is reached, or the run diverges.
+        SimulationError if the foot gives way before, or the run diverges.
         """
         for value, where, most in ((max_load_n, "max_load_n", 5000.0), (speed_m_per_s, "speed_m_per_s", 1.0),
                                    (steps_per_mm, "steps_per_mm", 1e4)):
@@ -316,20 +289,12 @@ class RollOver:
         def lowered(travel: np.ndarray) -> np.ndarray:
             return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch_rad)])
 
-        def reached(done: int, record: Record) -> bool:
-            return record.site("normal_force")[done - 1].sum() >= max_load_n
-
         steps = int(np.ceil(min(LONGEST_TRAVEL_M, top) * 1e3 * steps_per_mm))
         travel = 1e-3 / steps_per_mm * np.arange(steps + 1)
         stepper, down, q0 = self._begin(fulcrum_m, travel / speed_m_per_s, lowered(travel))
-        load = stepper.run(down, q0, np.zeros_like(q0), stop=reached).site("normal_force").sum(axis=1)
-        above = np.flatnonzero(load >= max_load_n)
-        if not above.size:
-            raise SimulationError(
-                f"the foot gave way: {load.max():.0f} N of {max_load_n:g} N after {1e3 * travel[len(load)]:.0f} mm at "
-                f"{np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm",
-                time_s=float(down.time_s[len(load)]))
-        count = int(above[0]) + 1
+        _, count = advance_to_load(
+            stepper, down, q0, max_load_n, travel, foot="foot",
+            where=f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm")
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
         return self.follow(fulcrum_m=fulcrum_m, time_s=moments, mount=lowered(path))
@@ -346,10 +311,6 @@ class RollOver:
 
         Returns:
             The run, made anew along the heights that were found, and how well it follows the force.
-
-        Raises:
-            InputError: the fulcrum is out of reach.
-            SimulationError: the run diverges.
         """
         # Height above T along the line of force at which the unloaded foot touches the tilted platform.
         touch = [float((self.touch_height(-tilt)[0] - axis_ahead_m * np.sin(tilt)) / np.cos(tilt))

@@ -153,12 +153,7 @@ def _result(
         said.append(f"The person stands on one leg: the prosthetic foot carries {share:.0%}.")
     if rest_speed > AT_REST:
         said.append(f"The person did not come to rest before the start (speed {rest_speed:.2g}).")
-    unconverged = int(np.sum(~record.converged))
-    if unconverged:
-        said.append(f"{unconverged} of {len(record.time_s)} steps did not converge.")
-    refined = int(np.sum(record.parts > 1))
-    if refined:
-        said.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces.")
+    said += [f"{doubt}." for doubt in record.doubts()]
     body = posture.walker.gait.person.body
     plant = walk.mechanism.plant
     plant.SetPositions(walk.mechanism.context, record.q[-1])
@@ -169,8 +164,7 @@ def _result(
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
         free=free, held_nm=held, com_height_m=float(com),
         stiffness_nm_per_rad=None if found is None else found.least_nm_per_rad,
-        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), unconverged_steps=unconverged,
-        refined_steps=refined, notes=tuple(said))
+        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(said), **record.counts())
 
 
 # Whether a person with stiff joints can balance, and how the pelvis must be turned for it.

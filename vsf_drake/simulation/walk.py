@@ -63,17 +63,9 @@ class Walker:
     Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it,
     under a lock: threads may share a walker as long as none of them changes the Context.
 
-    Args:
-        subject, model: the person and the devices.
-        free: anatomical coordinates that are not prescribed.
-
-    Attributes:
-        variables: the numbers that `walk` takes by name (`values`), with units, bounds and what they were at first. One
-            that is named replaces what the Context holds.
-
-    Raises:
-        InputError: a parameter is out of range or the segments do not fit.
-        ValueError: `free` names a coordinate that the person does not have.
+    `free` are anatomical coordinates that are not prescribed. `variables` are the numbers that `walk` takes by name
+    (`values`), with units, bounds and what they were at first; one that is named replaces what the Context holds.
+    InputError if a parameter is out of range or the segments do not fit.
     """
 
     def __init__(self, subject: Subject, model: ModelParameters, *, free: Sequence[str] = ()) -> None:
@@ -137,10 +129,10 @@ class Walker:
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
         edits = tuple(variables[name].edit for name in with_respect_to)
-        moving = [name for name, edit in zip(with_respect_to, edits, strict=True) if edit.coordinate is not None]
-        if with_loads and moving:
-            raise InputError(f"loads are not differentiated by {moving[0]}: it moves a prescribed coordinate",
-                             where="with_respect_to", right="Leave it out, or walk without with_loads")
+        for name, edit in zip(with_respect_to, edits, strict=True):
+            if with_loads and edit.coordinate is not None:
+                raise InputError(f"loads are not differentiated by {name}: it moves a prescribed coordinate",
+                                 where="with_respect_to", right="Leave it out, or walk without with_loads")
         geometry, slide, shift, course, course_rate = added(variables, values, names, len(moments))
         fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
@@ -186,12 +178,8 @@ class Walker:
     ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
         """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
 
-        Prescribed coordinates, and free ones that the recording knows, have its position and velocity. Everything else
-        (socket, keel, the free ones in `initial`) settles under its load with those held.
-
-        Args:
-            rate: (prescribed,) what courses add to the recorded velocities (m/s, rad/s).
-            edits: P parameters by which q0 is differentiated; v0 depends on none but courses, by their rates.
+        Prescribed coordinates, and free ones that the recording knows, have its position and velocity, and the `rate`
+        (prescribed,) of courses. Everything else (socket, keel, the free ones in `initial`) settles with those held.
         """
         tree, prescribed = stepper.mechanism.tree, self.gait.prescribed
         for name in initial:
@@ -223,10 +211,7 @@ class Walker:
         return q0, v0, rest_speed, by
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
-        """Packs a run with all that it takes to understand and repeat it.
-
-        Args:
-            energy: whether to work out the energy ledger, which takes about as long as the run.
+        """Packs a run with all that it takes to understand and repeat it; the energy ledger takes as long as the run.
         """
         record, tree = walk.record, walk.mechanism.tree
         sites = self.gait.person.foot.sites
@@ -234,8 +219,12 @@ class Walker:
         driven = np.zeros_like(record.load)
         columns = [tree.index(name) for name in (*self.gait.prescribed, *walk.applied_names)]
         driven[:, columns] = record.load[:, columns]
-        unconverged, refined = int(np.sum(~record.converged)), int(np.sum(record.parts > 1))
-        ledger = self._ledger(walk) if energy else {}
+        ledger, counts = self._ledger(walk) if energy else {}, record.counts()
+        used = {  # contact, springs and support as the run used them, whatever the model file says
+            "site_columns": list(SITE_COLUMNS), "sites": walk.mechanism.sites.tolist(),
+            "spring_columns": list(SPRING_COLUMNS), "springs": walk.mechanism.springs.tolist(),
+            "fulcrum_stiffness_and_damping": walk.mechanism.fulcrum.tolist(),
+            "support_width_m": walk.mechanism.support_width}
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
             time_s=record.time_s, coordinate_names=tree.coordinate_names, q=record.q, v=record.v,
@@ -247,8 +236,8 @@ class Walker:
             prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
             energy_names=tuple(ledger),
             energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
-            sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), unconverged_steps=unconverged,
-            refined_steps=refined, newton_iterations=int(record.iterations.sum()), converged=unconverged == 0,
+            sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), **counts,
+            newton_iterations=int(record.iterations.sum()), converged=counts["unconverged_steps"] == 0,
             simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
             compile_s=walk.compile_s, step_s=walk.step_s, subject_mass_kg=self.subject.mass_kg,
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
@@ -256,7 +245,7 @@ class Walker:
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
                         "offsets": to_plain(offsets), "values": dict(walk.values), "courses": dict(walk.courses),
                         "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
-                        "stepper": _used_numbers(walk.mechanism)},
+                        "stepper": used},
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
 
     def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
@@ -271,11 +260,8 @@ def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> f
 
 
 def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
-    """Raises InputError for a walk that would take more than MOST_BYTES.
-
-    Measured on walks of 10 and 60 s and on a recording of ten minutes: 0.41 GB for the programs, and 2.5 kB for each of
-    the `rows` of the recording.
-    """
+    """InputError for a walk that would take more than MOST_BYTES."""
+    # Measured on walks of 10 and 60 s and on a recording of ten minutes: 0.41 GB for the programs, 2.5 kB for each row.
     left, taken, step_s = MOST_BYTES - 4.1e8 - 2.5e3 * rows, len(moments) * step_bytes, moments[1] - moments[0]
     if taken > left:
         raise InputError(
@@ -284,14 +270,6 @@ def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
             where="window",
             right=f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a time" if left > 0.0
             else f"Its files have {rows} rows, which take all of it: cut them into shorter ones")
-
-
-def _used_numbers(mechanism: Mechanism) -> dict[str, list | float]:
-    """Contact, springs and support as the run used them, whatever the model file says."""
-    return {"site_columns": list(SITE_COLUMNS), "sites": mechanism.sites.tolist(),
-            "spring_columns": list(SPRING_COLUMNS), "springs": mechanism.springs.tolist(),
-            "fulcrum_stiffness_and_damping": mechanism.fulcrum.tolist(),
-            "support_width_m": mechanism.support_width}
 
 
 def simulate_trial(
@@ -338,11 +316,7 @@ class AppliedTorques:
 def torques_on_grid(
     applied: AppliedTorques | None, *, free: Sequence[str], coordinate_names: Sequence[str], moments: np.ndarray
 ) -> Torques | None:
-    """The torques of a run on the grid `moments` (n + 1,), for the stepper; `coordinate_names` are all of the plant.
-
-    InputError if a name is not free or comes twice, an array has another shape, or a number is not finite.
-    """
-    steps = len(moments) - 1
+    """The torques of a run on the grid `moments` (n + 1,), for the stepper; `coordinate_names` are all of the plant."""
     if applied is None:
         return None
     if not isinstance(applied, AppliedTorques):
@@ -358,15 +332,13 @@ def torques_on_grid(
             raise InputError(f"{name} stands twice", where="applied.names")
     if (applied.gain is None) != (applied.reference is None):
         raise InputError("feedback needs both a gain and a reference", where="applied.gain, applied.reference")
-    starts, driven = moments[:-1], len(applied.names)
-    sensed = () if applied.gain is None else tuple(free)
-    size = 2 * len(sensed)
-    gain, reference = np.zeros((steps, driven, 0)), np.zeros((steps, 0))
-    if sensed:
+    starts, driven, size = moments[:-1], len(applied.names), 0 if applied.gain is None else 2 * len(free)
+    gain, reference = np.zeros((len(starts), driven, 0)), np.zeros((len(starts), 0))
+    if applied.gain is not None and applied.reference is not None:
         gain = _rows(applied.gain, starts, (driven, size), "applied.gain")
         reference = _rows(applied.reference, starts, (size,), "applied.reference")
     index = [np.array([coordinate_names.index(name) for name in names], dtype=np.int64)
-             for names in (applied.names, sensed)]
+             for names in (applied.names, free if size else ())]
     return Torques(coordinates=index[0], sensed=index[1], gain=gain, reference=reference,
                    feedforward=_rows(applied.feedforward, starts, (driven,), "applied.feedforward"))
 
@@ -482,14 +454,8 @@ AT_REST = 1e-5
 
 def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
     """Sentences on convergence, plausibility and the start of `walk`."""
-    notes, record = [], walk.record
-    unconverged, refined = np.count_nonzero(~record.converged), np.count_nonzero(record.parts > 1)
-    if unconverged:
-        notes.append(f"{unconverged} of {len(record.time_s)} steps did not converge")
-    if refined:
-        notes.append(f"{refined} of {len(record.time_s)} steps were cut into up to {record.parts.max()} pieces")
-    notes += implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg)
-    notes += _too_deep(walk, model)
+    notes = [*walk.record.doubts(), *_implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg),
+             *_too_deep(walk, model)]
     if walk.prosthetic.grf_W[0, 2] > LOADED_N:
         notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
                      "equilibrium and without shear: its first hundredths of a second are not the recording's.")
@@ -523,7 +489,7 @@ def _too_deep(walk: Walk, model: ModelParameters) -> list[str]:
     return notes
 
 
-def implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
+def _implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
     """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
     peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
     if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
