@@ -28,8 +28,7 @@ from typing import Any
 import numba
 import numpy as np
 
-COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_kernel.py",
-            "simulation/segment_motion.py", "motion/events.py")
+COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_kernel.py", "motion/events.py")
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""

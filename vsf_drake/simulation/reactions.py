@@ -1,4 +1,5 @@
-"""What the ground does to a foot, how loads depend on variables, where the energy goes: all out of a run's record."""
+"""What the ground does to a foot, how loads depend on variables, how bodies move, where the energy goes: all out of a
+run's record."""
 
 from __future__ import annotations
 
@@ -10,10 +11,10 @@ import numpy as np
 from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
-from vsf_drake.simulation.stepping.dynamics import energies, inverse_dynamics, place, tree_arrays, work_space
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
-from vsf_drake.simulation.stepping.tree import REST, add, dot, plus, put, six, wrench
+from vsf_drake.simulation.stepping.tree import REST, Tree, dot, inertia_in_world, inertia_times, plus, put, six, wrench
 from vsf_drake.simulation.stepping.ways import Edit
 
 LOADED_N = THRESHOLD_N
@@ -71,11 +72,8 @@ def reaction_sensitivity(record: Record, reaction: FootReaction, names: tuple[st
 
 def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> FootReaction:
     """Sums the sites `rows` of `record`; the centre of pressure is where the horizontal moment vanishes."""
-    first, last, _ = rows.indices(record.sites.shape[1])
-    total = np.zeros((len(record.sites), 6))
-    sum_sites(record.sites, first, last, total)
-    moment_x, moment_y, moment_z = total[:, :3].T
-    grf = total[:, 3:]
+    total = sum_sites(record.sites[:, rows])
+    (moment_x, moment_y, moment_z), grf = total[:, :3].T, total[:, 3:]
     loaded = grf[:, 2] > LOADED_N
     cop = np.full_like(grf, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -85,34 +83,34 @@ def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> Fo
     return FootReaction(grf_W=grf, cop_W=cop, free_moment_nm=free)
 
 
-@compiled
-def sum_sites(sites, first, last, total):
-    """Writes moment about W's origin and force (n, 6) of the sites first ... last - 1 of (n, S, 9) to `total`.
+def sum_sites(sites: np.ndarray) -> np.ndarray:
+    """(n, 6) moment about W's origin and force of the sites (n, S, 9). The contact points are `depth` under the ground,
+    and moments are about its height."""
+    depth, fz, fx, fy, x, y = (sites[:, :, SITE_RECORD.index(name)] for name in (
+        "depth", "normal_force", "friction_x", "friction_y", "x", "y"))
+    loaded = fz > 0.0
+    each = np.stack([y * fz + depth * fy, -depth * fx - x * fz, x * fy - y * fx, fx, fy, fz], axis=2)
+    return np.asarray(np.sum(np.where(loaded[:, :, None], each, 0.0), axis=1))
 
-    The contact points are `depth` under the ground, and moments are about its height.
-    """
-    for k in range(sites.shape[0]):
-        for s in range(first, last):
-            fz = sites[k, s, 1]
-            if fz > 0.0:
-                x, y, z = sites[k, s, 7], sites[k, s, 8], -sites[k, s, 0]
-                add(total, k, wrench(x, y, z, sites[k, s, 2], sites[k, s, 3], fz))
+
+def _socket(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Displacements and rates (n, 6) of the socket, and its constants by name."""
+    index = mechanism.spring_index[SOCKET]
+    return (record.q[:, index], record.v[:, index],
+            dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True)))
 
 
 def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
     """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
-    index = mechanism.spring_index[SOCKET]
-    constants = dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True))
-    return axis_force(record.q[:, index], record.v[:, index], **constants)
+    q, v, constants = _socket(mechanism, record)
+    return axis_force(q, v, **constants)
 
 
 def load_sensitivity(
     mechanism: Mechanism, record: Record, names: tuple[str, ...], edits: Sequence[Edit]
 ) -> LoadSensitivity:
     """Of a record whose run carried `edits` with loads."""
-    index = mechanism.spring_index[SOCKET]
-    constants = dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True))
-    q, v = record.q[:, index], record.v[:, index]
+    index, (q, v, constants) = mechanism.spring_index[SOCKET], _socket(mechanism, record)
     k = np.where(q >= 0.0, constants["stiffness"], constants["stiffness_negative"])
     stop = constants["stop_ratio"]
     by_q = -k * (1.0 + stop * (np.abs(q) > constants["limit"]))
@@ -124,6 +122,70 @@ def load_sensitivity(
             unit = constants | dict(zip(SPRING_COLUMNS[:3], edit.springs[SOCKET, :3].T, strict=True))
             found[:, :, p] += axis_force(q, v, **unit)
     return LoadSensitivity(names=names, load=record.load_by, socket=found, q=record.q_by, v=record.v_by)
+
+
+# How bodies of a walk move. Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular
+# velocity, velocity of the point of the body at W's origin), (moment about W's origin, force).
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMotion:
+    """Motion of b bodies of a tree at n instants, and of all bodies that are inside."""
+
+    twist: np.ndarray  # (n, b, 6) of the bodies asked for, rad/s and m/s
+    joints: np.ndarray  # (n, c, 6) motion of a unit rate of each coordinate asked for
+    momentum: np.ndarray  # (n, 6) N m s and N s, inside
+    mass: float  # kg, inside
+    mass_moment: np.ndarray  # (n, 3) kg m, mass times the position of the centre of mass, inside
+    kinetic_j: np.ndarray  # (n,), inside
+    R_WB: np.ndarray  # (n, 3, 3) and p_WB (n, 3) m, pose of the last of the bodies asked for
+    p_WB: np.ndarray
+
+
+def follow(
+    tree: Tree, q: np.ndarray, v: np.ndarray, *, bodies: Sequence[int], coordinates: Sequence[int], inside: np.ndarray
+) -> SegmentMotion:
+    """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates); inside (B,) bool."""
+    n = len(q)
+    found = SegmentMotion(
+        twist=np.zeros((n, len(bodies), 6)), joints=np.zeros((n, len(coordinates), 6)), momentum=np.zeros((n, 6)),
+        mass=float(tree.inertias[inside, 0].sum()), mass_moment=np.zeros((n, 3)), kinetic_j=np.zeros(n),
+        R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
+    _follow(tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), work_space(tree),
+            np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
+            found.twist, found.joints, found.momentum, found.mass_moment, found.kinetic_j, found.R_WB, found.p_WB)
+    return found
+
+
+@compiled
+def _follow(tree, q, v, motion, bodies, coordinates, inside, twist, joints, momentum, mass_moment, kinetic, R, p):
+    last = bodies[bodies.shape[0] - 1]
+    for k in range(q.shape[0]):
+        place(tree, q[k], motion)
+        put(motion.V, 0, REST)
+        for m in range(tree.links.shape[0]):
+            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            V_b = six(motion.V, parent)
+            if c >= 0:
+                V_b = plus(V_b, six(motion.S, c), v[k, c])
+            put(motion.V, b, V_b)
+            if inside[b] and tree.inertias[b, 0] > 0.0:
+                inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
+                momentum_b = inertia_times(motion.own, b, V_b)
+                kinetic[k] += 0.5 * dot(V_b, momentum_b)
+                for i in range(3):
+                    mass_moment[k, i] += motion.own[b, 1 + i]
+                put(momentum, k, plus(six(momentum, k), momentum_b, 1.0))
+        for i in range(bodies.shape[0]):
+            for j in range(6):
+                twist[k, i, j] = motion.V[bodies[i], j]
+        for i in range(coordinates.shape[0]):
+            for j in range(6):
+                joints[k, i, j] = motion.S[coordinates[i], j]
+        for i in range(3):
+            p[k, i] = motion.p[last, i]
+            for j in range(3):
+                R[k, i, j] = motion.R[last, i, j]
 
 
 # The energy ledger of a run: what the driver and gravity put in, where it is and where it went.
@@ -225,9 +287,10 @@ def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 
 def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, central(record.v)])
-    potential, kinetic = np.zeros(len(q)), np.zeros(len(q))
-    energies(tree_arrays(mechanism.tree), q, v, work_space(mechanism.tree), potential, kinetic)
+    tree = mechanism.tree
+    motion = follow(tree, np.vstack([record.q0, record.q]), np.vstack([record.v0, central(record.v)]), bodies=(0,),
+                    coordinates=(), inside=np.ones(len(tree.body_names), dtype=bool))
+    potential, kinetic = -motion.mass_moment @ tree.gravity, motion.kinetic_j
     return potential[0] - potential[1:], kinetic[1:] - kinetic[0]
 
 

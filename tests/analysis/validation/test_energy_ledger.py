@@ -20,8 +20,7 @@ from vsf_drake.analysis.validation.energy_ledger import (
     stance_energy,
 )
 from vsf_drake.motion.events import find_stances
-from vsf_drake.simulation.reactions import FootReaction
-from vsf_drake.simulation.segment_motion import follow
+from vsf_drake.simulation.reactions import FootReaction, follow
 from vsf_drake.simulation.walk import Walker
 
 

@@ -33,14 +33,15 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.reactions import (
     FootReaction,
+    SegmentMotion,
     central,
     contact_terms,
+    follow,
     spring_loss,
     spring_strain,
     sum_sites,
     work,
 )
-from vsf_drake.simulation.segment_motion import SegmentMotion, follow
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import Walk, Walker
@@ -102,8 +103,7 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
               "fulcrum_loss": work(m.fulcrum[1] * closing * central(closing), step)}
     terms[REMAINDER] = terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0)
 
-    ground = np.zeros((len(record.q), 6))
-    sum_sites(record.sites, 0, count, ground)
+    ground = sum_sites(record.sites[:, :count])
     ground[:, 0] -= m.ground_height * ground[:, 4]  # `sum_sites` has moments about the ground's height
     ground[:, 1] += m.ground_height * ground[:, 3]
     weight = np.column_stack([np.cross(motion.mass_moment, gravity),

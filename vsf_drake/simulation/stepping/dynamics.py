@@ -126,26 +126,6 @@ def inverse_dynamics(tree, v, a, motion, tau):
 
 
 @compiled
-def energies(tree, q, v, motion, potential, kinetic):
-    """Writes the energies (J) of m states q, v (m, n) to potential and kinetic (m,)."""
-    g = tree.gravity
-    for k in range(q.shape[0]):
-        place(tree, q[k], motion)
-        potential[k] = kinetic[k] = 0.0
-        put(motion.V, 0, REST)
-        for m in range(tree.links.shape[0]):
-            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            V_b = six(motion.V, parent)
-            if c >= 0:
-                V_b = plus(V_b, six(motion.S, c), v[k, c])
-            put(motion.V, b, V_b)
-            if tree.inertias[b, 0] > 0.0:
-                inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
-                kinetic[k] += 0.5 * dot(V_b, inertia_times(motion.own, b, V_b))
-                potential[k] -= g[0] * motion.own[b, 1] + g[1] * motion.own[b, 2] + g[2] * motion.own[b, 3]
-
-
-@compiled
 def mass_matrix(tree, motion, coordinates, above, counts, M):
     """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after `inverse_dynamics`.
 

@@ -19,8 +19,7 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES
-from vsf_drake.simulation.reactions import sum_sites
-from vsf_drake.simulation.segment_motion import follow
+from vsf_drake.simulation.reactions import follow, sum_sites
 from vsf_drake.simulation.walk import Walk, Walker
 
 CONSISTENCY, TRACKING = "consistency", "tracking"
@@ -71,8 +70,7 @@ def walk_loads(
     """
     record, tree = walk.record, walk.mechanism.tree
     columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
-    wrench = np.zeros((len(record.q), 6))
-    sum_sites(record.sites, 0, len(walker.gait.person.foot.sites.radius), wrench)
+    wrench = sum_sites(record.sites[:, :len(walker.gait.person.foot.sites.radius)])
     parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench,
                                              record.load[:, pelvis])]
     if by is not None:
