@@ -51,8 +51,7 @@ def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
     """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first.
 
-    Raises:
-        ValueError: the two feet do not stand on one level plane, the only ground that the stepper knows.
+    ValueError if the two feet do not stand on one level plane, the only ground that the stepper knows.
     """
     foot, bushing = gait.person.foot, _reader(gait.bushing, context)
     heights = [_level_ground(forces, context) for forces in gait.forces.values()]
@@ -102,11 +101,7 @@ def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapp
 
 
 def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
-    """The mechanism whose support passes from one piece of the keel to the next over `width_m` on either side.
-
-    Raises:
-        InputError: the width is no number from 0 to half the distance of two joints.
-    """
+    """The mechanism whose support passes from one piece of the keel to the next over `width_m` on either side."""
     width = check_number(width_m, "support_width_m")
     most = 0.5 * float(np.diff(mechanism.keel_starts).min())
     if not 0.0 <= width <= most:

@@ -150,11 +150,11 @@ def coordinate_unit(name: str) -> str:
 
 def save_walk(result: WalkResult, folder: str | Path) -> None:
     """Writes `result` as a folder: all of it or nothing; raises what `result_folder` does."""
+    arrays, plain, described = _parts(result)
     units = {name: coordinate_unit(name) for name in (*result.coordinate_names, *result.prescribed_names)}
-    sidecar = {"kind": "walk", "format": FORMAT, **_scalars(result), "coordinate_units": units,
-               "arrays": _describe(result, "")}
     with result_folder(folder, "walk") as temporary:
-        write_archive(temporary, _arrays(result), sidecar)
+        write_archive(temporary, arrays, {"kind": "walk", "format": FORMAT, **plain, "coordinate_units": units,
+                                          "arrays": described})
 
 
 def load_walk(folder: str | Path) -> WalkResult:
@@ -170,10 +170,10 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
     passes: list[dict[str, Any]] = []
     for i, setting in enumerate(result.settings):
         prefix = f"setting_{i}_"
-        passes.append(_scalars(setting) | {"converged": setting.converged, "arrays_prefix": prefix})
-        arrays |= {prefix + name: value for name, value in _arrays(setting).items()}
-        described |= _describe(setting, prefix)
-    sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_scalars(result)}
+        own, plain, of = _parts(setting, prefix)
+        arrays, described = arrays | own, described | of
+        passes.append(plain | {"converged": setting.converged, "arrays_prefix": prefix})
+    sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_parts(result)[1]}
     with result_folder(folder, "bench") as temporary:
         write_archive(temporary, arrays, {**sidecar, "settings": passes, "arrays": described})
 
@@ -198,22 +198,17 @@ def _check_shapes(result: Any, sizes: dict[str, int]) -> None:
                 raise ValueError(f"{field.name} has shape {shape}, not {wanted} ({field.metadata['shape']})")
 
 
-def _arrays(result: Any) -> dict[str, np.ndarray]:
-    return {f.name: np.asarray(getattr(result, f.name)) for f in dataclasses.fields(result) if "shape" in f.metadata}
-
-
-def _scalars(result: Any) -> dict[str, Any]:
-    named = {f.name: getattr(result, f.name) for f in dataclasses.fields(result) if "shape" not in f.metadata}
-    return {name: to_plain(value) for name, value in named.items() if name != "settings"}
-
-
-def _describe(result: Any, prefix: str) -> dict[str, Any]:
-    described = {}
+def _parts(result: Any, prefix: str = "") -> tuple[dict[str, np.ndarray], dict[str, Any], dict[str, Any]]:
+    """Arrays, everything else as plain values, and what the arrays are; `prefix` before the arrays' names."""
+    arrays, plain, described = {}, {}, {}
     for field in dataclasses.fields(result):
+        value = getattr(result, field.name)
         if "shape" in field.metadata:
-            size = list(np.shape(getattr(result, field.name)))
-            described[prefix + field.name] = {**to_plain(dict(field.metadata)), "size": size}
-    return described
+            arrays[prefix + field.name] = np.asarray(value)
+            described[prefix + field.name] = {**to_plain(dict(field.metadata)), "size": list(np.shape(value))}
+        elif field.name != "settings":
+            plain[field.name] = to_plain(value)
+    return arrays, plain, described
 
 
 def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -191,11 +191,7 @@ class Hold(NamedTuple):
 
     moments_nm: np.ndarray  # (2,) what it takes to hold pelvis_tilt and pelvis_list
     prosthetic_share: float  # of the weight
-
-    @property
-    def on_both_feet(self) -> bool:
-        """Whether each carries a share worth the name."""
-        return LEAST_SHARE < self.prosthetic_share < 1.0 - LEAST_SHARE
+    on_both_feet: bool  # whether each carries a share worth the name
 
 
 @dataclass(frozen=True)
@@ -226,11 +222,7 @@ class Equilibrium:
 class Posture:
     """A subject with joints held at `angles` (rad by coordinate, 0 where not named), on both feet.
 
-    Args:
-        angles: may hold pelvis_tilt and pelvis_rotation; the pelvis's place and list are worked out here.
-
-    Raises:
-        InputError: `angles` names what the person does not have or holds no finite number; see also `Walker`.
+    They may hold pelvis_tilt and pelvis_rotation; the pelvis's place and list are worked out here.
     """
 
     def __init__(
@@ -271,8 +263,9 @@ class Posture:
         walk = self._settle(tilt, list_)
         load, tree = walk.record.load[-1], walk.mechanism.tree
         up = walk.prosthetic.grf_W[-1, 2], walk.intact.grf_W[-1, 2]
-        return Hold(moments_nm=np.array([load[tree.index(name)] for name in ROTATIONS[:2]]),
-                    prosthetic_share=float(up[0] / max(sum(up), 1e-9)))
+        share = float(up[0] / max(sum(up), 1e-9))
+        return Hold(moments_nm=np.array([load[tree.index(name)] for name in ROTATIONS[:2]]), prosthetic_share=share,
+                    on_both_feet=LEAST_SHARE < share < 1.0 - LEAST_SHARE)
 
     def settled(self, tilt: float, list_: float) -> tuple[dict[str, float], float]:
         """Coordinates at rest under the load with the pelvis held at an attitude, and the largest speed left."""

@@ -106,10 +106,10 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
             Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(own, "full_damping_depth"),
                      0.1),
             Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(own, "rise"), 0.1, added=True)]
-    for name, unit, low, high, minimum, maximum in (
+    for name, unit, *bounds, maximum in (
             ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
             ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
-        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
+        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), *bounds,
                               edit(slice(len(foot.sites.radius)), name), maximum))
     keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
@@ -143,11 +143,7 @@ def _shift(name: str, edit: Edit) -> Variable:
 def course_variables(
     courses: Sequence[Course], prescribed: Sequence[str], moments: np.ndarray
 ) -> dict[str, Variable]:
-    """The variables of a walk with these courses at the moments (n + 1,), by name.
-
-    InputError if one is no course or has the name of another, its coordinate is not prescribed, or its shape does not
-    give a finite number for each time.
-    """
+    """The variables of a walk with these courses at the moments (n + 1,), by name; InputError for what is no course."""
     if isinstance(courses, (Course, str, Mapping)) or not isinstance(courses, Sequence):
         raise InputError(f"is a {type(courses).__name__}, no list of courses", where="courses",
                          right="Give a list, also for one course")
@@ -253,12 +249,8 @@ def shown(value: Any) -> str:
 def added(
     variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str], count: int = 1
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
-    """What `values` add outside the mechanism.
-
-    Returns:
-        (3,) to the mount, m to the fulcrum, to the prescribed coordinates (p,) and by courses (count, p) at the moments
-        of the walk (m, rad), and (p,) to their rates at the first one.
-    """
+    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
+    and by courses (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
     mount, slide = np.zeros(3), 0.0
     shift, course, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
     for name, value in values.items():

@@ -90,18 +90,14 @@ def walk_over(
     load. Prescribed coordinates are held by stiff servos, which begin under theirs.
 
     Args:
-        trajectory: must hold every coordinate of the person (rad, m).
+        trajectory: must hold every coordinate of the person (rad, m), also the `free` ones that are not prescribed.
         fulcrum_m: from A (m), constant or a function of time (s, array to array).
-        free: anatomical coordinates that are not prescribed.
-        offsets: height, fore-aft and alignment of the prosthesis; none by default.
-        integrator: one of INTEGRATORS. accuracy: its relative accuracy; max_step_s: its longest step.
+        integrator: one of INTEGRATORS, with its relative accuracy and its longest step.
         sample_s: spacing of the instants that are kept.
         progress: called with the finished fraction.
 
     Raises:
-        InputError: a number is out of range, the segments do not fit, the trajectory lacks a coordinate or the time,
-            or the integrator is unknown.
-        ValueError: `free` names a coordinate that the person does not have.
+        InputError: a number is out of range, or the trajectory lacks a coordinate or the time.
         SimulationError: socket and keel find no rest at the start, or the integrator gives up.
     """
     check_integrator(integrator)

@@ -21,7 +21,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.variables import Variable, check_number, check_whole, is_number, shown
+from vsf_drake.simulation.variables import Variable, check_names, check_number, check_whole, is_number, shown
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, fulcrum_on_grid, walk_grid
 
 if TYPE_CHECKING:
@@ -233,15 +233,8 @@ def sample_values(
 
     Gives `count` sets of values, the same ones for the same seed; `variables` are a walker's.
     """
-    if isinstance(names, str):
-        raise InputError(f"{names!r} is one name, not a sequence of names", where="names", right=f"Give [{names!r}]")
-    names, count, seed = [*names], check_whole(count, "count", 0), check_whole(seed, "seed", 0)
-    for i, name in enumerate(names):
-        if not isinstance(name, str):
-            raise InputError(f"{shown(name)} is no name", where="names")
-        if name not in variables or name in names[:i]:
-            raise InputError(f"{name!r} is {'named twice' if name in variables else 'no variable of this walker'}",
-                             where="names")
+    names = check_names(list(names) if isinstance(names, np.ndarray) else names, variables, where="names")
+    count, seed = check_whole(count, "count", 0), check_whole(seed, "seed", 0)
     if count < 1 or not names:
         raise InputError(f"{count} sets of {len(names)} values are none", where="count, names")
     random = np.random.default_rng(seed)
@@ -250,4 +243,4 @@ def sample_values(
         share = (random.permutation(count) + random.uniform(size=count)) / count
         low, high = variables[name].low, variables[name].high
         columns.append(low * (high / low) ** share if low > 0.0 else low + (high - low) * share)
-    return [dict(zip(map(str, names), map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]

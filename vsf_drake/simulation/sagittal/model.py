@@ -45,21 +45,12 @@ def sagittal_coordinates(prosthetic_side: str) -> tuple[str, ...]:
 
 
 class SagittalModel:
-    """One walker's person, read once.
+    """One walker's person, read once: its plant, Context and fitted numbers, with the prosthesis at `offsets`.
 
-    Args:
-        walker: whose plant, Context and fitted numbers.
-        offsets: of the prosthesis; none by default.
-        values: of `walker.variables` but for coordinates, replacing what the Context holds.
-
-    Attributes:
-        coordinates, quasi_static: names of q and of w. outputs: names of what `evaluate` returns.
-        weight: N, of the subject. subject, foot: the walker's. ground: m, its height. shift: m, added to the fulcrum.
-        dynamics, spheres, support, springs: what `evaluate` is made of; feet: of the spheres, prosthetic and intact;
-            shank: link of the residual shank.
-
-    Raises:
-        InputError: the prosthesis is turned out of the sagittal plane, or a value is not usable.
+    `values` of `walker.variables`, but for coordinates, replace what the Context holds. Names of q, w and what
+    `evaluate` returns are `coordinates`, `quasi_static` and `outputs`; `weight` is the subject's (N), `ground` the
+    height (m), `shift` (m) is added to the fulcrum; `feet` are the prosthetic and the intact spheres, `shank` the
+    residual's link. InputError if the prosthesis is turned out of the sagittal plane, or a value is not usable.
     """
 
     def __init__(
@@ -215,11 +206,9 @@ UNLIMITED = 1e29
 def spring_forces(
     rows: np.ndarray, w: np.ndarray, u: np.ndarray, scale: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (k, ...) of the springs on their coordinates, and the energy (k, ...) in each.
+    """Forces (k, ...) of the springs on their coordinates at displacements w and rates u, and the energy in each.
 
-    Args:
-        rows: (k, 6) as the stepper's, see `stepping.assembly.SPRING_COLUMNS`; the law is that of `laws.bushing`.
-        w, u: (k, ...) displacements and rates. scale: (k, ...) of the forces.
+    The rows (k, 6) are the stepper's (`SPRING_COLUMNS`), the law that of `laws.bushing`; `scale` is that of the forces.
     """
     tail = (-1, *(1,) * (w.ndim - 1))
     elastic, drag = rows[:, 1].reshape(tail) * w, 1.0 * u

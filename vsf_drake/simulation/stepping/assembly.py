@@ -254,21 +254,18 @@ def _point(forces, motion, piece, position):
 
 
 @internal
-def _unit_wrench(forces, motion, x, y, z):
-    """Of a force along z of the foot's frame at a point."""
+def _unit_wrench(forces, motion, x, y, z):  # of a force along z of the foot's frame at a point
     F, R = forces.frame_body, motion.R
     return wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
 
 
 @internal
 def find_support(forces, motion, position, contact):
-    """Unit wrench W and row of the support at `position` (m from A).
+    """Writes unit wrench W and row of the support at `position` (m from A).
 
-    The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies.
-
-    Returns:
-        The foremost piece of the keel that bears it, its weight, the derivative of that by position (1/m), and the
-        deflection (m). The piece behind it has the rest.
+    The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies. Returns the
+    foremost piece of the keel that bears it, its weight (the piece behind it has the rest), the derivative of that by
+    position (1/m), and the deflection (m).
     """
     starts, width = forces.keel_starts, forces.support_width
     j, weight, slope = 0, 1.0, 0.0
@@ -350,10 +347,8 @@ def _piece_change(forces, motion, V, piece, position, column, front, share, turn
     """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
 
     Adds `share` of the derivatives of its power on the keel coordinates, and `turn` times that power, to d_row (K,).
-
-    Returns:
-        Derivatives of its deflection (by the place only) and of its rate; the deflection but for what all pieces share,
-        and its rate.
+    Returns derivatives of its deflection (by the place only) and of its rate; the deflection but for what all pieces
+    share, and its rate.
     """
     F, keel, S, R = forces.frame_body, forces.keel_coordinates, motion.S, motion.R
     b = forces.keel_bodies[piece]

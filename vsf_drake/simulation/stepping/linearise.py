@@ -38,9 +38,7 @@ from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES
 def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support):
     """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
 
-    Args:
-        q0: (n,) coordinates at the start of the step; v: (n,) velocities at its end.
-        sites (S, 9), support (3,): what the step left.
+    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9) and support (3,).
     """
     _way_motions(ways, room, tangent)
     _coriolis(tree, split, room.motion, tangent)

@@ -47,13 +47,10 @@ LENGTHEN = 4.0
 def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v, load, sites, support):
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
-    Args:
-        ground, ground_rate: height (m) of the ground at the end and its rate. fulcrum: position (m from A).
-        q_next: values of the prescribed coordinates at the end.
-        M, C: mass matrix (n, n) and C(q0, v0) v0 - tau_g(q0) (n,); worked out here where M is (0, 0).
-        load: (n,) out, forces that drive the coordinates: those that hold the prescribed ones, and in the others what
-            `room` applies, but for the residual.
-        sites (S, 9), support (3,): out, see `assembly`.
+    Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next are those at the
+    end. The mass matrix M (n, n) and C(q0, v0) v0 - tau_g(q0) (n,) are worked out here where M is (0, 0). Writes sites
+    (S, 9) and support (3,), see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
+    prescribed ones, and in the others what `room` applies, but for the residual.
     """
     free, prescribed, motion, contact = split.free, split.prescribed, room.motion, room.contact
     nf, bias, r, dx, trial = free.shape[0], room.bias, room.r, room.dx, room.trial

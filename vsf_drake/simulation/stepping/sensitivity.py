@@ -128,15 +128,10 @@ def rest_sensitivity(
     tree: Tree, forces: Forces, prescribed: np.ndarray, q: np.ndarray, edits: tuple[Edit, ...], *, fulcrum: float,
     ground: float
 ) -> np.ndarray:
-    """(n, P) derivatives of a rest position by the parameters, from the linearised balance of forces.
+    """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance of forces.
 
-    Args:
-        prescribed: indices of the coordinates that are held.
-        q: (n,) coordinates at rest.
-        fulcrum: its position (m from A). ground: its height (m).
-
-    Raises:
-        InputError: no force holds one of the coordinates at rest, so that its rest has no derivative.
+    `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the ground (m). InputError
+    if no force holds one of the others at rest, so that its rest has no derivative.
     """
     h, split = 1e-3, split_coordinates(tree, forces, prescribed)
     room, arrays = step_room(tree, forces, split), tree_arrays(tree)

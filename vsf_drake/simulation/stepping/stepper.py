@@ -51,38 +51,31 @@ MAX_SPEED = 1e3
 """Coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged."""
 TANGENT_ARGUMENT = -2
 """Where `advance` takes what carries sensitivities along: by its type the compiled variants are told apart."""
-SETTLED_TOLERANCE = 1e-10
-"""Of the steps that lead to rest: with the usual one they would coast at 1e-7 m/s."""
+SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
+"""Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or rad/s at it."""
 DYNAMICS = ("compiled", "drake")
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A plant and the stiff forces on it, as arrays: see `assembly.Forces` for those that are not described here.
-
-    Attributes:
-        tree: of the plant, with the parameters that `context` holds.
-        ground_height: z (m) of the ground in W, where it does not move.
-        spring_index: keel joints, then the socket's six.
-        limits (n,): coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed.
-        support_width: at most half the distance of two joints.
-    """
+    """A plant and the stiff forces on it, as arrays: see `assembly.Forces` for those that are not described here."""
 
     plant: MultibodyPlant
     context: Context
-    tree: Tree
+    tree: Tree  # of the plant, with the parameters that `context` holds
     sites: np.ndarray
     site_bodies: np.ndarray
-    ground_height: float
+    ground_height: float  # z (m) of the ground in W, where it does not move
     springs: np.ndarray
-    spring_index: np.ndarray
+    spring_index: np.ndarray  # keel joints, then the socket's six
     fulcrum: np.ndarray
     keel_bodies: np.ndarray
     keel_coordinates: np.ndarray
     keel_starts: np.ndarray
     frame_body: int
     limits: np.ndarray
-    support_width: float = 0.0
+    """(n,) coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed."""
+    support_width: float = 0.0  # at most half the distance of two joints
 
     @property
     def forces(self) -> Forces:
@@ -105,14 +98,9 @@ class Inputs:
 class Stepper:
     """Runs a `Mechanism`; holds no state between runs.
 
-    Args:
-        mechanism: what to advance.
-        dynamics: where mass matrix, Coriolis and gravity terms come from: "compiled", or "drake" to have them
-            from the plant, with calls from Python in every step, which takes about four times as long.
-        tolerance: residual at which a step has converged, see `assembly.Room`.
-
-    Raises:
-        ValueError: `dynamics` is neither, or the plant's Context no longer holds what the mechanism was read from.
+    Mass matrix, Coriolis and gravity terms are compiled or, with `dynamics` "drake", from the plant, with calls from
+    Python in every step, which takes about four times as long. A step has converged within `tolerance`, see
+    `assembly.Room`. ValueError if the plant's Context no longer holds what the mechanism was read from.
     """
 
     def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = TOLERANCE) -> None:
@@ -136,15 +124,10 @@ class Stepper:
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
-        """Advances from `q0`, `v0` over the grid of `inputs`.
+        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what is `carried`.
 
-        Args:
-            carried: parameters whose sensitivities are carried along, with compiled dynamics only.
-            stop: called now and then with the number of finished steps and the record; true ends the run.
-            progress: called now and then with the finished fraction.
-
-        Raises:
-            SimulationError: a coordinate became NaN, faster than MAX_SPEED or larger than its limit.
+        `stop` is called now and then with the number of finished steps and the record (true ends the run), `progress`
+        with the finished fraction. SimulationError if a coordinate becomes NaN, too fast or larger than its limit.
         """
         m, steps = self.mechanism, len(inputs.time_s) - 1
         forces, drive = m.forces, drive_of(inputs)
@@ -182,11 +165,7 @@ class Stepper:
         return record
 
     def warm_up(self, *, sensitivities: bool = False) -> float:
-        """Compiles what is not compiled yet by one throw-away step; returns the seconds it took, 0 if nothing was.
-
-        Args:
-            sensitivities: whether what carries them along is to be compiled, instead of the bare run.
-        """
+        """Seconds in which a throw-away step has compiled the run, or the one with `sensitivities`; 0 if it was."""
         if any((signature[TANGENT_ARGUMENT] == numba.types.none) != sensitivities for signature in advance.signatures):
             return 0.0
         started = time.perf_counter()
@@ -199,12 +178,12 @@ class Stepper:
         return time.perf_counter() - started
 
     def settle(
-        self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100, at_rest: float = 1e-9
+        self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100
     ) -> tuple[np.ndarray, float]:
         """Rest position with everything prescribed held at the first row of `inputs`, and the largest speed left.
 
         Large implicit steps without damping and friction, which would only delay the same equilibrium, until no
-        coordinate is faster than `at_rest` (m/s, rad/s), at most `steps` of them.
+        coordinate is faster than SETTLED_SPEED, at most `steps` of them.
         """
         m = self.mechanism
         sites, springs, fulcrum = m.sites.copy(), m.springs.copy(), m.fulcrum.copy()
@@ -217,7 +196,7 @@ class Stepper:
             prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
             fulcrum=np.full(steps + 1, inputs.fulcrum[0]), ground=np.full(steps + 1, inputs.ground[0]))
         record = stepper.run(held, q0, np.zeros_like(q0),
-                             stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < at_rest))
+                             stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < SETTLED_SPEED))
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
 
@@ -312,19 +291,16 @@ class Drive(NamedTuple):
 
 def drive_of(inputs: Inputs) -> Drive:
     """The inputs as arrays for compiled code."""
-    columns = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
-    time_s, prescribed_q, fulcrum, ground = (np.ascontiguousarray(column, dtype=float) for column in columns)
-    return Drive(time_s=time_s, prescribed_q=prescribed_q, fulcrum=fulcrum, ground=ground,
-                 ground_rate=np.gradient(ground, time_s),
-                 torques=no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
+    given = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground,
+             np.gradient(inputs.ground, inputs.time_s))
+    return Drive(*(np.ascontiguousarray(column, dtype=float) for column in given),
+                 torques=no_torques(len(inputs.time_s) - 1) if inputs.torques is None else inputs.torques)
 
 
 @compiled
 def piece(drive, k, done, size, q_next):
-    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end.
-
-    Writes the prescribed coordinates at its end to q_next (p,).
-    """
+    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end;
+    the prescribed coordinates at its end go to q_next (p,)."""
     h = (drive.time_s[k + 1] - drive.time_s[k]) * (size / PARTS)
     if done + size == PARTS:
         copy(drive.prescribed_q[k + 1], q_next)

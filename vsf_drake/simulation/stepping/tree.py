@@ -51,11 +51,7 @@ class Tree:
 
 
 def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
-    """Reads the tree of `plant`; frames whose pose is a parameter are taken from `context`.
-
-    Raises:
-        ValueError: a joint is neither revolute, prismatic nor a weld.
-    """
+    """Reads the tree of `plant`; frames whose pose is a parameter are taken from `context`."""
     n = plant.num_velocities()
     ancestors = np.zeros((plant.num_bodies(), n), dtype=np.bool_)
     names = [""] * n
@@ -93,14 +89,10 @@ def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
     waiting = [(j, int(j.parent_body().index()), int(j.child_body().index())) for j in joints]
     placed, ordered = {0}, []
     while waiting:
-        later = []
-        for entry in waiting:
-            if entry[1] in placed:
-                placed.add(entry[2])
-                ordered.append(entry)
-            else:
-                later.append(entry)
-        waiting = later
+        ready = [entry for entry in waiting if entry[1] in placed]
+        waiting = [entry for entry in waiting if entry[1] not in placed]
+        placed |= {child for _, _, child in ready}
+        ordered += ready
     return ordered
 
 
