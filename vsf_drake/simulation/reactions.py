@@ -12,9 +12,22 @@ from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, place, tree_arrays, work_space
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
-from vsf_drake.simulation.stepping.tree import REST, Tree, dot, inertia_in_world, inertia_times, plus, put, six, wrench
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    Tree,
+    dot,
+    inertia_in_world,
+    inertia_times,
+    inverse_dynamics,
+    place,
+    plus,
+    put,
+    six,
+    tree_arrays,
+    work_space,
+    wrench,
+)
 from vsf_drake.simulation.stepping.ways import Edit
 
 LOADED_N = THRESHOLD_N

@@ -34,9 +34,8 @@ from vsf_drake.simulation.reactions import (
 )
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.dynamics import Torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
-from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper, Torques
 from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import (
     Course,

@@ -12,8 +12,7 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
-from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 
 OFFSETS = GeometricOffsets(height_m=0.004, fore_aft_m=-0.006, alignment_rad=0.03)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.simulation.sagittal.contact_spheres import IMAGINARY_STEP, Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import SUPPORT_WIDTH
+from vsf_drake.simulation.sagittal.model import IMAGINARY_STEP, SUPPORT_WIDTH, Smoothing
 
 
 def turns(model, count, seed):

@@ -12,8 +12,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.laws.stick_slip import friction_force
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
-from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 
 SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6)

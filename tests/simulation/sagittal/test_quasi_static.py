@@ -12,8 +12,7 @@ from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motio
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
-from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 
 STEP_S = 0.005

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.simulation.sagittal.contact_spheres import IMAGINARY_STEP, Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
+from vsf_drake.simulation.sagittal.model import IMAGINARY_STEP, Smoothing
 
 SMOOTHINGS = [Smoothing(depth_m=0.002), Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0)]
 SIZES = (8, 8, 8, 12, 12, 4)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
-from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
+from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 
 def same(person, drawn, p, other, p_other):

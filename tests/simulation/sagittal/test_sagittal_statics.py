@@ -10,9 +10,8 @@ from scipy.optimize import root
 
 from vsf_drake.analysis.tuning.level2.stride import quasi_static_motion
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing, Spheres, normal, touch
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing, Spheres, normal, touch
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 
 LOADS = np.array([200.0, 600.0])

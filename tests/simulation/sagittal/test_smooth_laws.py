@@ -8,14 +8,16 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
 from vsf_drake.laws.smooth_contact import rounded_positive_part
-from vsf_drake.simulation.sagittal.contact_spheres import (
+from vsf_drake.simulation.sagittal.model import (
     IMAGINARY_STEP,
+    STOP_WIDTH,
+    TENSION_WIDTH,
     Smoothing,
     friction_coefficient,
     normal_force,
     positive_part_integral,
+    spring_forces,
 )
-from vsf_drake.simulation.sagittal.model import STOP_WIDTH, TENSION_WIDTH, spring_forces
 
 X = np.linspace(-3.0, 3.0, 6001)
 LAW = {"stiffness": 3e4, "exponent": 1.3, "damping": 300.0, "full_damping_depth": 1e-3}

@@ -20,15 +20,15 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.reactions import follow
-from vsf_drake.simulation.stepping.dynamics import (
+from vsf_drake.simulation.stepping.tree import (
     chains,
     inverse_dynamics,
     mass_matrix,
     place,
     tree_arrays,
+    tree_of,
     work_space,
 )
-from vsf_drake.simulation.stepping.tree import tree_of
 
 TOLERANCE = 1e-12
 STATES = 6

@@ -14,9 +14,9 @@ from pydrake.multibody.tree import MultibodyForces_
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_room
-from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place, tree_arrays
-from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import EXACT, _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.stepping.sensitivity import linearise
+from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.stepping.ways import Edit, make_ways, tangent_room
 from vsf_drake.simulation.variables import added
 

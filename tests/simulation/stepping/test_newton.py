@@ -21,14 +21,9 @@ from vsf_drake.simulation.stepping.assembly import (
     split_coordinates,
     step_room,
 )
-from vsf_drake.simulation.stepping.dynamics import (
-    inverse_dynamics,
-    mass_matrix,
-    place,
-    tree_arrays,
-)
 from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, copy, tangent_matrix
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
 
 STEP_S = 1e-3
 """Functions of the package that only compiled code may call are called from compiled functions here."""

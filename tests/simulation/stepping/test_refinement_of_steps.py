@@ -12,7 +12,6 @@ from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, split_coordinates, step_room
-from vsf_drake.simulation.stepping.dynamics import no_torques
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
 from vsf_drake.simulation.stepping.stepper import (
     CHUNK,
@@ -24,6 +23,7 @@ from vsf_drake.simulation.stepping.stepper import (
     advance,
     drive_of,
     next_piece,
+    no_torques,
     piece,
 )
 

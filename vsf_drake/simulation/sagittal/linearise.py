@@ -21,19 +21,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.simulation.sagittal.contact_spheres import (
+from vsf_drake.simulation.sagittal.model import (
     IMAGINARY_STEP,
+    SagittalModel,
     Smoothing,
     Spheres,
     Touch,
     friction,
     normal,
     sole,
+    spring_forces,
     tall,
     touch,
     wrenches,
 )
-from vsf_drake.simulation.sagittal.model import SagittalModel, spring_forces
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, cross, inertia_times
 
 

@@ -14,8 +14,21 @@ import numpy as np
 
 from vsf_drake.laws.compiled import internal
 from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
-from vsf_drake.simulation.stepping.dynamics import Motion, chains, work_space
-from vsf_drake.simulation.stepping.tree import REST, Tree, add, add_column, cross_motion, dot, plus, put, six, wrench
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    Motion,
+    Tree,
+    add,
+    add_column,
+    chains,
+    cross_motion,
+    dot,
+    plus,
+    put,
+    six,
+    work_space,
+    wrench,
+)
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")

@@ -29,8 +29,20 @@ from vsf_drake.simulation.stepping.assembly import (
     find_support,
     tangents,
 )
-from vsf_drake.simulation.stepping.dynamics import inverse_dynamics, mass_matrix, place
-from vsf_drake.simulation.stepping.tree import REST, add, dot, inertia_times, plus, put, six, times, transposed_times
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    add,
+    dot,
+    inertia_times,
+    inverse_dynamics,
+    mass_matrix,
+    place,
+    plus,
+    put,
+    six,
+    times,
+    transposed_times,
+)
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12

@@ -14,18 +14,43 @@ which that happens is not differentiated, its step is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.laws.compiled import internal
-from vsf_drake.simulation.stepping.assembly import SITE_RECORD, Forces, Split, split_coordinates, step_room
-from vsf_drake.simulation.stepping.dynamics import tree_arrays
-from vsf_drake.simulation.stepping.linearise import linearise
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.scalar import spring_force
+from vsf_drake.simulation.stepping.assembly import (
+    SITE_COLUMNS,
+    SITE_RECORD,
+    Forces,
+    Split,
+    add_support_tangent,
+    site_tangent,
+    split_coordinates,
+    step_room,
+)
 from vsf_drake.simulation.stepping.newton import EXACT, copy, solve_columns, step, tangent_matrix
-from vsf_drake.simulation.stepping.tree import Tree, plus, six, times
-from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways, make_ways, tangent_room
+from vsf_drake.simulation.stepping.tree import (
+    REST,
+    Tree,
+    add,
+    add_column,
+    cross_force,
+    cross_motion,
+    dot,
+    inertia_times,
+    moved_wrench,
+    plus,
+    put,
+    six,
+    times,
+    transposed_times,
+    tree_arrays,
+)
+from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES, Edit, Tangent, Ways, make_ways, tangent_room
 
 
 @internal
@@ -153,3 +178,318 @@ def rest_sensitivity(
     shifted = ways.coordinate[count:] >= 0
     np.add.at(by, ways.coordinate[count:][shifted], ways.unit[count:][shifted])
     return by
+
+
+@internal
+def differentiate_torques(k, torques, place, tangent):
+    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `assembly.Split`."""
+    s = torques.sensed.shape[0]
+    for i in range(torques.coordinates.shape[0] if s > 0 else 0):
+        row = place[torques.coordinates[i]]
+        for p in range(tangent.torque.shape[1]):
+            value = 0.0
+            for j in range(s):
+                c = place[torques.sensed[j]]
+                value -= torques.gain[k, i, j] * tangent.q[c, p] + torques.gain[k, i, s + j] * tangent.v[c, p]
+            tangent.torque[row, p] = value
+
+
+# Exact derivatives of one step's equations, compiled.
+#
+# With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, `linearise` writes its derivatives by
+# displacements of the start, by the velocity at the start, by the end velocity and by parameters, for the rows that are
+# asked for. Those of the inverse dynamics are the closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all
+# about the world's origin; contact follows the same pattern: derivatives of the wrench on a body by its displacement
+# and velocity (`_add_site_tangents`) add up over all that a joint carries. In the derivatives by the end velocity
+# springs and support are left out: of free rows by free ways they are `newton.tangent_matrix`.
+
+
+@compiled
+def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support):
+    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
+
+    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9) and support (3,).
+    """
+    _way_motions(ways, room, tangent)
+    _coriolis(tree, split, room.motion, tangent)
+    _add_site_tangents(h, tree.links, forces, split, ways, room, tangent, sites)
+    tangent.Gq[:] = 0.0
+    tangent.Gv[:] = 0.0
+    tangent.B[:] = 0.0
+    tangent.E[:] = 0.0
+    _rows(h, tree.bodies, ways, room, tangent)
+    _springs(h, forces, split, ways, q0, v, tangent)
+    if forces.fulcrum[0] > 0.0:
+        add_support_tangent(h, forces, split, ways, room, tangent, support)
+
+
+@internal
+def _way_motions(ways, room, tangent):
+    motion = room.motion
+    for j in range(ways.body.shape[0]):
+        c, b, parent = ways.coordinate[j], ways.body[j], ways.parent[j]
+        if c >= 0:
+            S = six(motion.S, c)
+        else:
+            R, p, m = motion.R, motion.p, ways.mount
+            wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
+            wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
+            wz = R[b, 2, 0] * m[j, 0] + R[b, 2, 1] * m[j, 1] + R[b, 2, 2] * m[j, 2]
+            x, y, z = p[b, 0], p[b, 1], p[b, 2]
+            S = (wx, wy, wz,
+                 R[b, 0, 0] * m[j, 3] + R[b, 0, 1] * m[j, 4] + R[b, 0, 2] * m[j, 5] + y * wz - z * wy,
+                 R[b, 1, 0] * m[j, 3] + R[b, 1, 1] * m[j, 4] + R[b, 1, 2] * m[j, 5] + z * wx - x * wz,
+                 R[b, 2, 0] * m[j, 3] + R[b, 2, 1] * m[j, 4] + R[b, 2, 2] * m[j, 5] + x * wy - y * wx)
+        rate = cross_motion(six(motion.V, parent), S)
+        put(tangent.S, j, S)
+        put(tangent.rate, j, rate)
+        put(tangent.second, j, plus(cross_motion(six(motion.A, parent), S),
+                                    cross_motion(six(motion.V, parent), rate), 1.0))
+        put(tangent.end, j, cross_motion(six(room.contact.V, parent), S))
+
+
+@internal
+def _coriolis(tree, split, motion, tangent):
+    """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities."""
+    C = tangent.coriolis
+    for k in range(split.moving.shape[0]):
+        b = tree.links[split.moving[k], 2]
+        C[b, :, :] = 0.0
+        if tree.inertias[b, 0] > 0.0:
+            v = six(motion.V, b)
+            momentum = inertia_times(motion.own, b, v)
+            for i in range(6):
+                e = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0,
+                     1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
+                column = plus(cross_force(v, inertia_times(motion.own, b, e)), cross_force(e, momentum), 1.0)
+                add_column(C, b, i, plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0))
+    for k in range(split.moving.shape[0] - 1, -1, -1):
+        parent, b = tree.links[split.moving[k], 1], tree.links[split.moving[k], 2]
+        if split.body_moves[parent]:
+            for i in range(6):
+                for j in range(6):
+                    C[parent, i, j] += C[b, i, j]
+
+
+@internal
+def _rows(h, bodies, ways, room, tangent):
+    """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E."""
+    motion, contact, rows = room.motion, room.contact, ways.rows
+    composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
+    for j in range(ways.body.shape[0]):
+        carried = False
+        for i in range(rows.shape[0]):
+            carried |= ways.relation[i, j] == CARRIED
+        if not carried:
+            continue
+        # What a way changes in the wrench that a joint below it must give, where that joint carries it: by
+        # displacement, by velocity, by acceleration, and in contact by the end velocity.
+        b, S, rate, end = ways.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
+        by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, six(tangent.second, j)), 1.0)
+        by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
+        by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
+        momentum, by_end = inertia_times(composite, b, S), REST
+        if contact.loaded[b]:
+            by_q = plus(by_q, times(shift, b, S), -1.0)
+            by_q = plus(by_q, times(K, b, end), 1.0)
+            by_end = times(K, b, S)
+        for i in range(rows.shape[0]):
+            if ways.relation[i, j] == CARRIED:
+                S_i = six(motion.S, rows[i])
+                mass = dot(S_i, momentum)
+                tangent.Gq[i, j] = dot(S_i, by_q)
+                tangent.Gv[i, j] = dot(S_i, by_v) - mass / h
+                tangent.B[i, j] = mass + h * dot(S_i, by_end)
+    for i in range(rows.shape[0]):
+        # A way that carries the row's joint turns that too: its rates, accelerations, displacements and end velocities
+        # meet there what the joint's own motion would be met by.
+        c = rows[i]
+        b, S = bodies[c], six(motion.S, c)
+        by_rate, by_second = transposed_times(coriolis, b, S), inertia_times(composite, b, S)
+        by_shift, by_end = REST, REST
+        if contact.loaded[b]:
+            by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
+            by_end = transposed_times(K, b, S)
+        for j in range(ways.body.shape[0]):
+            if ways.relation[i, j] == CARRIES:
+                S_j, rate = six(tangent.S, j), six(tangent.rate, j)
+                mass = dot(by_second, S_j)
+                tangent.Gq[i, j] = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
+                                    + dot(by_end, six(tangent.end, j)) - dot(by_shift, S_j))
+                tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass / h
+                tangent.B[i, j] = mass + h * dot(by_end, S_j)
+        if tangent.touched[b]:
+            for p in range(tangent.E.shape[1]):
+                tangent.E[i, p] -= dot(S, six(tangent.dF[b], p))
+
+
+@internal
+def _springs(h, forces, split, ways, q0, v, tangent):
+    s = forces.springs
+    for k in range(forces.spring_index.shape[0]):
+        c = forces.spring_index[k]
+        i = split.place[c]
+        if i >= 0:
+            _, by_x, _ = spring_force(
+                q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
+            tangent.Gq[i, i] -= by_x
+    for e in range(ways.spring_row.shape[0]):
+        k = ways.spring_row[e]
+        c = forces.spring_index[k]
+        i = split.place[c]
+        if i >= 0:
+            # The law is linear in its constants: their unit as a spring gives the derivative.
+            force, _, _ = spring_force(
+                q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
+                s[k, 3], s[k, 4], s[k, 5])
+            tangent.E[i, ways.spring_parameter[e]] -= force
+
+
+# How the ground's wrenches change with displacements of the bodies and with the contact's parameters, compiled.
+#
+# A body displaced by s and whose end velocity changes by u, both motions about W's origin, changes the wrench on it by
+# P s - K u, with the change that s itself makes in the velocity of its points inside P. `assembly.tangents` gives K.
+# The measured wrench takes the contact points where they are at the end of the step, and has matrices of its own.
+
+
+_CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
+            "threshold_velocity")
+RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(SITE_COLUMNS.index, _CHANGED)
+"""Columns of a site that parameters change."""
+
+
+@internal
+def _add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
+    """Composites of P and of the measured wrench, and what parameters change directly."""
+    contact, moving = room.contact, split.moving
+    tangent.dT[:] = 0.0
+    for m in range(links.shape[0]):
+        b = links[m, 2]
+        tangent.touched[b] = False
+        tangent.out_shift[b, :, :] = 0.0
+        tangent.out_K[b, :, :] = 0.0
+        tangent.dF[b, :, :] = 0.0
+    tangent.touched[0] = False
+    for k in range(moving.shape[0]):
+        tangent.shift[links[moving[k], 2], :, :] = 0.0
+    for a in range(contact.near[-1]):
+        s = contact.near[a]
+        if split.site_moves[s] and sites[s, 1] > 0.0:
+            _site(h, s, forces, ways, room, tangent, sites)
+            tangent.touched[forces.site_bodies[s]] = True
+    for m in range(links.shape[0] - 1, -1, -1):
+        parent, b = links[m, 1], links[m, 2]
+        if not tangent.touched[b]:
+            continue
+        tangent.touched[parent] = True
+        for i in range(6):
+            for j in range(6):
+                tangent.out_shift[parent, i, j] += tangent.out_shift[b, i, j]
+                tangent.out_K[parent, i, j] += tangent.out_K[b, i, j]
+        for p in range(tangent.dF.shape[1]):
+            for i in range(6):
+                tangent.dF[parent, p, i] += tangent.dF[b, p, i]
+        if split.body_moves[parent]:
+            for i in range(6):
+                for j in range(6):
+                    tangent.shift[parent, i, j] += tangent.shift[b, i, j]
+
+
+@internal
+def _site(h, s, forces, ways, room, tangent, sites):
+    """One loaded site: six unit displacements, six unit velocities, and its parameters."""
+    contact, b = room.contact, forces.site_bodies[s]
+    radius = forces.sites[s, 3]
+    V = contact.V
+    wx, wy, wz = V[b, 0], V[b, 1], V[b, 2]
+    fn, fx, fy, vx, vy = sites[s, 1], sites[s, 2], sites[s, 3], sites[s, 5], sites[s, 6]
+    x, y, top = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2]
+    z = top - radius
+    vz = V[b, 5] + wx * y - wy * x
+    ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
+    by_depth = contact.elastic[s]
+    K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+    # Velocity of the sphere's centre, and where the contact point is at the end of the step.
+    ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
+    x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
+    measured = ways.measured[s]
+    for i in range(6):
+        sx, sy, sz = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        lx, ly, lz = 1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0
+        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x e_z).
+        cx, cy, cz = lx + sy * top - sz * y, ly + sz * x - sx * top, lz + sx * y - sy * x
+        ux = sy * vz - sz * vy + radius * (wz * sx)
+        uy = sz * vx - sx * vz + radius * (wz * sy)
+        uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
+        gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
+        add_column(tangent.shift, b, i, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        if measured:
+            add_column(tangent.out_shift, b, i, moved_wrench(
+                x1, y1, z1, gx, gy, gz, fx, fy, fn,
+                cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
+            # Velocity u of the body: -K u, and the point's way over the step.
+            ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
+            gx, gy, gz = _force_change(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
+            add_column(tangent.out_K, b, i, moved_wrench(
+                x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
+                -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
+    for e in range(ways.edit_start[s], ways.edit_start[s + 1]):
+        p, column, unit = ways.edit_parameter[e], ways.edit_column[e], ways.edit_unit[e]
+        cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if column == RISE:
+            R = room.motion.R
+            cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
+            ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+            gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
+        elif column >= MU_STATIC:
+            change = -unit * fn * _friction_change(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
+            gx, gy, gz = change * vx, change * vy, 0.0
+        else:
+            gz = unit * _normal_change(forces.sites, s, column, sites[s, 0], sites[s, 4])
+            gx, gy = -ratio * vx * gz, -ratio * vy * gz
+        add(tangent.dF[b], p, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        if measured:
+            add(tangent.dT, p, moved_wrench(
+                x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz))
+
+
+@internal
+def _force_change(K, along_x, along_y, by_depth, ux, uy, uz, rise):
+    """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
+    xx, xy, yy, xz, yz, zz = K
+    return (-(xx * ux + xy * uy + xz * uz) + along_x * rise, -(xy * ux + yy * uy + yz * uz) + along_y * rise,
+            -zz * uz - by_depth * rise)
+
+
+@internal
+def _normal_change(site, s, column, depth, rate):
+    """Derivative of the normal force by one of its constants."""
+    stiffness, exponent, damping, full = site[s, 4], site[s, 5], site[s, 6], site[s, 7]
+    if column == STIFFNESS:
+        return depth**exponent
+    if column == EXPONENT:
+        return stiffness * depth**exponent * math.log(depth)
+    if rate <= 0.0:
+        return 0.0
+    u = min(depth / full, 1.0)
+    if column == DAMPING:
+        return u * u * (3.0 - 2.0 * u) * rate
+    return -6.0 * u * (1.0 - u) * u / full * damping * rate
+
+
+@internal
+def _friction_change(site, s, column, speed):
+    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (see `forces.friction_per_speed`)."""
+    mu_static, mu_kinetic, threshold = site[s, 8], site[s, 9], site[s, 10]
+    if speed <= threshold:
+        if column == MU_STATIC:
+            return 1.0 / threshold
+        return -mu_static / (threshold * threshold) if column == THRESHOLD else 0.0
+    if speed >= 1.5 * threshold:
+        return 1.0 / speed if column == MU_KINETIC else 0.0
+    share = (speed - threshold) / (0.5 * threshold)
+    if column == MU_STATIC:
+        return (1.0 - share) / speed
+    if column == MU_KINETIC:
+        return share / speed
+    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)

@@ -33,16 +33,9 @@ from vsf_drake.simulation.stepping.assembly import (
     split_coordinates,
     step_room,
 )
-from vsf_drake.simulation.stepping.dynamics import (
-    Torques,
-    differentiate_torques,
-    no_torques,
-    sample_torques,
-    tree_arrays,
-)
 from vsf_drake.simulation.stepping.newton import copy, step
-from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
-from vsf_drake.simulation.stepping.tree import Tree, tree_of
+from vsf_drake.simulation.stepping.sensitivity import Carried, carry, differentiate_torques, write_state
+from vsf_drake.simulation.stepping.tree import Tree, tree_arrays, tree_of
 from vsf_drake.simulation.stepping.ways import Edit
 
 CHUNK = 32
@@ -380,3 +373,41 @@ def advance(
         if c >= 0:
             return k, c
     return -1, -1
+
+
+# Forces that a sampled controller exerts on free coordinates: worked out at the start of a step and held over it.
+#
+#     tau = feedforward - gain @ (state - reference),        state = positions, then velocities, of sensed coordinates
+#
+# A step that is cut into pieces keeps what its start gave.
+
+
+class Torques(NamedTuple):
+    """Of n steps, on c coordinates, from s sensed ones, in N m, rad, s (N, m, s)."""
+
+    coordinates: np.ndarray  # (c,) indices, 0 of them for none
+    sensed: np.ndarray  # (s,) indices, 0 of them without feedback
+    feedforward: np.ndarray  # (n, c)
+    gain: np.ndarray  # (n, c, 2 s)
+    reference: np.ndarray  # (n, 2 s)
+
+
+def no_torques(steps: int) -> Torques:
+    """None on that many steps."""
+    none = np.zeros(0, dtype=np.int64)
+    return Torques(coordinates=none, sensed=none, feedforward=np.zeros((steps, 0)), gain=np.zeros((steps, 0, 0)),
+                   reference=np.zeros((steps, 0)))
+
+
+@compiled
+def sample_torques(k, torques, q, v, force, row):
+    """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,) and to `row` (c,)."""
+    s = torques.sensed.shape[0]
+    for i in range(torques.coordinates.shape[0]):
+        value = torques.feedforward[k, i]
+        for j in range(s):
+            c = torques.sensed[j]
+            value -= torques.gain[k, i, j] * (q[c] - torques.reference[k, j])
+            value -= torques.gain[k, i, s + j] * (v[c] - torques.reference[k, s + j])
+        force[torques.coordinates[i]] = value
+        row[i] = value

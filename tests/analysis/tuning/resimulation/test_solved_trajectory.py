@@ -10,8 +10,7 @@ from made_sagittal import embedded_walker, loaded_motion
 
 from vsf_drake.analysis.tuning.resimulation import design_values, solved_trajectory
 from vsf_drake.collocation.problem import Grid, Layout
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
-from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
+from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 
 def solution(periodic=True):

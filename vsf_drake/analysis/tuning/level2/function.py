@@ -13,9 +13,8 @@ from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation.problem import METHODS, Layout
 from vsf_drake.errors import InputError
 from vsf_drake.schema import choice, quantity
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
+from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 STAGES = (
     Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),

@@ -31,9 +31,8 @@ from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation.problem import Convex, Curve, Design, Grid, Layout, Limits, Residuals, TrajectoryProblem
 from vsf_drake.collocation.solution import Start
 from vsf_drake.errors import SimulationError
-from vsf_drake.simulation.sagittal.contact_spheres import Smoothing
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel
+from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, Smoothing
 
 MM = 1e-3
 POSITIVE, NEGATIVE = 0.25, 1.2

@@ -18,9 +18,9 @@ import numpy as np
 from vsf_drake.errors import FitError
 from vsf_drake.schema import check, quantity
 from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_room
-from vsf_drake.simulation.stepping.dynamics import tree_arrays
-from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import FLAT, step, tangent_matrix
+from vsf_drake.simulation.stepping.sensitivity import linearise
+from vsf_drake.simulation.stepping.tree import tree_arrays
 from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
 from vsf_drake.simulation.walk import Walk
 

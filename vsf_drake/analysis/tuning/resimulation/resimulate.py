@@ -36,8 +36,7 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
-from vsf_drake.simulation.stepping.dynamics import Torques
-from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
+from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper, Torques
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
 PRESCRIBED, FEEDBACK = "prescribed", "feedback"
