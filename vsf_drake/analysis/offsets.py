@@ -44,26 +44,16 @@ STRIDE = 4
 
 @dataclass(frozen=True)
 class OffsetFit:
-    """What the fit found.
-
-    Attributes:
-        offsets: the fitted values.
-        standard_error: of each, from the Jacobian and the assumed noise (m, m, rad).
-        cost_before, cost: half the sum of squared weighted residuals at zero offsets (None if the walk diverges there)
-            and at the end.
-        evaluations: simulations run, those of the scan of heights included.
-        success: the optimiser's own verdict; message: in its words.
-        at_bound: names of offsets that ended on a bound.
-    """
+    """What the fit found; costs are half the sum of squared weighted residuals."""
 
     offsets: GeometricOffsets
-    standard_error: GeometricOffsets
-    cost_before: float | None
+    standard_error: GeometricOffsets  # of each, from the Jacobian and the assumed noise
+    cost_before: float | None  # at zero offsets; None if the walk diverges there
     cost: float
-    evaluations: int
-    success: bool
-    message: str
-    at_bound: tuple[str, ...]
+    evaluations: int  # simulations run, those of the scan of heights included
+    success: bool  # the optimiser's own verdict
+    message: str  # in its words
+    at_bound: tuple[str, ...]  # names of offsets that ended on a bound
 
 
 def fit_offsets(
@@ -91,43 +81,36 @@ def fit_offsets(
         cost_before = None
     solution = minimise(problem.residuals, problem.jacobian, start)
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
-    values = dict(zip(NAMES, map(float, solution.x), strict=True))
-    errors = dict(zip(NAMES, map(float, np.sqrt(np.diag(covariance))), strict=True))
-    at_bound = tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active)
     return OffsetFit(
-        offsets=GeometricOffsets(**values), standard_error=GeometricOffsets(**errors),
+        offsets=_offsets(solution.x), standard_error=_offsets(np.sqrt(np.diag(covariance))),
         cost_before=cost_before, cost=float(solution.cost), evaluations=problem.simulations,
-        success=bool(solution.success), message=str(solution.message), at_bound=at_bound)
+        success=bool(solution.success), message=str(solution.message),
+        at_bound=tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active))
+
+
+def _offsets(x: np.ndarray) -> GeometricOffsets:
+    return GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
 
 
 class OffsetProblem:
     """Weighted residuals of a trial and their derivatives, as functions of the three offsets x (m, m, rad).
 
     Residuals: every STRIDE-th scored instant of fore-aft and vertical force, every STRIDE-th percent of each stance
-    of the fore-aft centre of pressure, the offsets themselves over PRIOR.
-
-    Args:
-        progress: called with the number of simulations so far and the current cost.
-
-    Attributes:
-        simulations: how many were run.
+    of the fore-aft centre of pressure, the offsets themselves over PRIOR. `simulations` counts what was run.
     """
 
     def __init__(self, walker: Walker, trial: Trial, progress: Callable[[int, float], None] | None = None) -> None:
         self.walker, self.trial, self.simulations = walker, trial, 0
         self._progress = progress
-        self._at: np.ndarray | None = None
-        self._residuals, self._jacobian = np.zeros(0), np.zeros((0, 3))
+        self._last = np.full(3, np.nan), np.zeros(0), np.zeros((0, 3))
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """(m,) at `x`. Raises SimulationError if the run diverges."""
-        self._evaluate(x)
-        return self._residuals
+        return self._evaluate(x)[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """(m, 3) at `x`, without a simulation where the last residuals were asked for."""
-        self._evaluate(x)
-        return self._jacobian
+        return self._evaluate(x)[1]
 
     def walk(self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()) -> Walk:
         """The trial's walk with these offsets."""
@@ -136,29 +119,28 @@ class OffsetProblem:
         return self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                                 step_s=step_s, offsets=offsets, with_respect_to=with_respect_to)
 
-    def _evaluate(self, x: np.ndarray) -> None:
-        if self._at is not None and np.array_equal(x, self._at):
-            return
-        trial = self.trial
-        plate = trial.prosthetic_plate
-        offsets = GeometricOffsets(**dict(zip(NAMES, map(float, x), strict=True)))
+    def _evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if np.array_equal(x, self._last[0]):
+            return self._last[1:]
+        trial, offsets = self.trial, _offsets(x)
         walk = self.walk(offsets, FIT_STEP_S, VARIABLES)
         assert walk.sensitivity is not None
         result = self.walker.result(walk, trial, offsets, energy=False)
-        c = compare(result, plate)
+        c = compare(result, trial.prosthetic_plate)
         by = compare_sensitivity(c, result, walk.sensitivity)
         rows = np.flatnonzero(c.scored)[::STRIDE]
         noise_n, noise_m = trial.subject.mass_kg * GRAVITY * FORCE_NOISE_BW, trial.model.foot.length_m * COP_NOISE_FL
         values = [(c.model - c.measured)[rows][:, [0, 2]].ravel() / noise_n]
         slopes = [by.model[rows][:, [0, 2]].reshape(-1, 3) / noise_n]
-        if plate.has_cop:
+        if trial.prosthetic_plate.has_cop:
             for stance, cop_by in zip(c.stances, by.cop, strict=True):
                 values.append(np.nan_to_num((stance.model_cop - stance.measured_cop)[::STRIDE, 0]) / noise_m)
                 slopes.append(np.nan_to_num(cop_by[::STRIDE, 0]) / noise_m)
-        self._residuals, self._jacobian = np.concatenate([*values, x / PRIOR]), np.vstack([*slopes, np.diag(1 / PRIOR)])
-        self._at = np.array(x)
+        residuals, jacobian = np.concatenate([*values, x / PRIOR]), np.vstack([*slopes, np.diag(1 / PRIOR)])
+        self._last = np.array(x), residuals, jacobian
         if self._progress:
-            self._progress(self.simulations, 0.5 * float(self._residuals @ self._residuals))
+            self._progress(self.simulations, 0.5 * float(residuals @ residuals))
+        return residuals, jacobian
 
 
 def minimise(
@@ -170,10 +152,8 @@ def minimise(
 
 
 def _height_by_impulse(problem: OffsetProblem) -> float:
-    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height.
-
-    A walk that diverges counts as one with the foot too deep in the ground, except at the very top.
-    """
+    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height. A
+    walk that diverges counts as one with the foot too deep in the ground, except at the very top."""
     trial, plate = problem.trial, problem.trial.prosthetic_plate
     inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
     wanted = float(np.trapezoid(plate.force_W[inside, 2], plate.time_s[inside]))
