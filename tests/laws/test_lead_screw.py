@@ -27,8 +27,7 @@ def test_torque_and_efficiency_of_a_published_example():
     The book rounds: its own numbers, cosine 0.968 and tangent 0.0592, give 1814 in the equation it prints.
     """
     lead = 0.25 * INCH_M
-    tangent = law.lead_angle_tangent(lead, 1.3429 * INCH_M)
-    friction = law.flank_friction(0.15, math.radians(14.5))
+    tangent, friction = law.thread(lead, 1.3429 * INCH_M, 0.15, math.radians(14.5))
     load = 12500.0 * POUND_N
     torque = screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True)
     assert torque / (POUND_N * INCH_M) == pytest.approx(1809.0, rel=4e-3)
@@ -46,7 +45,7 @@ def test_without_friction_the_torque_is_the_work_of_a_turn_over_two_pi_both_ways
 def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_driven_both_ways():
     rng = np.random.default_rng(1)
     for tangent, friction in rng.uniform(0.01, 0.6, (200, 2)):
-        locks = law.is_self_locking(tangent, friction)
+        locks = tangent < friction
         assert locks == (law.returning_efficiency(tangent, friction) < 0.0)
         down = screw_torque(1.0, lead=LEAD, tangent=tangent, friction=friction, against=False)
         assert locks == (down > 0.0)

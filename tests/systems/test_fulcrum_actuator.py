@@ -18,8 +18,7 @@ from vsf_drake.systems.fulcrum import FulcrumActuator
 
 P = ActuatorParameters()
 TURNS = 2 * math.pi / P.screw_lead_m
-TANGENT = law.lead_angle_tangent(P.screw_lead_m, P.screw_mean_diameter_m)
-FRICTION = law.flank_friction(P.thread_friction, P.thread_flank_angle_rad)
+TANGENT, FRICTION = law.thread(P.screw_lead_m, P.screw_mean_diameter_m, P.thread_friction, P.thread_flank_angle_rad)
 ROTOR_KG = (P.rotor_inertia_kg_m2 * P.gear_ratio**2 + P.screw_inertia_kg_m2) * TURNS**2
 RANGE_M = (0.066, 0.151)
 OUTPUTS = ("fulcrum_position", "carriage_velocity", "motor_current", "energy", "work", "losses", "position_error")

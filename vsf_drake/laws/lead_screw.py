@@ -29,19 +29,10 @@ import numpy as np
 from vsf_drake.laws._elementwise import Values
 
 
-def lead_angle_tangent(lead: Values, mean_diameter: Values) -> Values:
-    """tan(lambda) = lead / (pi · mean diameter)."""
-    return lead / (math.pi * mean_diameter)
-
-
-def flank_friction(friction: Values, flank_angle: Values) -> Values:
-    """u = friction / cos(flank angle), of a thread whose flank is inclined by the angle (rad)."""
-    return friction / np.cos(flank_angle)
-
-
-def is_self_locking(tangent: Values, friction: Values) -> bool:
-    """Whether no axial load can turn the screw: tan(lambda) < u."""
-    return bool(tangent < friction)
+def thread(lead: Values, mean_diameter: Values, friction: Values, flank_angle: Values) -> tuple[Values, Values]:
+    """tan(lambda) = lead / (pi · mean diameter), and u = friction / cos(flank angle), of a flank inclined by the angle
+    (rad). For tan(lambda) < u no axial load can turn the screw."""
+    return lead / (math.pi * mean_diameter), friction / np.cos(flank_angle)
 
 
 def driving_efficiency(tangent: Values, friction: Values) -> Values:
@@ -75,7 +66,7 @@ def locked_creep_speed(tangent: Values, friction: Values, creep_speed: Values) -
 
     ValueError if the screw does not lock itself.
     """
-    if not is_self_locking(tangent, friction):
+    if not tangent < friction:
         raise ValueError("the screw gives way under load: its friction is not above the tangent of its lead angle")
     return creep_speed * np.arctanh(1.0 / (1.0 - returning_efficiency(tangent, friction)))
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -95,8 +94,7 @@ def _text(values: float | Iterable[float]) -> str:
 # zero every link's frame is parallel to the keel frame K, which is the frame of the first link.
 
 
-@dataclass(frozen=True)
-class Drawing:
+class Drawing(NamedTuple):
     """A shape to be seen: its pose in the link's frame, and red, green, blue, opacity."""
 
     name: str
@@ -105,8 +103,7 @@ class Drawing:
     colour: np.ndarray
 
 
-@dataclass(frozen=True)
-class Pad:
+class Pad(NamedTuple):
     """A contact sphere about p_BS (3,) m, with N/m, s/m and coefficients for Drake's point contact."""
 
     name: str
@@ -117,8 +114,7 @@ class Pad:
     friction: CoulombFriction
 
 
-@dataclass(frozen=True)
-class Link:
+class Link(NamedTuple):
     """A rigid body."""
 
     name: str

@@ -257,17 +257,12 @@ def largest_step(foot: FootHandles) -> float:
     """
     if foot.contact not in STABLE_STEPS:
         return np.inf
-    sites, longest = foot.sites, np.inf
-    on = np.array([int(body) for body in sites.body_indices])
+    sites, mass = foot.sites, _piece_masses(foot)
     slope = [n * secant_stiffness(k, n, REFERENCE_LOAD_N) for k, n in zip(sites.stiffness, sites.exponent, strict=True)]
-    for body in foot.keel:
-        here = on == int(body.index())
-        damping, stiffness, mass = np.sum(sites.damping[here]), np.sum(np.array(slope)[here]), body.default_mass()
-        if damping > 0.0:
-            longest = min(longest, STABLE_STEPS[foot.contact] * mass / damping)
-        if stiffness > 0.0:
-            longest = min(longest, np.sqrt(mass / stiffness))
-    return float(longest)
+    on = np.array([[body == piece.index() for body in sites.body_indices] for piece in foot.keel], dtype=float)
+    with np.errstate(divide="ignore"):
+        longest = STABLE_STEPS[foot.contact] * mass / (on @ sites.damping), np.sqrt(mass / (on @ slope))
+    return float(np.min(longest))
 
 
 def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
@@ -276,7 +271,11 @@ def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
     While the foot sticks, friction is a damper of mu_static / threshold velocity times the load on the piece. It is as
     explicit as the foam's and grows with the load, so `FootForces` looks at it while it runs.
     """
-    return STICKING_STEPS[foot.contact] / time_step_s * np.array([body.default_mass() for body in foot.keel])
+    return STICKING_STEPS[foot.contact] / time_step_s * _piece_masses(foot)
+
+
+def _piece_masses(foot: FootHandles) -> np.ndarray:
+    return np.array([body.default_mass() for body in foot.keel])
 
 
 def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandles:

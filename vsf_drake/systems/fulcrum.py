@@ -19,6 +19,7 @@ from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
 from vsf_drake.systems._system import System_, cross, system_template
 
+THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
 STATE = ("fulcrum_position", "carriage_velocity", "energy", "work", "losses")
 
 
@@ -107,16 +108,13 @@ def FulcrumSupport_(T):
 FulcrumSupport = FulcrumSupport_[float]
 
 
-# The desired states of a foot's actuators, in a plant with a time step.
-
-
 @system_template(AutoDiffXd, Expression)
 def FulcrumCommand_(T):
     class Impl(System_(T)):
         """Sends the carriage to the fulcrum position and the keel's joints to straight.
 
-        For a foot whose springs and carriage are PD-controlled actuators of its model instance: q_d = 0 in the keel's
-        joints, the fulcrum position in the carriage, v_d = 0.
+        For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators of its model
+        instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage, v_d = 0.
 
         .. pydrake_system::
 
@@ -172,9 +170,6 @@ def FulcrumCommand_(T):
 
 
 FulcrumCommand = FulcrumCommand_[float]
-
-
-# Motor, lead screw and carriage that move the fulcrum along the keel.
 
 
 @system_template()
@@ -237,8 +232,8 @@ def FulcrumActuator_(T):
         creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
 
         Raises:
-            InputError: a number is out of range, the screw gives way under load or cannot be turned at all, its inertia
-                is too small for its friction, or the carriage would start outside its travel.
+            InputError: a number is out of range, the screw gives way under load, cannot be turned or has too little
+                inertia for its friction, or the carriage would start outside its travel.
         """
 
         def _construct(
@@ -296,8 +291,7 @@ def FulcrumActuator_(T):
             x, v = _state(context)[:2]
             turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
             speed = c["gear_ratio"] * turns * v
-            tangent = law.lead_angle_tangent(c["screw_lead_m"], c["screw_mean_diameter_m"])
-            friction = law.flank_friction(c["thread_friction"], c["thread_flank_angle_rad"])
+            tangent, friction = law.thread(*(c[name] for name in THREAD))
             sense = law.direction(v, c["creep_speed_m_per_s"])
             limit = law.limited_voltage(
                 c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
@@ -333,9 +327,8 @@ def _state(context) -> np.ndarray:
 
 
 def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
-    tangent = law.lead_angle_tangent(p.screw_lead_m, p.screw_mean_diameter_m)
-    friction = law.flank_friction(p.thread_friction, p.thread_flank_angle_rad)
-    require(law.is_self_locking(tangent, friction), f"the screw gives way under the keel's load: its friction "
+    tangent, friction = law.thread(*(getattr(p, name) for name in THREAD))
+    require(tangent < friction, f"the screw gives way under the keel's load: its friction "
             f"{friction:.3f} (thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of its "
             "lead angle", "thread_friction",
             "Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction")

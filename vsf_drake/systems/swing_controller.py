@@ -67,8 +67,7 @@ def SwingController_(T):
         Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
 
         Raises:
-            InputError: the signal is unknown, the period is not above 0, load_force is not above unload_force or
-                swing_rate not above stop_rate, so that there is no hysteresis; or, while it runs, the desired position
+            InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the desired position
                 is not a number at the onset of a swing, or in mm.
         """
 
@@ -138,13 +137,10 @@ def _state(context) -> Any:
 SwingController = SwingController_[float]
 
 
-# What an inertial sensor on the shank tells of its sagittal angle and rate.
-
-
 @system_template()
 def ShankAngle_(T):
     class Impl(System_(T)):
-        """Sagittal inclination of a body B against the vertical, and its rate, without noise, bias or drift.
+        """An inertial sensor: sagittal inclination of a body B against the vertical, and its rate, without noise.
 
         With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright,
         positive with its top ahead of its bottom (leaning forward; +y, to the left, is the axis), whatever the
@@ -186,9 +182,6 @@ def ShankAngle_(T):
 
 
 ShankAngle = ShankAngle_[float]
-
-
-# How many strides and how much energy each adjustment of the fulcrum takes.
 
 
 @system_template()
