@@ -42,10 +42,9 @@ def simulate_many(
     """Simulates every case; each worker builds a person once and walks it often.
 
     A member that fails (its parameters cannot be used, its run diverges) is an outcome with a `failure`; the others
-    go on. A killed worker costs its own task, which is tried once more. On one kind of processor the
-    numbers are the same bit for bit on any number of workers. With `cache`, whatever is finished is kept at once:
-    after an interruption the same call goes on where it stopped, and equal walks of other sweeps are not repeated.
-    Simulations that fail are kept too, as they would fail again; what the machine did (memory, a killed worker) is not.
+    go on. A killed worker costs its own task, which is tried once more. On one kind of processor the numbers are the
+    same bit for bit on any number of workers. With `cache`, whatever is finished is kept at once, failed simulations too
+    (not what the machine did): the same call goes on where it stopped, and equal walks of other sweeps are not repeated.
 
     Args:
         cases: what to walk. Equal ones are walked once.
@@ -63,11 +62,6 @@ def simulate_many(
 
     Returns:
         One outcome a case, in their order.
-
-    Raises:
-        InputError: `keep`, `workers`, `executor` or `cache` cannot be used, a member is no `WalkCase` or its
-            trial no `Trial`, or the disk is full (what is in the cache stays good).
-        WorkerStartError: worker processes cannot be started.
     """
     count, cases, kept = checked(workers, executor), list(cases), check_keep(keep)
     for i, case in enumerate(cases):
@@ -95,8 +89,7 @@ class WalkOutcome:
     """One finished member: its arrays, or why there are none. Numbers of a failed one are None."""
 
     case: WalkCase
-    failure: str | None = None
-    """What went wrong, with the member's parameters; None if nothing did."""
+    failure: str | None = None  # what went wrong, with the member's parameters
     unconverged_steps: int | None = None  # that were accepted without convergence
     refined_steps: int | None = None  # that were cut into smaller ones to converge, which is no fault
     wall_s: float | None = None  # where the walk ran, also if it comes from the cache

@@ -91,10 +91,11 @@ def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
     waiting = [(j, int(j.parent_body().index()), int(j.child_body().index())) for j in joints]
     placed, ordered = {0}, []
     while waiting:
-        ready = [entry for entry in waiting if entry[1] in placed]
-        waiting = [entry for entry in waiting if entry[1] not in placed]
-        placed |= {child for _, _, child in ready}
-        ordered += ready
+        for entry in waiting:
+            if entry[1] in placed:
+                placed.add(entry[2])
+                ordered.append(entry)
+        waiting = [entry for entry in waiting if entry not in ordered]
     return ordered
 
 
