@@ -18,19 +18,15 @@ Values = Any  # a float, an AutoDiffXd, or an array of either
 def positive_part(x: Values) -> Array:
     """max(x, 0); its gradient at x = 0 is zero."""
     x = np.asarray(x)
-    part: Array = np.where(x > 0, x, 0.0 * x) if x.dtype == object else np.maximum(x, 0.0)
-    return part
+    return np.asarray(np.where(x > 0, x, 0.0 * x) if x.dtype == object else np.maximum(x, 0.0))
 
 
 def unit_clip(x: Values) -> Array:
     """min(max(x, 0), 1); its gradient outside (0, 1) is zero."""
     x = np.asarray(x)
-    clipped: Array
     if x.dtype == object:
-        clipped = np.where(x > 0, np.where(x < 1, x, 0.0 * x + 1.0), 0.0 * x)
-    else:
-        clipped = np.minimum(np.maximum(x, 0.0), 1.0)
-    return clipped
+        return np.where(x > 0, np.where(x < 1, x, 0.0 * x + 1.0), 0.0 * x)
+    return np.asarray(np.clip(x, 0.0, 1.0))
 
 
 def power(base: Values, exponent: Values) -> Array:

@@ -36,5 +36,4 @@ def axis_force(
     displacement = np.asarray(displacement)
     k = np.where(displacement < 0, stiffness_negative, stiffness)
     elastic = k * (displacement + stop_ratio * excess(displacement, limit))
-    force: Array = -elastic - damping * (rate + stop_ratio * excess(rate, rate_limit))
-    return force
+    return np.asarray(-elastic - damping * (rate + stop_ratio * excess(rate, rate_limit)))

@@ -23,8 +23,7 @@ def normal_force(
         depth: penetration (m), >= 0. depth_rate: m/s, positive while it grows.
         stiffness: N/m**exponent. exponent: >= 1. dissipation: s/m.
     """
-    force: Array = stiffness * power(depth, exponent) * positive_part(1.0 + dissipation * np.asarray(depth_rate))
-    return force
+    return np.asarray(stiffness * power(depth, exponent) * positive_part(1.0 + dissipation * np.asarray(depth_rate)))
 
 
 def matched_dissipation(*, stiffness: float, exponent: float, damping: float, depth: float) -> float:

@@ -17,8 +17,7 @@ UNLOADING_BRANCHES = ("continuous", "printed")
 def smooth_step(u: Values) -> Array:
     """Cubic step u² (3 - 2 u) from 0 at u <= 0 to 1 at u >= 1, with zero slope at both ends."""
     clipped = unit_clip(u)
-    step: Array = clipped * clipped * (3.0 - 2.0 * clipped)
-    return step
+    return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))
 
 
 def penetration_depth(height: Values, radius: Values) -> Array:
@@ -58,5 +57,4 @@ def normal_force(
     elastic = stiffness * power(depth, exponent)
     if unloading == "printed":
         elastic = np.where(np.asarray(depth_rate) < 0, stiffness * depth, elastic)
-    force: Array = elastic + damping * positive_part(depth_rate) * smooth_step(depth / full_damping_depth)
-    return force
+    return np.asarray(elastic + damping * positive_part(depth_rate) * smooth_step(depth / full_damping_depth))

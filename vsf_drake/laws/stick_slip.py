@@ -20,8 +20,7 @@ from vsf_drake.laws.kelvin_voigt import smooth_step
 def friction_coefficient(speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values) -> Array:
     """The library's piecewise linear coefficient at slip speed >= 0 (m/s)."""
     u = np.asarray(speed) / threshold_velocity
-    mu: Array = mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))
-    return mu
+    return np.asarray(mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0)))
 
 
 def smooth_friction_coefficient(
@@ -37,8 +36,7 @@ def smooth_friction_coefficient(
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
     fall = smooth_step(2.0 * (u - 1.0))
-    mu: Array = mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * fall
-    return mu
+    return np.asarray(mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * fall)
 
 
 def coefficient_per_speed(
@@ -76,5 +74,4 @@ def friction_force(
     x, y = slip[..., 0], slip[..., 1]
     ratio = coefficient_per_speed(x * x + y * y, mu_static=mu_static, mu_kinetic=mu_kinetic,
                                   threshold_velocity=threshold_velocity, smooth=smooth)
-    force: Array = -np.asarray(ratio * normal_force)[..., None] * slip
-    return force
+    return np.asarray(-np.asarray(ratio * normal_force)[..., None] * slip)

@@ -30,10 +30,6 @@ lengthens it by x^2 / 2, some micrometres."""
 STEP_S = 1e-3
 CARRIAGE_SERVO_HZ = 30.0
 """Of MuJoCo's actuator that holds the carriage, critically damped (a choice)."""
-DIGITS = 12
-"""Significant ones: the thirteenth may differ from one machine's mathematics to another's."""
-NOISE = 1e-15
-"""Smaller values (SI) are what rounding left of zero."""
 
 ET.register_namespace("drake", "http://drake.mit.edu")
 
@@ -85,7 +81,8 @@ def _written(template: str, parameters: FootParameters, fulcrum_m: float | None,
 
 
 def _text(values: float | Iterable[float]) -> str:
-    return " ".join("0" if abs(value) < NOISE else f"{float(value):.{DIGITS}g}" for value in np.atleast_1d(values))
+    """12 digits, for the thirteenth may differ from one machine to another; below 1e-15 is what rounding left of 0."""
+    return " ".join("0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values))
 
 
 # The rigid parts, springs, drawings and contact spheres of the foot that `add_foot` builds, as numbers to be written.

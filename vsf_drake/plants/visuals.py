@@ -51,7 +51,11 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it. The shapes are for looking at only (Drake's roles of
     perception and illustration); where a foot has Drake's own contact, its contact shapes stay what they are.
     """
-    _check_drawable(plant, "add_foot_visuals")
+    require(plant.geometry_source_is_registered(), "shapes need a SceneGraph, and the plant is registered with none",
+            "add_foot_visuals", "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
+            "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
+    require(not plant.is_finalized(), "the plant is finalized and takes no more shapes", "add_foot_visuals",
+            "Call it between add_foot and plant.Finalize()")
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
     keel, rear = foot.parameters.keel, foot.parameters.fulcrum.rearmost_m
     bottom = 0.5 * keel.thickness_m
@@ -76,7 +80,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
 
 def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
     """Gives the bodies of `person` shapes to be seen by, on conditions as of `add_foot_visuals`."""
-    _check_drawable(plant, "add_visuals")
+    add_foot_visuals(plant, person.foot)
     body = person.body
     # the ellipsoid with the whole trunk's radii of gyration: AP, ML, vertical
     ap, ml, long = np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
@@ -102,7 +106,6 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
     draw(plant, socket.socket, "socket", frustum_shape(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
     draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, body.pylon_length), METAL,
          (0.0, 0.0, -0.5 * body.pylon_length))
-    add_foot_visuals(plant, person.foot)
     _draw_sites(plant, person.intact_sites, "intact_site_{}")
 
 
@@ -130,14 +133,6 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
     builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(plant.get_source_id()))
-
-
-def _check_drawable(plant: MultibodyPlant, caller: str) -> None:
-    require(plant.geometry_source_is_registered(), "shapes need a SceneGraph, and the plant is registered with none",
-            caller, "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
-            "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
-    require(not plant.is_finalized(), "the plant is finalized and takes no more shapes", caller,
-            "Call it between add_foot and plant.Finalize()")
 
 
 def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,

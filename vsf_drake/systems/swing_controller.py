@@ -67,8 +67,8 @@ def SwingController_(T):
         Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
 
         Raises:
-            InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the desired position
-                is not a number at the onset of a swing, or in mm.
+            InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the desired
+                position is not a number at the onset of a swing, or in mm.
         """
 
         def _construct(
