@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import require
 from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.solids import frustum_taper, frustum_volume
 
@@ -141,20 +141,17 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     placement = foot_placement(subject)
     foot_height = placement.sole_below(foot.build_height_m)
     pylon = prosthesis_length - residual - foot_height
-    if pylon < LEAST_PYLON_M:
-        raise InputError(
-            f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual shank {residual:.3f} m "
-            f"and foot {foot_height:.3f} m leaves {pylon:.3f} m",
-            where="subject", right=f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or "
-            f"correct {'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}")
+    require(pylon >= LEAST_PYLON_M, f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual "
+            f"shank {residual:.3f} m and foot {foot_height:.3f} m leaves {pylon:.3f} m", "subject",
+            f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or correct "
+            f"{'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}")
     mass = subject.mass_kg
     shank_mass = mass * table.shank_mass
     prosthesis = foot.mass_kg + socket.socket_mass_kg + socket.pylon_mass_kg
     residual_mass = shank_mass * residual_volume_ratio(table, socket.residual_length_ratio)
     limbs = mass * (2 * table.thigh_mass + table.foot_mass) + shank_mass + residual_mass + prosthesis
-    if limbs > 0.75 * mass:
-        raise InputError(f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", where="subject.mass_kg",
-                         right="Check the masses of foot, socket and pylon")
+    require(limbs <= 0.75 * mass, f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", "subject.mass_kg",
+            "Check the masses of foot, socket and pylon")
     hara = {"hip_forward": 0.011 - 0.063 * leg, "hip_up": -0.009 - 0.078 * leg, "hip_lateral": 0.008 + 0.086 * leg}
     measured = {name: getattr(subject, f"{name}_m") for name in hara}
     hip = {name: value if measured[name] is None else measured[name] for name, value in hara.items()}

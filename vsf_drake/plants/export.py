@@ -141,7 +141,7 @@ def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
     drawings = tuple(Drawing(
-        name=_own_name(inspector, i), shape=inspector.GetShape(i), X_BG=inspector.GetPoseInFrame(i),
+        name=inspector.GetName(i).split("::")[-1], shape=inspector.GetShape(i), X_BG=inspector.GetPoseInFrame(i),
         colour=inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba)
         for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration))
     return Link(
@@ -154,12 +154,8 @@ def pad_of(inspector: SceneGraphInspector, shape: GeometryId) -> Pad:
     """What `inspector` knows of a collision sphere."""
     properties = inspector.GetProximityProperties(shape)
     return Pad(
-        name=_own_name(inspector, shape), p_BS=inspector.GetPoseInFrame(shape).translation(),
+        name=inspector.GetName(shape).split("::")[-1], p_BS=inspector.GetPoseInFrame(shape).translation(),
         radius=inspector.GetShape(shape).radius(),
         stiffness=properties.GetProperty("material", "point_contact_stiffness"),
         dissipation=properties.GetProperty("material", "hunt_crossley_dissipation"),
         friction=properties.GetProperty("material", "coulomb_friction"))
-
-
-def _own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
-    return str(inspector.GetName(shape).split("::")[-1])

@@ -27,7 +27,7 @@ from vsf_drake.plants.wiring import (
     connect_kinematics,
 )
 from vsf_drake.systems.contact import DrakeReaction
-from vsf_drake.systems.foot_forces import CONTACT_LAWS, FORCES, FootForces
+from vsf_drake.systems.foot_forces import CONTACT_LAWS, DEVICE, FORCES, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
@@ -138,7 +138,7 @@ def wire_foot(
     builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
     forces = None
     if law:
-        without = dict.fromkeys(device, 0.0) | {"fulcrum_m": fulcrum_m}
+        without = dict.fromkeys(DEVICE, 0.0) | {"fulcrum_m": fulcrum_m}
         forces = _add_forces(builder, plant, foot, law, without | contact, grip=grip_limit(foot, plant.time_step()))
     told = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
     builder.Connect(command.GetOutputPort("position"), told.GetInputPort("fulcrum_position"))
@@ -158,13 +158,11 @@ def add_rigid_foot(
 
     It is a `FootForces` whose keel has no stiffness, no support and no spheres, so that it exerts nothing there.
     """
-    no_keel = dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "carriage_gain", "carriage_rate_gain",
-                             "fulcrum_m", "joint_stiffness", "joint_damping"), 0.0)
     return add_forces(builder, plant, name, FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
         velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
         site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
-        constants=no_keel | _contact_constants(sites, friction, check_ground(ground))))
+        constants=dict.fromkeys(DEVICE, 0.0) | _contact_constants(sites, friction, check_ground(ground))))
 
 
 def _add_forces(

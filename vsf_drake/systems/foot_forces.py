@@ -21,6 +21,11 @@ from vsf_drake.systems._foot_kernel import (
 from vsf_drake.systems._system import System_, system_template
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
+DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
+    ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), "")
+CONTACT = {"p_BS": "N3", **dict.fromkeys(SITE_COLUMNS, "N"), "ground_bounds": "M4", **dict.fromkeys(PATCH_COLUMNS, "M"),
+           **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), "")}
+"""Parameters and their shapes, of m keel joints, N spheres and M patches."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -113,7 +118,13 @@ def FootForces_(T):
             self._slices = slices(m, sites, num_velocities)
             self._declare_kinematics()
             self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
-            self._declare_parameters(**_shaped(constants, m, sites, contact=law is not None))
+            known = DEVICE | (CONTACT if law else {})
+            wrong = known.keys() ^ constants.keys()
+            if wrong:
+                raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}")
+            patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
+            self._declare_parameters(**{
+                name: (constants[name], _shape(code, m=m, N=sites, M=patches)) for name, code in known.items()})
             self._packed = self._declare_cached("packed", self._pack_constants, self.all_parameters_ticket())
             self._values = values = self._declare_cached("values", self._calc_values)
             self._declare_spatial_forces(self._spatial_forces)
@@ -157,27 +168,11 @@ def FootForces_(T):
     return Impl
 
 
-_NO_CONTACT = {
-    "p_BS": np.zeros((0, 3)), "ground_bounds": np.zeros((1, 4)),
-    **dict.fromkeys(SITE_COLUMNS, np.zeros(0)), **dict.fromkeys(PATCH_COLUMNS, np.zeros(1)),
-    **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), 1.0),
-}
+def _shape(code: str, **sizes: int) -> tuple[int, ...]:
+    return tuple(int(sizes.get(part, part)) for part in code)
 
 
-def _shaped(constants: dict[str, Any], joints: int, sites: int, *, contact: bool) -> dict[str, tuple]:
-    """name: (value, shape) of all parameters, after a check that each is there."""
-    shapes: dict[str, tuple] = dict.fromkeys(PER_JOINT, (joints,))
-    shapes |= dict.fromkeys(("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain",
-                             "carriage_rate_gain"), ())
-    if contact:
-        patches = (len(np.atleast_1d(constants.get("ground_height", 0.0))),)
-        shapes |= {"p_BS": (sites, 3), **dict.fromkeys(SITE_COLUMNS, (sites,))}
-        shapes |= {"ground_bounds": (*patches, 4), **dict.fromkeys(PATCH_COLUMNS, patches)}
-        shapes |= dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), ())
-    wrong = shapes.keys() ^ constants.keys()
-    if wrong:
-        raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(shapes)}")
-    return {name: (constants[name], shape) for name, shape in shapes.items()}
+_NO_CONTACT = {name: np.ones(_shape(code, N=0, M=1)) for name, code in CONTACT.items()}
 
 
 FootForces = FootForces_[float]

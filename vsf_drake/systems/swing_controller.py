@@ -105,14 +105,10 @@ def SwingController_(T):
             elif phase == UNCONFIRMED and not begins:
                 phase, held = T(STANCE), T(c["least_stance"])
             if phase == UNCONFIRMED and held > c["debounce"] - 1e-9:
-                phase, held, commanded = T(SWING), T(0.0), self._desired(context)
+                phase, held, commanded = T(SWING), T(0.0), self._value(context, "desired_position")[0]
+                require(abs(commanded) <= FARTHEST_M, f"is {commanded} at {context.get_time()} s", "desired_position",
+                        "It must be a position in m from A")
             discrete.set_value(np.array([phase, held, commanded]))
-
-        def _desired(self, context) -> Any:
-            desired = self._value(context, "desired_position")[0]
-            require(abs(desired) <= FARTHEST_M, f"is {desired} at {context.get_time()} s", "desired_position",
-                    "It must be a position in m from A")
-            return desired
 
         def _sign(self, context) -> tuple[bool, bool]:
             """Whether a swing would begin, and whether one would end, at what the inputs are now."""
