@@ -29,8 +29,9 @@ from scipy.optimize import brentq, root
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
+from vsf_drake.sentences import say
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
-from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker
+from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, step_notes
 
 LARGEST_SWAY_RAD = np.radians(1.0)
 """Turn of a free pelvis from its equilibrium after which the person counts as falling (a choice)."""
@@ -65,12 +66,12 @@ def simulate_standing(
         try:
             walk, rest_speed = _let_go(posture, walker, found.tilt, found.list, duration_s, step_s, progress)
         except SimulationError as error:
-            notes.append(f"With {_names(found)} free the person fell ({error}).")
+            notes += say("standing", "failed", free=found.free, error=error, turn_deg=0.0)
             continue
-        standing = _result(posture, walk, found, rest_speed, notes)
+        standing = _result(posture, walk, found, rest_speed, [*notes])
         if standing.turn_rad < LARGEST_SWAY_RAD:
             return standing
-        notes.append(f"With {_names(found)} free the person turned by {np.degrees(standing.turn_rad):.1f} degrees.")
+        notes += say("standing", "failed", free=found.free, error=None, turn_deg=np.degrees(standing.turn_rad))
     walk, rest_speed = _let_go(
         posture, posture.walker, tilt, posture.level_list(tilt), duration_s, step_s, progress)
     return _result(posture, walk, None, rest_speed, notes)
@@ -92,42 +93,18 @@ def _let_go(
 
 def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     """Stable equilibria, the freest first; `notes` learns why there are no more."""
-    found = []
+    full, least = None, (0.0, 0.0)
     try:
         sideways = posture.sideways_equilibrium(tilt)
-        if sideways is None:
-            notes.append("Sideways a person with stiff joints cannot balance on these legs: leaning onto the softer or "
-                         "shorter one, the weight topples the body faster than the feet right it. In life muscles "
-                         "about the hips do; here the pelvis's list is held where both unloaded soles touch the floor.")
-            return []
-        full = posture.equilibrium(sideways)
-        if full is None:
-            best, moment = posture.least_tilt_moment(tilt, sideways.list)
-            notes.append("Fore and aft no attitude of the pelvis balances a person with stiff joints at these angles: "
-                         f"at best (tilt {np.degrees(best):.1f} degrees) the centre of mass stays "
-                         f"{_place(moment / posture.weight_n)} the centre of pressure. People lean at the ankles, "
-                         "which stand at their given angles here.")
-        elif full.stable:
-            found.append(full)
-        else:
-            notes.append("Fore and aft there is an attitude in balance, but the weight topples the body from it faster "
-                         "than the feet right it.")
-        if sideways.stable:
-            found.append(sideways)
-        else:
-            notes.append("Sideways there is an attitude in balance, but the person topples from it.")
-        return found
+        if sideways is not None:
+            full = posture.equilibrium(sideways)
+            least = posture.least_tilt_moment(tilt, sideways.list) if full is None else least
     except SimulationError as error:
-        notes.append(f"Whether the person can balance is not known: some attitudes of the pelvis fail ({error}).")
+        notes += say("standing", "unknown", error=error)
         return []
-
-
-def _names(found: Equilibrium) -> str:
-    return "the whole pelvis" if len(found.free) == 2 else "the pelvis's list"
-
-
-def _place(ahead_m: float) -> str:
-    return f"{1e3 * abs(ahead_m):.0f} mm {'behind' if ahead_m < 0 else 'ahead of'}"
+    notes += say("standing", "balances", sideways=sideways, full=full, tilt=np.degrees(least[0]),
+                 ahead_m=least[1] / posture.weight_n)
+    return [found for found in (full, sideways) if found is not None and found.stable]
 
 
 def _result(
@@ -137,23 +114,15 @@ def _result(
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
     free = TRANSLATIONS + (found.freed if found else ())
     held = {name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free}
-    said = list(notes)
-    if "pelvis_tilt" in held:
-        said.append(f"Holding the pelvis's tilt took {abs(held['pelvis_tilt']):.1f} N m: the centre of mass is "
-                    f"{_place(held['pelvis_tilt'] / posture.weight_n)} the centre of pressure.")
-    if "pelvis_list" in held:
-        side = posture.walker.subject.prosthetic_side
-        towards = "prosthetic" if (held["pelvis_list"] < 0.0) == (side == "left") else "intact"
-        said.append(f"Holding its list took {abs(held['pelvis_list']):.1f} N m: the centre of pressure is "
-                    f"{1e3 * abs(held['pelvis_list']) / posture.weight_n:.0f} mm from the centre of mass towards the "
-                    f"{towards} foot.")
     prosthetic, intact = walk.prosthetic.grf_W[:, 2], walk.intact.grf_W[:, 2]
     share = float(prosthetic.sum() / max((prosthetic + intact).sum(), 1e-9))
-    if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
-        said.append(f"The person stands on one leg: the prosthetic foot carries {share:.0%}.")
-    if rest_speed > AT_REST:
-        said.append(f"The person did not come to rest before the start (speed {rest_speed:.2g}).")
-    said += [f"{doubt}." for doubt in record.doubts()]
+    to_prosthesis = (held.get("pelvis_list", 0.0) < 0.0) == (posture.walker.subject.prosthetic_side == "left")
+    notes += say(
+        "standing", "result", tilt_nm=held.get("pelvis_tilt"), list_nm=held.get("pelvis_list"),
+        towards="prosthetic" if to_prosthesis else "intact", weight_n=posture.weight_n,
+        share=None if LEAST_SHARE < share < 1.0 - LEAST_SHARE else share,
+        rest_speed=rest_speed if rest_speed > AT_REST else 0.0)
+    notes += step_notes(record, stop=".")
     body = posture.walker.gait.person.body
     plant = walk.mechanism.plant
     plant.SetPositions(walk.mechanism.context, record.q[-1])
@@ -164,7 +133,7 @@ def _result(
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
         free=free, held_nm=held, com_height_m=float(com),
         stiffness_nm_per_rad=None if found is None else found.least_nm_per_rad,
-        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(said), **record.counts())
+        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(notes), **record.counts())
 
 
 # Whether a person with stiff joints can balance, and how the pelvis must be turned for it.

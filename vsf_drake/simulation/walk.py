@@ -19,6 +19,7 @@ from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
+from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
 from vsf_drake.simulation.reactions import (
@@ -451,47 +452,35 @@ AT_REST = 1e-5
 """Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
 
 
+def step_notes(record: Record, stop: str = "") -> list[str]:
+    """Sentences on steps that did not converge or were cut; `stop` ends them."""
+    counts = record.counts()
+    return say("walk", "steps", unconverged=counts["unconverged_steps"], refined=counts["refined_steps"],
+               steps=len(record.time_s), most=record.parts.max(), stop=stop)
+
+
 def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
     """Sentences on convergence, plausibility and the start of `walk`."""
-    notes = [*walk.record.doubts(), *_implausible_load(walk.prosthetic.grf_W[:, 2], subject.mass_kg),
-             *_too_deep(walk, model)]
-    if walk.prosthetic.grf_W[0, 2] > LOADED_N:
-        notes.append(f"The run starts with {walk.prosthetic.grf_W[0, 2]:.0f} N on the prosthetic foot, at rest in "
-                     "equilibrium and without shear: its first hundredths of a second are not the recording's.")
-    foam = foam_under_load(model.foot)
-    bench = model.foot.series_stiffness_n_per_m, model.foot.series_exponent
+    vertical, foam = walk.prosthetic.grf_W[:, 2], foam_under_load(model.foot)
+    peak, bench = vertical.max() / (subject.mass_kg * GRAVITY), (
+        model.foot.series_stiffness_n_per_m, model.foot.series_exponent)
     walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
-    if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT:
-        notes.append(f"The forefoot's spheres have {1e-3 * walk_k:.1f} N/mm where the bench's foam has "
-                     f"{1e-3 * bench_k:.1f}: this model walks on another foam than it is tested with.")
-    if walk.rest_speed > AT_REST:
-        notes.append(f"The free coordinates did not come to rest before the start (speed {walk.rest_speed:.2g}).")
-    return notes
+    return [*step_notes(walk.record), *say(
+        "walk", "notes", peak_bw=0.0 if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
+        deep=_too_deep(walk, model), start_n=vertical[0] if vertical[0] > LOADED_N else 0.0,
+        spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0, foam=bench_k,
+        rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0)]
 
 
-def _too_deep(walk: Walk, model: ModelParameters) -> list[str]:
-    """A sentence for each foot that goes deeper into the ground than what its contact stands for is thick."""
+def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
+    """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and since when (s)."""
     count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
-    notes = []
-    for foot, own, limit, what in (
-            ("prosthetic", depth[:, :count], model.foot.foam_thickness_m, "the foam under the keel is thick"),
-            ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)),
-             "the radius of its largest contact sphere is")):
+    found = []
+    for foot, own, limit in (
+            ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),
+            ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)))):
         deepest = own.max(axis=1, initial=0.0)
         if deepest.max() > limit:
-            at = "already at the start" if deepest[0] > limit else (
-                f"first at {walk.record.time_s[int(np.argmax(deepest > limit))]:.3f} s")
-            notes.append(
-                f"The {foot} foot goes {1e3 * deepest.max():.0f} mm into the ground ({at}), more than the "
-                f"{1e3 * limit:.0f} mm that {what}: its forces there mean nothing. The recorded path of the pelvis, "
-                "the subject's lengths and the ground do not fit together.")
-    return notes
-
-
-def _implausible_load(vertical_n: np.ndarray, mass_kg: float) -> list[str]:
-    """A sentence if the vertical force (n,) N is not one of a person of `mass_kg` walking, else nothing."""
-    peak = float(vertical_n.max()) / (mass_kg * GRAVITY)
-    if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1]:
-        return []
-    return [f"The largest vertical force on the prosthetic foot is {peak:.2f} body weights: the recorded path of the "
-            "pelvis, the subject's lengths and the ground do not fit together. Fitting the offsets may help."]
+            since = None if deepest[0] > limit else float(walk.record.time_s[int(np.argmax(deepest > limit))])
+            found.append((foot, float(deepest.max()), since, limit))
+    return found

@@ -43,8 +43,8 @@ def simulate_many(
 
     A member that fails (its parameters cannot be used, its run diverges) is an outcome with a `failure`; the others
     go on. A killed worker costs its own task, which is tried once more. On one kind of processor the numbers are the
-    same bit for bit on any number of workers. With `cache`, whatever is finished is kept at once, failed simulations too
-    (not what the machine did): the same call goes on where it stopped, and equal walks of other sweeps are not repeated.
+    same bit for bit on any number of workers. With `cache`, whatever is finished is kept at once, failed simulations
+    too (not what the machine did): the same call goes on where it stopped, and equal walks are not repeated.
 
     Args:
         cases: what to walk. Equal ones are walked once.

@@ -242,13 +242,6 @@ class Record(NamedTuple):
         return {"unconverged_steps": int(np.sum(~self.converged[:steps])),
                 "refined_steps": int(np.sum(self.parts[:steps] > 1))}
 
-    def doubts(self) -> list[str]:
-        """Sentences on steps that did not converge or were cut, without their full stops."""
-        found, of = self.counts(), f"of {len(self.time_s)} steps"
-        return ([f"{found['unconverged_steps']} {of} did not converge"] * (found["unconverged_steps"] > 0)
-                + [f"{found['refined_steps']} {of} were cut into up to {self.parts.max()} pieces"]
-                * (found["refined_steps"] > 0))
-
 
 def _empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, carried: Carried | None) -> Record:
     """Room for a run from q0, v0 with so many sites."""
