@@ -21,7 +21,7 @@ from refined_spheres import with_spheres
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.files import replaced
 from vsf_drake.motion.events import runs
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates

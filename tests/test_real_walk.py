@@ -16,8 +16,8 @@ import yaml
 from scipy.signal import find_peaks
 
 from vsf_drake.cli import main
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.results import load_walk
 from vsf_drake.simulation.walk import simulate_trial

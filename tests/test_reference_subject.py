@@ -11,7 +11,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.motion.events import find_stances
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.person import add_person
 

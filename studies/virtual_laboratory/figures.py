@@ -7,7 +7,7 @@ import numpy as np
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Recorded
 from vsf_drake.motion.events import find_stances
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 
 CUTOFF_HZ = 40.0
 PERCENT = np.linspace(0.0, 1.0, 101)

@@ -20,7 +20,7 @@ from vsf_drake.analysis.recording.motion_checks import (
     zeroed,
 )
 from vsf_drake.motion.markers.joints import joint_angles
-from vsf_drake.motion.markers.schema import Gap
+from vsf_drake.motion.markers.segments import Gap
 
 TIME = np.arange(0.0, 1.8, 0.01)
 FAST = np.full(len(TIME), 1.1)

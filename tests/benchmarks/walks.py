@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from made_person import SIDES, Person, label_of
 
-from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, FootPoints, SegmentMarkers
+from vsf_drake.motion.markers.segments import SEGMENTS, Calibration, FootPoints, SegmentMarkers
 from vsf_drake.parameters import Subject
 
 MEDIAL = ("knee_medial", "ankle_medial")

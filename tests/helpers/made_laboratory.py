@@ -11,7 +11,7 @@ from virtual_laboratory.trc import write_trc
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.formats.tables import write_forces_mot
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 
 MASS = 78.0
 RATE_HZ, FORCE_HZ = 100.0, 1000.0

@@ -12,7 +12,7 @@ from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.markers.schema import Calibration
+from vsf_drake.motion.markers.segments import Calibration
 
 MAPS = {"plug_in_gait": "plug_in_gait", "rajagopal": "rajagopal", "opensim": "rajagopal", "ior": "ior"}
 UNEQUAL = Person(thigh=(0.43, 0.41), shank=(0.40, 0.42), ankle_height=(0.07, 0.07), foot=(0.26, 0.25))

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsf_drake.motion.contacts import Assignment, assign_plates
 from vsf_drake.motion.formats.recording import Plate, Recording
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 
 RATE_HZ, FORCE_HZ = 100.0, 1000.0
 STEP_S, STANCE_S, STEP_M, FOOT_M, HALF_WIDTH_M = 0.55, 0.7, 0.65, 0.25, 0.08

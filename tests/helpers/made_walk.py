@@ -9,7 +9,7 @@ from made_person import Person, markers, poses, recording_of, walking_angles
 
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.parameters import GRAVITY
 
 TIME = np.arange(0.0, 3.0, 0.01)

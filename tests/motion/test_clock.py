@@ -5,7 +5,7 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.clock import check_clock, even_clock, even_rate
+from vsf_drake.motion.formats.units import check_clock, even_clock, even_rate
 
 
 def written(style, times):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 
 RATE = 1000.0
 TIME = np.arange(0.0, 4.0, 1.0 / RATE)

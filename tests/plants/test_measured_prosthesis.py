@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.motion.markers.calibration import prosthesis_of
 from vsf_drake.motion.markers.frames import Anatomy
-from vsf_drake.motion.markers.schema import FootPoints
+from vsf_drake.motion.markers.segments import FootPoints
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import add_person

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference_runs import simulate_reference
 
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 
 START_S, FINISH_S, FULCRUM_M = 0.08, 0.28, 0.108
 """0.2 s around heel strike at 0.12 s."""

@@ -9,9 +9,8 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walker

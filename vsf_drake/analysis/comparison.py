@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsf_drake.motion.events import Stance, find_stances, runs
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.simulation.results import WalkResult
 
 FORCE_CUTOFF_HZ = 40.0

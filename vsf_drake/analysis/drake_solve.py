@@ -24,11 +24,7 @@ def solved(
     solver: SolverInterface, program: MathematicalProgram, start: np.ndarray, options: SolverOptions,
     evaluating: Interruptible
 ) -> MathematicalProgramResult:
-    """The result of `solver` on `program` from `start`.
-
-    Raises:
-        KeyboardInterrupt: in a cost, or in pydrake between two costs, where only the error's text tells.
-        RuntimeError: anything else that a cost raised.
+    """The result of `solver` on `program` from `start`; KeyboardInterrupt where one passed through a cost or pydrake.
     """
     options.SetOption(IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
     try:

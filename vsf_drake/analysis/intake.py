@@ -20,7 +20,7 @@ from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
-from vsf_drake.motion.markers.schema import Calibration
+from vsf_drake.motion.markers.segments import Calibration
 from vsf_drake.motion.trial import PLACEHOLDER_KG, TrialOptions, trial_from_recordings
 from vsf_drake.motion.trial_record import Trial, check_mass, default_model
 from vsf_drake.parameters import FootParameters
@@ -117,7 +117,6 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
 
 
 def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
-    """Where the fulcrum stood (m) in each walk; refused unless there are one or as many as walks, in reach."""
     stated = options.fulcrum_mm or (1e3 * MID_FULCRUM_M,)
     if len(stated) not in (1, walks):
         raise InputError(f"{len(stated)} positions are given for {walks} walks", where="--fulcrum-mm",
@@ -253,7 +252,6 @@ def gather(standing: Path, walks: Sequence[Path], forces: Sequence[Path] = ()) -
 
 
 def _beside(path: Path) -> Path | None:
-    """The force file beside a .trc file, if there is one."""
     names = BESIDE if path.suffix.lower() == ".trc" else ()
     return next((force for name in names if (force := path.with_name(name.format(path.stem))).is_file()), None)
 

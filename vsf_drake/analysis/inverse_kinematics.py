@@ -31,8 +31,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of
-from vsf_drake.motion.markers.poses import RigidPoses
-from vsf_drake.motion.markers.schema import SEGMENTS, Calibration, SegmentMarkers, TrackedMotion
+from vsf_drake.motion.markers.segments import SEGMENTS, Calibration, RigidPoses, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import reaching_pelvis
@@ -93,8 +92,7 @@ def solve_inverse_kinematics(
 
     Arguments as for `tracking.track`; the model's lengths enter the prosthetic leg.
     """
-    filled, markers, times, poses = smooth_poses(
-        recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
+    filled, markers, poses = smooth_poses(recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     start = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     body = make_marker_model(calibration, filled.segments, model)
     seen = np.stack([markers[label] for label in body.labels], axis=1)
@@ -106,11 +104,11 @@ def solve_inverse_kinematics(
     failed = np.flatnonzero(~success)
     if failed.size:
         raise InputError(f"inverse kinematics failed in {failed.size} of {len(success)} frames, first at "
-                         f"{', '.join(f'{t:.3f}' for t in times[failed[:5]])} s", file=recording.path,
+                         f"{', '.join(f'{t:.3f}' for t in filled.time_s[failed[:5]])} s", file=recording.path,
                          right="Look at the markers there, or use the segments' own poses")
     away = np.minimum(values - solver.low, solver.high - values).min(axis=0)
     at_limit = tuple(name for name, least in zip(COORDINATES, away, strict=True) if least < AT_LIMIT_RAD)
-    motion = describe(calibration, filled, markers, times, body.rigid_poses(values, filled.segments, markers), values)
+    motion = describe(calibration, filled, markers, body.rigid_poses(values, filled.segments, markers), values)
     return motion, at_limit
 
 
@@ -129,7 +127,6 @@ class _FrameSolver:
         self._solver = ClarabelSolver()
 
     def solve(self, guess: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Coordinates and success for one frame's markers (M, 3)."""
         q, levenberg = np.clip(guess, self.low, self.high), LEVENBERG
         residual, jacobian = self._linearise(q, seen)
         for _ in range(MOST_ITERATIONS):

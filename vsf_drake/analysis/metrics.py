@@ -36,8 +36,8 @@ from vsf_drake.analysis.comparison import (
 )
 from vsf_drake.files import plain
 from vsf_drake.motion.events import find_stances, runs
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 

@@ -69,8 +69,9 @@ def import_trials(
                          right="Without a standing trial name the walk twice")
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    facts = {key: value for key, value in (("prosthetic_side", prosthetic_side), ("sex", sex), ("mass_kg", mass_kg),
-                                           ("stature_m", stature_m), ("name", name)) if value is not None}
+    facts: dict[str, Any] = {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
+                             "stature_m": stature_m, "name": name}
+    facts = {key: value for key, value in facts.items() if value is not None}
     if subject is not None and facts:
         option = f"--{next(iter(facts)).replace('_', '-')}"
         raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
@@ -124,13 +125,12 @@ def _finish(table: dict[str, Any], out: Path) -> None:
     """
     grid = Table("trial", "mark", "expected error", "why")
     for trial in table["trials"]:
-        name = f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"
-        bad = [check["sentence"] for check in trial["checks"] if check["mark"] == "unusable"]
-        doubts = dict.fromkeys(check["name"] for check in trial["checks"] if check["mark"] == "doubtful")
-        why = [*bad, *([f"Doubtful by itself: {', '.join(doubts)}."] if doubts else [])]
-        why = why or [f"All {len(trial['checks'])} checks are good."]
-        grid.add_row(Text(name), Text(trial["mark"], style=COLOURS[trial["mark"]]),
-                     f"{100 * trial['expected_error_bw']:.1f} % BW", Text("\n".join(why)))
+        by_mark = {mark: [check for check in trial["checks"] if check["mark"] == mark] for mark in COLOURS}
+        doubts = ", ".join(dict.fromkeys(check["name"] for check in by_mark["doubtful"]))
+        why = [check["sentence"] for check in by_mark["unusable"]] + [f"Doubtful by itself: {doubts}."] * bool(doubts)
+        grid.add_row(Text(f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"),
+                     Text(trial["mark"], style=COLOURS[trial["mark"]]), f"{100 * trial['expected_error_bw']:.1f} % BW",
+                     Text("\n".join(why or [f"All {len(trial['checks'])} checks are good."])))
     console.print(grid)
     console.print(EXPECTED)
     say(f"written to {out}; read {table['kind']}.html first")

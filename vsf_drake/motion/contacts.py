@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from vsf_drake.motion.events import (
     walking_direction,
 )
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.sentences import say
 
 SAME_FORCE = 0.02
@@ -66,7 +66,7 @@ class Contact:
     end_s: float
     start_seen: bool  # whether that lies inside the record
     end_seen: bool
-    distance_m: float  # median distance of the centre of pressure from the nearest heel-toe line; NaN where unknown
+    distance_m: float = np.nan  # median of the centre of pressure from the nearest heel-toe line; NaN where unknown
     doubt: str | None = None  # why it should not be trusted
 
 
@@ -76,33 +76,24 @@ class Assignment:
 
     plates: dict[str, PlateRecording]  # by side, over the whole force record; a side without any contact is missing
     contacts: tuple[Contact, ...]  # in order of time
-    stances: dict[str, tuple[Stance, ...]]  # by side, when the foot stands as its *motion* tells, measured or not
     unmeasured: dict[str, tuple[Span, ...]]
     """By side, when the foot stands on ground that no plate measures (or shares a plate with the other foot), 0.05 s
     wider: the force is not known there, though `plates` says zero."""
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
 
 
-@dataclass(frozen=True, eq=False)
-class _Load:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Load(Contact):
     """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once)."""
 
-    plate: Plate
+    of: Plate
     time_s: np.ndarray
-    start_s: float
-    end_s: float
-    start_seen: bool
-    end_seen: bool
     scuff: bool = False
-    side: str | None = None
-    distance_m: float = np.nan
-    doubt: str | None = None
     in_view: bool = True  # the markers cover it
     shared: bool = False  # both feet's
     contradicted: bool = False  # given as stated, against its place
 
     def doubted(self, why: str, numbers: Mapping[str, Any] | None = None, /, **changes: Any) -> _Load:
-        """The same load with a doubt of `wording/feet.txt.j2`, and other changes."""
         return replace(self, doubt=say("feet", why, **(numbers or {}))[0], **changes)
 
 
@@ -110,15 +101,9 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
                   stated: Mapping[str, str | None] | None = None) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
-    Args:
-        recording: the plates, on the clock of `time_s`.
-        time_s, feet, pelvis_W: (n,) s of the feet, by side, and of a point of the pelvis, (n, 3) m.
-        stated: plate names by side as the user says; they win over the centre of pressure, and a contradiction is
-            noted. None where only the centre of pressure tells.
-
-    Raises:
-        InputError: there is no plate, or none is loaded while the feet are seen; a plate's force points down
-            or sideways; most loads are far from both feet; a stated plate is not there.
+    The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
+    Plate names by side as `stated` by the user win over the centre of pressure, and a contradiction is noted. Refused
+    where plates are not there, not loaded while the feet are seen, not upright, or mostly far from both feet.
     """
     file = recording.force_path or recording.path
     if not recording.plates:
@@ -137,10 +122,10 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     floor = _FeetOnFloor(time_s, feet, stances)
     plates, notes = _without_doubles(recording, floor)
     force_s = recording.force_time_s
-    loads = [_Load(plate, force_s, s.start_s, s.end_s, s.start_seen, s.end_seen, find is find_scuffs)
+    loads = [_Load(plate.name, None, **vars(s), of=plate, time_s=force_s, scuff=find is find_scuffs)
              for plate in plates for find in (find_stances, find_scuffs) for s in find(force_s, plate.force_n[:, 2])]
-    found = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate.name))
-             for part in _attribute(load, floor, names.get(load.plate.name))]
+    found = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate))
+             for part in _attribute(load, floor, names.get(load.plate))]
     found = [_judge_sharing(load, found, floor) for load in found]
     _check_near(found, recording, time_s)
     owned = {side: [load for load in found if load.side == side] for side in SIDES}
@@ -148,18 +133,17 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
             if not all(load.scuff for load in own)}
     record = max(float(force_s[0]), float(time_s[0])), min(float(force_s[-1]), float(time_s[-1]))
     missing, doubts = _unmeasured(found, stances, record)
-    contacts = tuple(Contact(load.plate.name, load.side, load.start_s, load.end_s, load.start_seen, load.end_seen,
-                             load.distance_m, "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None)
-                     for i, load in enumerate(found) if not load.scuff)
+    contacts = [Contact(**{key: getattr(load, key) for key in Contact.__dataclass_fields__} | {
+        "doubt": "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None})
+        for i, load in enumerate(found) if not load.scuff]
     for contact in contacts:
         notes += say("feet", "contact", c=contact)
     for side, spans in missing.items():
         notes += say("feet", "unmeasured", side=side, missing=spans) if spans else []
-    return Assignment(sums, contacts, stances, missing, tuple(notes))
+    return Assignment(sums, tuple(contacts), missing, tuple(notes))
 
 
 def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> None:
-    """Refuses plates of which most loads are under no foot."""
     file = recording.force_path or recording.path
     seen = [load for load in found if not load.scuff and load.in_view]
     if not seen:
@@ -172,7 +156,7 @@ def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray
         near = min(far, key=lambda load: load.distance_m)
         raise InputError(
             f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the plate carries a person "
-            f"({near.start_s:.3f} to {near.end_s:.3f} s)", file=file, where=f"plate {near.plate.name}",
+            f"({near.start_s:.3f} to {near.end_s:.3f} s)", file=file, where=f"plate {near.plate}",
             right="Plates and markers must share frame, unit and clock: check the plate's corners, the unit of the "
                   "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
 
@@ -181,7 +165,6 @@ def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray
 
 
 def _check_upward(plate: Plate, file: Path) -> None:
-    """Refuses a plate whose force does not mainly point up (W's z)."""
     where = f"plate {plate.name}"
     if not np.isfinite(plate.force_n).all():
         row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
@@ -263,7 +246,7 @@ def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
     """Samples to judge by: loaded, with a centre of pressure, while the feet are seen."""
     time = load.time_s
     rows = np.flatnonzero(_within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
-                          & (load.plate.force_n[:, 2] > lowest_n) & np.isfinite(load.plate.cop_m[:, :2]).all(axis=1))
+                          & (load.of.force_n[:, 2] > lowest_n) & np.isfinite(load.of.cop_m[:, :2]).all(axis=1))
     return rows[::max(1, int((len(time) - 1) / (time[-1] - time[0]) / ANALYSIS_HZ))]
 
 
@@ -275,7 +258,7 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         return [load.doubted("unseen", side=stated, in_view=False)]
     if len(rows) < 3:
         return [_by_time(load, floor, stated)]
-    times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
+    times, points = load.time_s[rows], load.of.cop_m[rows, :2]
     apart = {side: floor.distance(times, points, side) for side in SIDES}
     cost = [apart[side][0] + SWING_COST_M * ~floor.stands(times, side, widen_s=SWING_MARGIN_S) for side in SIDES]
     turns = _turns(np.argmin(cost, axis=0), times)
@@ -319,22 +302,20 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
-    """(first, last, side) of each turn that lasts."""
     width = 2 * int(SHORTEST_TURN_S / float(np.median(np.diff(times)))) + 1
     smooth = median_filter(nearest, size=width, mode="nearest") if len(nearest) > width else np.full(
         len(nearest), int(np.mean(nearest) > 0.5))
-    edges = np.flatnonzero(np.diff(smooth)) + 1
-    starts, ends = np.concatenate(([0], edges)), np.concatenate((edges, [len(smooth)])) - 1
-    return [(int(a), int(b), SIDES[smooth[a]]) for a, b in zip(starts, ends, strict=True)]
+    edges = [0, *(np.flatnonzero(np.diff(smooth)) + 1), len(smooth)]
+    return [(int(a), int(b) - 1, SIDES[smooth[a]]) for a, b in pairwise(edges)]
 
 
 def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
     """The same load without a foot if both stand on the plate at once."""
-    side, corners = load.side, load.plate.corners_m
+    side, corners = load.side, load.of.corners_m
     if side is None or load.scuff or load.contradicted or not load.in_view or np.isnan(load.distance_m):
         return load
     rows = _rows(load, floor, LIGHT_N)
-    times, points = load.time_s[rows], load.plate.cop_m[rows, :2]
+    times, points = load.time_s[rows], load.of.cop_m[rows, :2]
     other = next(s for s in SIDES if s != side)
     both = floor.stands(times, other, widen_s=-SWING_MARGIN_S / 2)
     apart = floor.distance(times, points, side)[0]
@@ -344,7 +325,7 @@ def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> 
         heel, toe = floor.at(times, other)
         on = _inside(heel, corners) | _inside(toe, corners)
         elsewhere = _within(times, [(one.start_s, one.end_s) for one in found
-                                    if one.plate is not load.plate and one.side == other])
+                                    if one.plate != load.plate and one.side == other])
         pulled &= _touches(heel, toe, corners)
         pulled |= both & on & ~elsewhere
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
@@ -377,23 +358,22 @@ def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
 
 
 def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_Load]) -> PlateRecording:
-    """Adds up the loads of one foot.
+    """Adds up the loads of one foot; outside them the force is zero.
 
     Forces add; the centre of pressure is where the sum of the plates' loads has no horizontal moment,
     x = sum(x_i F_zi) / sum(F_zi) and likewise y; the free moment is the sum of those of the plates and of the moments
-    of their shear forces about that point. Outside the loads the force is zero.
+    of their shear forces about that point.
     """
-    own = [(plate, _within(time_s, [_with_tails(load) for load in loads if load.plate is plate])) for plate in plates]
-    parts = [(plate, mask) for plate, mask in own if mask.any()]
-    force = np.zeros((len(time_s), 3))
+    own = [(plate, _within(time_s, [_with_tails(load) for load in loads if load.of is plate])) for plate in plates]
+    parts = [(p, mask, mask & np.isfinite(p.cop_m[:, :2]).all(axis=1)) for p, mask in own if mask.any()]
+    force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)
     moved, weights, moment = np.zeros((len(time_s), 2)), np.zeros(len(time_s)), np.zeros(len(time_s))
-    for plate, mask in parts:
+    for plate, mask, placed in parts:
         force[mask] += plate.force_n[mask]
-        at = mask & np.isfinite(plate.cop_m[:, :2]).all(axis=1) & (plate.force_n[:, 2] > 0.0)
+        at = placed & (plate.force_n[:, 2] > 0.0)
         moved[at] += plate.cop_m[at, :2] * plate.force_n[at, 2:]
         weights[at] += plate.force_n[at, 2]
     loaded = force[:, 2] > THRESHOLD_N
-    cop = np.full((len(time_s), 3), np.nan)
     known = loaded & (weights > 0.0)
     cop[known, :2] = moved[known] / weights[known, None]
     has_cop = bool(known.any())
@@ -401,8 +381,8 @@ def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_L
         for i in range(2):
             cop[loaded & ~known, i] = np.interp(time_s[loaded & ~known], time_s[known], cop[known, i])
         cop[loaded, 2] = 0.0
-    for plate, mask in parts:
-        at = mask & known & np.isfinite(plate.cop_m[:, :2]).all(axis=1)
+    for plate, _, placed in parts:
+        at = placed & known
         arm = plate.cop_m[at, :2] - cop[at, :2]
         moment[at] += plate.free_moment_nm[at] + arm[:, 0] * plate.force_n[at, 1] - arm[:, 1] * plate.force_n[at, 0]
     return PlateRecording(np.array(time_s), force, cop, moment, has_cop)
@@ -410,7 +390,7 @@ def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_L
 
 def _with_tails(load: _Load) -> Span:
     """The load's span with what it has below 20 N."""
-    time, quiet = load.time_s, np.flatnonzero(load.plate.force_n[:, 2] <= TAIL_N)
+    time, quiet = load.time_s, np.flatnonzero(load.of.force_n[:, 2] <= TAIL_N)
     first, last = np.searchsorted(time, (load.start_s, load.end_s))
     before, after = quiet[quiet < first], quiet[quiet > last]
     return (max(load.start_s - TAIL_S, time[before[-1]] if before.size else -np.inf),
@@ -441,9 +421,8 @@ def _unmeasured(found: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
             ends = [(start, end), *covering.values()]
             spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
             doubts |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
-        wide = sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans)
         merged: list[Span] = []
-        for a, b in wide:
+        for a, b in sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans):
             if b > a and merged and a <= merged[-1][1]:
                 merged[-1] = (merged[-1][0], max(merged[-1][1], b))
             elif b > a:

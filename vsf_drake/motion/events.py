@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
 
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 
 THRESHOLD_N = 20.0
 MINIMUM_S = 0.15
@@ -45,7 +45,6 @@ class Stance:
 
     @property
     def complete(self) -> bool:
-        """Whether both touch-down and lift-off were recorded."""
         return self.start_seen and self.end_seen
 
     @property
@@ -146,17 +145,12 @@ NEAR_FLOOR_M = 0.04
 
 def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray, *,
                       forward_W: np.ndarray | None = None) -> list[Stance]:
-    """When a foot stands on the ground, as far as its motion tells, in order of time.
+    """When a foot stands on the ground, as far as its motion tells, in order of time (n,) s, evenly spaced.
 
     A stance that lasts to an end of the record is marked so (`start_seen`, `end_seen`). A foot that does not walk
-    stands all the time if its sole stays near its lowest, and else never.
-
-    Args:
-        time_s: (n,) s, evenly spaced.
-        pelvis_W: (n, 3) m of a point of the pelvis.
-        forward_W: (2,) direction of walking in the floor; from `walking_direction` of both feet, or, where None,
-            from this foot alone.
-    """
+    stands all the time if its sole stays near its lowest, and else never. `pelvis_W` is (n, 3) m of a point of the
+    pelvis, `forward_W` (2,) the direction of walking in the floor: from `walking_direction` of both feet, or else from
+    this one."""
     forward = walking_direction({"": foot}, pelvis_W) if forward_W is None else np.asarray(forward_W, dtype=float)
     heel, toe = ((point - pelvis_W)[:, :2] @ forward for point in (foot.heel_W, foot.toe_W))
     sole = np.minimum(foot.heel_W[:, 2], foot.toe_W[:, 2])
@@ -183,7 +177,6 @@ def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np
 
 
 def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
-    """Times of the outstanding maxima."""
     step = float(np.median(np.diff(time_s)))
     peaks, _ = find_peaks(values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step)))
     return time_s[peaks].tolist()

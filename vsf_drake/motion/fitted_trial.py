@@ -32,15 +32,9 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates with what they add.
 
     Shifts and curves are added to the recorded samples. The height and the path that were fitted to a recording are
-    taken only for that recording, told by its `fingerprint`. A note says what was applied.
-
-    Args:
-        file: where the contact was read from; its hash joins the trial's inputs.
-
-    Raises:
-        InputError: the contact was fitted to another person or another side; the model lacks a zone; a number is out of
-            range; the trial has a fitted contact already; a curve needs a whole stance and there is none.
-    """
+    taken only for that recording, told by its `fingerprint`. A note says what was applied; the hash of the `file` that
+    the contact was read from joins the trial's inputs. Refused for another person or side, a model that lacks a zone,
+    or a trial that has a fitted contact already."""
     check_person(trial.subject, contact, file=file)
     if any(note.startswith(APPLIED) for note in trial.notes):
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
@@ -132,14 +126,9 @@ STEEPEST = 1.25  # largest rate at an instant over the smaller of the mean rates
 def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.ndarray]:
     """The phase (n,), in cycles, of times (n,) s; it rises and is C2.
 
-    Args:
-        source: a trial, whose prosthetic plate tells its stances, or the stances of the prosthetic foot in order of
-            time (else ValueError). Only those count that were seen from strike to lift-off; one that was missed in
-            between counts as a cycle.
-
-    Raises:
-        InputError: no stance was seen as a whole.
-    """
+    The source is a trial, whose prosthetic plate tells its stances, or the stances of the prosthetic foot in order of
+    time. Only those count that were seen from strike to lift-off, one at least; one missed in between counts as a
+    cycle."""
     if isinstance(source, Trial):
         plate, file = source.prosthetic_plate, source.path
         stances: Sequence[Stance] = find_stances(plate.time_s, plate.force_W[:, 2])

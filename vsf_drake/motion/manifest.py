@@ -141,14 +141,33 @@ def load_manifest(path: str | Path) -> Manifest:
         manifest = load_yaml(path, Manifest)
     except InputError as error:
         raise _other_kind(path) or error from None
-    if manifest.kinematics is not None and manifest.markers is not None:
-        raise InputError("joint angles and markers are both given", file=path, where="kinematics and markers",
-                         right="Keep one: the angles would be computed from the markers")
-    (_check_angles if manifest.markers is None else _check_markers)(path, manifest)
-    window = manifest.window
-    if window and window.start_s is not None and window.end_s is not None and window.end_s <= window.start_s:
-        raise InputError(f"start_s {window.start_s:g} and end_s {window.end_s:g} leave nothing between them",
-                         file=path, where="window")
+    angles, markers = manifest.kinematics, manifest.markers
+    suffix = Path(markers or angles or "").suffix.lower()
+    default = Manifest(subject="", prosthesis=manifest.prosthesis)
+    idle = [key for key in _MARKER_KEYS if getattr(manifest, key) != getattr(default, key)]
+    missing = "the key is missing"
+    for wrong, what, where, right in (
+            (angles is not None and markers is not None, "joint angles and markers are both given",
+             "kinematics and markers", "Keep one: the angles would be computed from the markers"),
+            (angles is None and markers is None, missing, "kinematics",
+             "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or markers, for example "
+             "`markers: walk.c3d` (.c3d or .trc)"),
+            (markers is None and suffix in MARKER_FILES, f"{angles} holds markers", "kinematics",
+             f"Write `markers: {angles}`"),
+            (markers is None and manifest.forces is None, missing, "forces", "Name a .mot or .sto file"),
+            (markers is None and idle, "the key has no meaning for joint angles", "".join(idle[:1]),
+             "Take it out, or give markers instead of kinematics"),
+            (markers is not None and suffix not in MARKER_FILES, f"{markers} is no marker file", "markers",
+             "A .c3d or .trc file is needed; joint angles are given by `kinematics`"),
+            (markers is not None and manifest.kinematics_unit is not None, "the key has no meaning for markers",
+             "kinematics_unit", "Take it out; a unit of length stands under `laboratory: {length_unit: mm}`"),
+            (markers is not None and manifest.forces is None and suffix != ".c3d", missing, "forces",
+             "A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)")):
+        if wrong:
+            raise InputError(what, file=path, where=where, right=right)
+    start, end = (manifest.window.start_s, manifest.window.end_s) if manifest.window else (None, None)
+    if start is not None and end is not None and end <= start:
+        raise InputError(f"start_s {start:g} and end_s {end:g} leave nothing between them", file=path, where="window")
     return manifest
 
 
@@ -163,36 +182,6 @@ def _other_kind(path: Path) -> InputError | None:
             return InputError(f"is a {kind} file and no trial manifest", file=path,
                               right="Name the manifest, whose keys are subject, prosthesis, kinematics or markers, ...")
     return None
-
-
-def _check_angles(path: Path, manifest: Manifest) -> None:
-    if manifest.kinematics is None:
-        raise InputError("the key is missing", file=path, where="kinematics",
-                         right="Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or "
-                               "markers, for example `markers: walk.c3d` (.c3d or .trc)")
-    if Path(manifest.kinematics).suffix.lower() in MARKER_FILES:
-        raise InputError(f"{manifest.kinematics} holds markers", file=path, where="kinematics",
-                         right=f"Write `markers: {manifest.kinematics}`")
-    if manifest.forces is None:
-        raise InputError("the key is missing", file=path, where="forces", right="Name a .mot or .sto file")
-    default = Manifest(subject="", prosthesis=manifest.prosthesis)
-    for key in _MARKER_KEYS:
-        if getattr(manifest, key) != getattr(default, key):
-            raise InputError("the key has no meaning for joint angles", file=path, where=key,
-                             right="Take it out, or give markers instead of kinematics")
-
-
-def _check_markers(path: Path, manifest: Manifest) -> None:
-    suffix = Path(str(manifest.markers)).suffix.lower()
-    if suffix not in MARKER_FILES:
-        raise InputError(f"{manifest.markers} is no marker file", file=path, where="markers",
-                         right="A .c3d or .trc file is needed; joint angles are given by `kinematics`")
-    if manifest.kinematics_unit is not None:
-        raise InputError("the key has no meaning for markers", file=path, where="kinematics_unit",
-                         right="Take it out; a unit of length stands under `laboratory: {length_unit: mm}`")
-    if manifest.forces is None and suffix != ".c3d":
-        raise InputError("the key is missing", file=path, where="forces",
-                         right="A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)")
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:

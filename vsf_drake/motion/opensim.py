@@ -13,10 +13,10 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
-from vsf_drake.motion.formats.clock import check_clock
 from vsf_drake.motion.formats.forces import opensim_columns
 from vsf_drake.motion.formats.recording import SIDES, PlateRecording, floor_load, os_to_world
 from vsf_drake.motion.formats.tables import Storage
+from vsf_drake.motion.formats.units import check_clock
 from vsf_drake.motion.trajectory import SPLINE_ORDER, CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, person_coordinates
 from vsf_drake.sentences import say
@@ -35,11 +35,6 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
     degrees or radians (`unit` where the header does not say which), translations in m; other columns are ignored.
     Pelvis, hip flexion, knee angle and the intact ankle angle are required; of the rest, what is missing is zero and
     noted. The knees are flipped, and that is noted, where flexion is negative in the file.
-
-    Raises:
-        InputError: a required column is missing; a needed cell is no finite number; time does not increase or has a
-            gap; there are fewer than six rows; the unit is unknown, stated twice differently, or not believable; a knee
-            bends both ways; a pelvis translation is not believable. The message names file, column and time.
     """
     time, doubts = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
     if storage.in_degrees is None and unit is None:
@@ -79,7 +74,6 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
 
 
 def _coordinate_columns(storage: Storage) -> dict[str, str]:
-    """Column labels by coordinate name."""
     columns: dict[str, str] = {}
     for label in storage.names:
         parts = label.strip("/").split("/")
@@ -94,7 +88,6 @@ def _coordinate_columns(storage: Storage) -> dict[str, str]:
 
 
 def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
-    """Makes knee flexion positive in `values`; returns notes."""
     knees = ("knee_angle_r", "knee_angle_l")
     bent = np.degrees([values[knee] for knee in knees])
     low, high = bent.min(), bent.max()
@@ -138,7 +131,6 @@ def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[
 
 
 def _check_pelvis(storage: Storage, translations: dict[str, np.ndarray], labels: dict[str, str]) -> None:
-    """Refuses pelvis translations that are not metres in a laboratory: beyond 100 m, or a height outside 0.3 to 2 m."""
     for name, values in translations.items():
         low, high = PELVIS_HEIGHT_M if name == "pelvis_ty" else (-FARTHEST_M, FARTHEST_M)
         wrong = (values < low) | (values > high)
@@ -195,16 +187,12 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
 
 
 def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateRecording, list[str]]:
-    """The force on one foot, and notes on what was assumed; the person's mass judges its size.
+    """The force on one foot, and notes on what was assumed; refused where it is not of a person of this mass, upward.
 
     Columns are `<prefix>_vx` to `_vz` (N), `<prefix>_px` to `_pz` (m, may be absent) and a torque (N m, may be absent)
     named like `ground_torque_r_y` for the prefix `ground_force_r`. The torque is that about the point (px, py, pz);
     where it is not vertical, or the point not on the ground, the centre of pressure is moved so that force, centre and
     free moment together are the same load.
-
-    Raises:
-        InputError: time does not increase or has a gap; a force cell, or a position or torque cell under load, is no
-            finite number; the force points down, or is not mainly vertical; it exceeds 4 body weights.
     """
     time, doubts = check_clock(storage.time_s, storage.lines, storage.path)
     columns = opensim_columns(prefix, storage.names)

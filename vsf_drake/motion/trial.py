@@ -33,11 +33,10 @@ from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
-from vsf_drake.motion.markers.schema import Calibration, TrackedMotion
+from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
 from vsf_drake.motion.opensim import HEAVIEST_BW, assign_prefixes, read_kinematics, read_plate
-from vsf_drake.motion.trial_record import Trial, check_mass, default_model, mass_from_walk
-from vsf_drake.motion.window import on_the_belt, trial_window
+from vsf_drake.motion.trial_record import Trial, check_mass, default_model, mass_from_walk, on_the_belt, trial_window
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, ModelParameters, Subject, person_coordinates
 from vsf_drake.schema import load_yaml
 from vsf_drake.sentences import say
@@ -70,19 +69,12 @@ def load_trial(path: str | Path) -> Trial:
     angles, files are in OpenSim's laboratory frame (x forward, y up, z right), in m, N, N m and the angle unit that
     their header states. Forces come back in the world frame W (x forward, y left, z up, ground z = 0); coordinates keep
     OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad, knee flexion positive.
-    Recordings are not filtered.
-
-    Args:
-        path: the manifest, see `vsf_drake.motion.manifest` for its keys. Paths in it are relative to its folder.
+    Recordings are not filtered. See `vsf_drake.motion.manifest` for the keys; paths are relative to its folder.
 
     Raises:
-        InputError: with a message that names file, and key, column, line or time:
-            - a file is missing or is not what its key needs; markers do not tell the motion;
-            - a key is unknown, doubled or missing; a value has the wrong type or is out of range;
-            - a table is damaged, lacks a required column, or a needed cell is no number; time has a gap;
-            - angles or forces cannot be in the unit stated, or no unit is stated; the plates contradict the mass;
-            - the column names do not tell which force is which foot; the prosthetic foot has no force;
-            - window, kinematics and forces do not overlap, or leave less than a stance.
+        InputError: naming file, and key, column, line or time: a file is missing or damaged; a value is missing or
+            cannot be in its unit; the columns do not tell the feet; the plates contradict the mass; window, kinematics
+            and forces do not overlap, or leave less than a stance of the prosthetic foot.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -160,16 +152,12 @@ def trial_from_recordings(
 
     Args:
         standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
-        walk: markers and plates.
         marker_map: what the labels are; None: the shipped map that finds most of them.
         person: what is stated of the person; without a mass it is what a file states, or taken from the forces of the
             standing trial or of the walk.
         fulcrum_m: where the fulcrum stood; `standing_fulcrum_m` in the standing trial, if elsewhere.
         calibration: of the same person and map, from before; then `standing` is not looked at.
         path: the manifest, for messages; the walk's file if None.
-
-    Raises:
-        InputError: see `calibrate`, `track`, `assign_plates` and `load_trial`; the body mass is not known.
     """
     path = walk.path if path is None else path
     model = model or default_model()
@@ -278,10 +266,9 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
     """Writes `<stem>_ik.mot` and `<stem>_grf.mot`, which a manifest takes as `kinematics` and `forces`; their names.
 
     Both are in OpenSim's frame (x forward, y up, z right). Angles are in degrees, with both ankles where the trial
-    comes from markers. Forces are ground_force_r_vx, ... with the centre of pressure on the floor, ground_force_r_px,
-    ..., and the free moment as the vertical torque, ground_torque_r_y; all zero where a foot is not loaded. What the
-    trial's belt carried stays carried: the files are those of a floor at rest.
-    """
+    comes from markers. Forces are ground_force_r_vx, ... with the centre of pressure on the floor and the free moment
+    as the vertical torque, ground_torque_r_y. What the trial's belt carried stays carried: the files are of a floor at
+    rest."""
     folder = Path(folder)
     columns = dict(zip(trial.trajectory.names, trial.trajectory.values.T, strict=True))
     if trial.tracked is not None:

@@ -9,19 +9,18 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.intake import Intake
 from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, expected_error
 from vsf_drake.analysis.recording.examine import Examined, mass_budget, overall_mark, person_table, trial_table
-from vsf_drake.analysis.recording.foot import FootMotion, flat_phase
+from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
-from vsf_drake.motion.events import Stance
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.trial import load_trial, write_trial_files
+from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
@@ -38,25 +37,21 @@ _SUBJECT, _MODEL = "subject.yaml", "model.yaml"
 def write_import(intake: Intake, out: Path) -> dict[str, Any]:
     """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
 
-    Every manifest is read back before anything appears in `out`. Files of an earlier import there are removed.
-
-    Returns:
-        What import.json holds.
-
-    Raises:
-        InputError: `out` cannot be written, or a manifest cannot be read back.
+    Every manifest is read back before anything appears in `out`. Returns what import.json holds.
     """
     first = intake.items[0]
     failures = {Path(path).name: why for path, why in intake.failures.items()}
 
     def more(folder: Path, table: dict[str, Any]) -> None:
-        files = [_SUBJECT, "import.json", "import.html", *([_MODEL] if intake.scaled else [])]
-        write_text(folder / _SUBJECT, dump_yaml(first.trial.subject))
+        written = {_SUBJECT: dump_yaml(first.trial.subject)}
         if intake.scaled:
-            write_text(folder / _MODEL, dump_yaml(first.trial.model))
+            written[_MODEL] = dump_yaml(first.trial.model)
+        for name, text in written.items():
+            write_text(folder / name, text)
+        files = [*written, "import.json", "import.html"]
         for item, name, row in zip(intake.items, intake.names, table["trials"], strict=True):
             kinematics, forces = write_trial_files(item.trial, folder, name)
-            write_text(folder / f"{name}.yaml", _manifest(item, kinematics, forces, scaled=intake.scaled))
+            write_text(folder / f"{name}.yaml", _manifest(item.trial, kinematics, forces, scaled=intake.scaled))
             load_trial(folder / f"{name}.yaml")
             row.update(manifest=f"{name}.yaml", kinematics=kinematics, forces=forces)
             files += [f"{name}.yaml", kinematics, forces]
@@ -71,11 +66,7 @@ def write_import(intake: Intake, out: Path) -> dict[str, Any]:
 
 
 def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> dict[str, Any]:
-    """Writes check.json and check.html to `out`; returns what check.json holds.
-
-    Raises:
-        InputError: `out` cannot be written.
-    """
+    """Writes check.json and check.html to `out`; returns what check.json holds."""
     person = items[0] if len({item.trial.subject for item in items}) == 1 else None
     page = import_page(items, title="Check of recordings", person=person, failures=failures)
     return CHECK.write(out, {
@@ -84,9 +75,8 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
         "failures": failures, **provenance()}, more=lambda folder, table: write_text(folder / "check.html", page))
 
 
-def _manifest(item: Examined, kinematics: str, forces: str, *, scaled: bool) -> str:
+def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
-    trial = item.trial
     content: dict[str, Any] = {
         "name": trial.name, "subject": _SUBJECT, "kinematics": kinematics,
         "forces": {"file": forces, **{side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}},
@@ -135,44 +125,48 @@ def angle_figure(item: Examined) -> Figure:
 
     A stance that the record cuts is laid out as if it lasted as long as the complete ones.
     """
-    names, time, values = _coordinates(item)
+    motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
     with style():
         figure = new_figure(11.0, 5.4)
         for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
             for side in SIDES:
                 name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
-                if name not in names:
+                if name not in motion.names:
                     continue
-                series = np.degrees(values[:, names.index(name)])
+                series = np.degrees(motion.values[:, motion.names.index(name)])
                 for start, duration in _laid_out(item, side):
-                    share = (time - start) / duration
+                    share = (motion.time_s - start) / duration
                     rows = (share >= 0.0) & (share <= _SWING_SHARE)
                     axes.plot(100 * share[rows], series[rows], color=COLOURS[side], linewidth=1.5)
                 if name in standing:
                     axes.axhline(np.degrees(standing[name]), color=COLOURS[side], linewidth=1.0, linestyle=":")
             axes.axvline(100.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
             label(axes, x="share of stance (%)", y="angle (°)", title=title)
-        _legend(figure, item, "dotted: at standing" if standing else "")
-    return figure
+        return _with_legend(figure, item, "dotted: at standing" if standing else "")
+
+
+def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
+    whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
+    usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
+    return [(s.start_s, s.duration_s) if s.complete else (s.start_s if s.start_seen else s.end_s - usual, usual)
+            for s in item.stances[side] if s.start_seen or s.end_seen]
 
 
 def force_figure(item: Examined) -> Figure:
     """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
     trial = item.trial
-    weight = trial.subject.mass_kg * GRAVITY
     with style():
         figure = new_figure(11.0, 3.2)
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
         for axes, column, title in zip(figure.subplots(1, 3), (2, 0, 1), titles, strict=True):
             for side, plate in trial.plates.items():
-                step = max(1, len(plate.time_s) // MOST_POINTS)
-                axes.plot(plate.time_s[::step], plate.force_W[::step, column] / weight, color=COLOURS[side],
-                          linewidth=1.4)
+                thin = slice(None, None, max(1, len(plate.time_s) // MOST_POINTS))
+                axes.plot(plate.time_s[thin], plate.force_W[thin, column] / (trial.subject.mass_kg * GRAVITY),
+                          color=COLOURS[side], linewidth=1.4)
             axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
             label(axes, x=_TIME, y="force (body weights)", title=title)
-        _legend(figure, item, "shaded: the part used")
-    return figure
+        return _with_legend(figure, item, "shaded: the part used")
 
 
 def floor_figure(item: Examined) -> Figure:
@@ -187,16 +181,18 @@ def floor_figure(item: Examined) -> Figure:
         for side, foot in item.feet.items():
             for point in (foot.heel_W, foot.toe_W):
                 axes.plot(point[:, 0], point[:, 1], color=COLOURS[side], linewidth=0.5, alpha=0.4)
-            for stance in item.stances[side]:
-                _outline(axes, foot, stance)
+            for rows in (flat_phase(foot, stance) for stance in item.stances[side]):
+                if rows is not None:
+                    heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
+                    axes.plot([heel[0], toe[0]], [heel[1], toe[1]], color=COLOURS[side], linewidth=7, alpha=0.25,
+                              solid_capstyle="round")
             if side in item.trial.plates:
                 cop = item.trial.plates[side].cop_W[:: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)]
                 axes.plot(cop[:, 0], cop[:, 1], ".", color=COLOURS[side], markersize=2.5)
         axes.set_aspect("equal", adjustable="datalim")
         label(axes, x="forward (m)", y="left (m)",
               title="Floor: centre of pressure (dots), feet (thick), plates (grey)")
-        _legend(figure, item, "")
-    return figure
+        return _with_legend(figure, item)
 
 
 def height_figure(item: Examined) -> Figure:
@@ -205,79 +201,42 @@ def height_figure(item: Examined) -> Figure:
         figure = new_figure(11.0, 3.6)
         for axes, side in zip(figure.subplots(1, 2, sharey=True), SIDES, strict=True):
             foot = item.feet[side]
-            axes.plot(foot.time_s, 1e3 * foot.heel_W[:, 2], color=COLOURS[side], linewidth=1.4)
-            axes.plot(foot.time_s, 1e3 * foot.toe_W[:, 2], color=COLOURS[side], linewidth=1.4, linestyle="--")
+            for point, line in ((foot.heel_W, "-"), (foot.toe_W, "--")):
+                axes.plot(foot.time_s, 1e3 * point[:, 2], color=COLOURS[side], linewidth=1.4, linestyle=line)
             axes.axhline(0.0, color="0.4", linewidth=0.8)
             for stance in item.stances[side]:
                 axes.axvspan(stance.start_s, stance.end_s, color="0.93", zorder=0, linewidth=0)
             kind = "prosthetic" if foot.prosthetic else "intact"
             how = ", rigid under its shank" if foot.undeformed else ""
             label(axes, x=_TIME, y="height (mm)", title=f"{side.capitalize()} ({kind}) foot{how}: heel, toe (dashed)")
-        _legend(figure, item, "shaded: stance")
-    return figure
+        return _with_legend(figure, item, "shaded: stance")
 
 
 def residual_figure(item: Examined) -> Figure | None:
     """Distance of each marker from its segment; None without markers."""
     if item.trial.tracked is None or not item.trial.tracked.residual_rms_m:
         return None
-    residual = sorted(item.trial.tracked.residual_rms_m.items(), key=lambda pair: pair[1])
-    sizes = np.array([1e3 * value for _, value in residual])
+    names, residuals = zip(*sorted(item.trial.tracked.residual_rms_m.items(), key=lambda pair: pair[1]), strict=True)
+    marks = [("good", "doubtful", "unusable")[int(np.searchsorted(RESIDUAL_M, r, "right"))] for r in residuals]
     with style():
-        figure = new_figure(11.0, 0.6 + 0.17 * len(residual))
+        figure = new_figure(11.0, 0.6 + 0.17 * len(names))
         axes = figure.subplots()
-        colours = [MARK_COLOURS["good" if s < 1e3 * RESIDUAL_M[0] else "doubtful" if s < 1e3 * RESIDUAL_M[1] else
-                                "unusable"] for s in sizes]
-        axes.barh(range(len(sizes)), sizes, color=colours, height=0.7)
-        axes.set_yticks(range(len(sizes)), [name for name, _ in residual], fontsize=7)
-        axes.set_ylim(-0.6, len(sizes) - 0.4)
-        label(axes, x="distance from its segment, root mean square (mm)", y="", title=_kind(item) + "Marker residuals")
+        axes.barh(range(len(names)), 1e3 * np.array(residuals), color=[MARK_COLOURS[m] for m in marks], height=0.7)
+        axes.set_yticks(range(len(names)), names, fontsize=7)
+        axes.set_ylim(-0.6, len(names) - 0.4)
+        label(axes, x="distance from its segment, root mean square (mm)", y="",
+              title=f"{'SYNTHETIC, not recorded. ' if item.trial.synthetic else ''}Marker residuals")
     return figure
 
 
-def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
-    """Start and duration (s) of every stance of which the record has an end."""
-    whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
-    usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
-    found = []
-    for s in item.stances[side]:
-        if s.complete:
-            found.append((s.start_s, s.duration_s))
-        elif s.start_seen or s.end_seen:
-            found.append((s.start_s if s.start_seen else s.end_s - usual, usual))
-    return found
-
-
-def _outline(axes: Axes, foot: FootMotion, stance: Stance) -> None:
-    rows = flat_phase(foot, stance)
-    if rows is not None:
-        heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
-        axes.plot([heel[0], toe[0]], [heel[1], toe[1]], color=COLOURS[foot.side], linewidth=7, alpha=0.25,
-                  solid_capstyle="round")
-
-
-def _coordinates(item: Examined) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names, times and values; from the markers where there are any, since these know both ankles."""
-    tracked = item.trial.tracked
-    if tracked is not None:
-        return tuple(tracked.names), tracked.time_s, tracked.values
-    motion = item.trial.trajectory
-    return motion.names, motion.time_s, motion.values
-
-
-def _kind(item: Examined) -> str:
-    return "SYNTHETIC, not recorded. " if item.trial.synthetic else ""
-
-
-def _legend(figure: Figure, item: Examined, more: str) -> None:
+def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
     prosthetic = item.trial.subject.prosthetic_side
     handles = [Line2D([], [], color=COLOURS[side], label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})")
                for side in SIDES]
-    if more:
-        handles.append(Line2D([], [], color="none", label=more))
-    if item.trial.synthetic:
-        handles.append(Line2D([], [], color="none", label="SYNTHETIC, not recorded"))
+    handles += [Line2D([], [], color="none", label=text)
+                for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "") if text]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
 
 
 _FIGURES = (angle_figure, force_figure, floor_figure, height_figure, residual_figure)

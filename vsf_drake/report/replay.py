@@ -16,9 +16,9 @@ from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, resample
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.person import add_person

@@ -13,7 +13,7 @@ from vsf_drake.motion.markers.joints import (
     joint_rotation,
     orientations_of,
 )
-from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS
 from vsf_drake.parameters import ModelParameters, Subject, leg_coordinates
 from vsf_drake.plants.person import add_person
 

@@ -15,7 +15,7 @@ from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.posture import settling
-from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.anthropometry import foot_placement
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.poses import cluster_width, mean_shape, rigid_poses
+from vsf_drake.motion.markers.segments import cluster_width, mean_shape, rigid_poses
 
 CLUSTER = np.array([[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]])
 

@@ -11,7 +11,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.markers.schema import SegmentMarkers
+from vsf_drake.motion.markers.segments import SegmentMarkers
 from vsf_drake.motion.markers.tracking import track
 
 FRAMES = 200

@@ -21,10 +21,9 @@ from vsf_drake.analysis.recording.foot import (
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.frames import NOTE
-from vsf_drake.motion.markers.schema import FootTrack, TrackedMotion
+from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial_record import Trial
-from vsf_drake.motion.window import on_the_belt
+from vsf_drake.motion.trial_record import Trial, on_the_belt
 from vsf_drake.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain

@@ -22,8 +22,8 @@ from vsf_drake.analysis.recording import (
 )
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
 from vsf_drake.motion.events import Stance, longest_run
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 
 MASS = (0.03, 0.10)

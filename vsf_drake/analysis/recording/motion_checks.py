@@ -18,7 +18,7 @@ from vsf_drake.analysis.recording import (
     worst,
 )
 from vsf_drake.motion.events import longest_run
-from vsf_drake.motion.markers.schema import Gap
+from vsf_drake.motion.markers.segments import Gap
 
 MAIN = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
         "ankle_angle_l")

@@ -21,9 +21,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vsf_drake.analysis.tuning.recorded_projection import TX, Misfit
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.formats.recording import PlateRecording
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.parameters import GRAVITY
 
 Span = tuple[float, float]

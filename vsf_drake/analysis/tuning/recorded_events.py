@@ -13,7 +13,7 @@ from vsf_drake.analysis.tuning.recorded_projection import FEET, BodyPoints, Sagi
 from vsf_drake.errors import InputError
 from vsf_drake.motion.contacts import TOLERANCE_S, WIDEN_S
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
-from vsf_drake.motion.markers.schema import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.motion.trial_record import Trial
 
 Span = tuple[float, float]

@@ -26,7 +26,7 @@ from vsf_drake.analysis.comparison import (
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known, walkers_of
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.variables import Variable

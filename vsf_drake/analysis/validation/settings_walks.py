@@ -37,9 +37,8 @@ from vsf_drake.analysis.comparison import (
 from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, Progress, StudyWalk
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
-from vsf_drake.motion.filters import low_pass
 from vsf_drake.motion.fitted_trial import gait_phase
-from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines
+from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many

@@ -12,6 +12,7 @@ x from corner 2 to corner 1, y from corner 4 to corner 1, both in the surface, z
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import RawPlate, RawTrial
-from vsf_drake.motion.formats.text import (
+from vsf_drake.motion.formats.units import (
     file_length_factor,
     first_of_each,
     length_factor,
@@ -160,10 +161,12 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
     if kind == 4:
-        calibration = _calibration(c3d, i, notes)
-        for piece in pieces(len(raw), raw.shape[1]):
+        matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
+        found = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
+        notes += [] if found else say("files", "no_calibration", plate=i + 1)
+        for piece in pieces(len(raw) if found else 0, raw.shape[1]):
             with np.errstate(invalid="ignore", over="ignore"):
-                raw[piece] = raw[piece] @ calibration.T
+                raw[piece] = raw[piece] @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     stated = c3d.all_texts("ANALOG:UNITS")
@@ -220,16 +223,6 @@ def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half:
     return not len(distance) or bool((np.median(distance, axis=0, overwrite_input=True) < half + FAR_M).all())
 
 
-def _calibration(c3d: _C3d, i: int, notes: list[str]) -> np.ndarray:
-    matrices = c3d.values("FORCE_PLATFORM:CAL_MATRIX")
-    if matrices.ndim == 2:
-        matrices = matrices[:, :, None]
-    if matrices.ndim != 3 or matrices.shape[0] < 6 or matrices.shape[1] < 6 or matrices.shape[2] <= i:
-        notes += say("files", "no_calibration", plate=i + 1)
-        return np.eye(6)
-    return matrices[:6, :6, i]
-
-
 def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
     """The i-th plate's numbers of a parameter, in the file's order."""
     value = c3d.values(f"FORCE_PLATFORM:{name}")
@@ -284,7 +277,6 @@ class _C3d:
         self._find_frames(*words[2:5], words[8])
 
     def _integers(self, data: bytes, *, signed: bool = True) -> np.ndarray:
-        """16-bit integers as the processor writes them."""
         return np.frombuffer(data, (">" if self._processor == _MIPS else "<") + ("i2" if signed else "u2"))
 
     def _floats(self, data: bytes) -> np.ndarray:
@@ -340,16 +332,17 @@ class _C3d:
         return values.reshape(shape, order="F") if shape else values
 
     def texts(self, name: str) -> list[str]:
-        """A parameter of texts; empty where there is none."""
         value = self._parameters.get(name)
         return value if isinstance(value, list) else []
 
     def all_texts(self, name: str) -> list[str]:
         """A list that goes on in NAME2, NAME3, ... where it has more than 255 entries."""
-        found, i = self.texts(name), 2
-        while more := self.texts(f"{name}{i}"):
-            found, i = found + more, i + 1
-        return found
+        return [text for part in self._parts(name) for text in self.texts(part)]
+
+    def _parts(self, name: str) -> Iterator[str]:
+        yield name
+        yield from itertools.takewhile(lambda part: len(self._parameters.get(part, ())),
+                                       (f"{name}{i}" for i in itertools.count(2)))
 
     def values(self, name: str) -> np.ndarray:
         """A parameter of numbers as float; empty where there is none."""
@@ -357,7 +350,6 @@ class _C3d:
         return np.zeros(0) if value is None or isinstance(value, list) else np.asarray(value, dtype=float)
 
     def number(self, name: str) -> float | None:
-        """The first number of a parameter, if it is finite."""
         value = self.values(name).ravel(order="F")
         return float(value[0]) if value.size and np.isfinite(value[0]) else None
 
@@ -466,10 +458,7 @@ class _C3d:
         return out
 
     def _per_channel(self, name: str, channels: list[int], default: float) -> np.ndarray:
-        """A parameter with one number a channel; it goes on in NAME2, ... beyond 255 channels."""
-        value, i = self.values(name).ravel(order="F"), 2
-        while (more := self.values(f"{name}{i}").ravel(order="F")).size:
-            value, i = np.concatenate([value, more]), i + 1
+        value = np.concatenate([self.values(part).ravel(order="F") for part in self._parts(name)])
         return np.array([value[c] if c < len(value) else default for c in channels])
 
     def _chunks(self, *, signed: bool = True) -> Iterator[tuple[slice, np.ndarray]]:

@@ -21,10 +21,9 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.clock import even_rate
 from vsf_drake.motion.formats.recording import RawPlate, RawTrial
 from vsf_drake.motion.formats.tables import Storage, read_cortex, read_csv, read_storage
-from vsf_drake.motion.formats.text import wanted_length_factor
+from vsf_drake.motion.formats.units import even_rate, wanted_length_factor
 from vsf_drake.sentences import say
 
 FORCE_FILES = (".mot", ".sto", ".csv", ".forces")

@@ -13,7 +13,7 @@ from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
 from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
-from vsf_drake.motion.formats.text import pieces, turn
+from vsf_drake.motion.formats.units import pieces, turn
 from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
@@ -45,9 +45,6 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
             or the laboratory's own where they do not.
         length_unit: of positions ("mm", "m", "cm", "in"), instead of what the file states; of a marker file beside a
             force file where it makes sense in either.
-
-    Raises:
-        InputError: a file is missing, damaged or contradicts itself; the message says what to do.
     """
     path = Path(path)
     force_path = None if forces is None else Path(forces)
@@ -94,7 +91,6 @@ def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
 
 
 def _check_size(trial: RawTrial, path: Path) -> None:
-    """Refuses markers that reach over more or less than a person does: their unit is wrong."""
     if trial.positions is None:
         return
     reach, count = float(np.linalg.norm(_extents(trial.positions))), len(trial.labels)
@@ -110,7 +106,6 @@ def _check_size(trial: RawTrial, path: Path) -> None:
 
 
 def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
-    """Adds the plates of a force file to a trial that has none."""
     if trial.plates:
         raise InputError(f"has {len(trial.plates)} force plates of its own", file=path, where="forces",
                          right=f"Leave {force_path.name} out")

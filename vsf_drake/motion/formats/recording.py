@@ -51,12 +51,10 @@ class Recording:
 
     @property
     def frames(self) -> int:
-        """How many frames every marker has; 0 without markers."""
         return len(next(iter(self.markers.values()), ()))
 
     @property
     def marker_time_s(self) -> np.ndarray:
-        """(frames,) s."""
         return self.marker_start_s + np.arange(self.frames) / (self.marker_rate_hz or 1.0)
 
     @property

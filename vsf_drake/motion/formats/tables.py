@@ -25,9 +25,9 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.clock import even_rate
 from vsf_drake.motion.formats.recording import Plate, RawTrial, world_to_os
-from vsf_drake.motion.formats.text import (
+from vsf_drake.motion.formats.units import (
+    even_rate,
     file_length_factor,
     first_of_each,
     length_factor,
@@ -53,7 +53,7 @@ class Storage:
 
     path: Path
     names: tuple[str, ...]  # the m labels, without `time`
-    time_s: np.ndarray  # (n,); not yet checked for order or gaps (see `formats.clock`)
+    time_s: np.ndarray  # (n,); not yet checked for order or gaps (see `formats.units`)
     values: np.ndarray  # (n, m); NaN where the file has a blank, "nan" or something that is no number
     in_degrees: bool | None  # what the header says about angles; None where it says nothing
     lines: np.ndarray  # (n,) the line of the file on which each row stands, from 1
@@ -86,13 +86,11 @@ class Storage:
                                 np.where(rows, self.column(name, rows=rows), 0.0) for name in names])
 
     def place(self, row: int, name: str) -> str:
-        """Where a cell is, for messages: line, time and column."""
         return f"line {self.lines[row]}, time {self.time_s[row]:g} s, column {name}"
 
 
 def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray, oddities: dict[tuple[int, int], str],
            *, notes: Sequence[str] = (), in_degrees: bool | None = None) -> Storage:
-    """The table of which every column stands once; the first is time."""
     if not len(numbers):
         raise InputError("there are no rows of numbers", file=path)
     doubled: list[str] = []
@@ -106,11 +104,10 @@ def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray
 
 
 def read_storage(path: str | Path) -> Storage:
-    """Reads an OpenSim .sto or .mot file.
+    """An OpenSim .sto or .mot file.
 
     Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns nobody needs do no
-    harm. A wrong number of columns in the header is only noted where labels and rows agree: files from which columns
-    were taken out are common, and OpenSim reads them. Other damage is refused, with its line.
+    harm. A wrong number of columns in the header is only noted where labels and rows agree: OpenSim reads such files.
     """
     path = Path(path)
     lines = text_lines(path, needed="An OpenSim .mot or .sto file is needed")
@@ -165,9 +162,8 @@ def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...
                   in_degrees: bool = False, title: str | None = None) -> None:
     """Writes a table that OpenSim reads, in full precision; an existing file is replaced at the end.
 
-    (n,) s, m labels without `time`, and (n, m) values, of which `in_degrees` says the angles' unit. `title` is the
-    file's first line, its name if None.
-    """
+    (n,) s, m labels without `time`, and (n, m) values, whose angles are in degrees if so said; `title` is the first
+    line."""
     time_s, values = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
     if time_s.ndim != 1 or values.shape != (len(time_s), len(names)):
         raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} names do not fit")
@@ -388,5 +384,4 @@ def _stated(header: dict[str, str], key: str) -> float | None:
 
 
 def _is_axes_line(line: str) -> bool:
-    """Whether this is the line X1 Y1 Z1 X2 ..."""
     return line.lstrip()[:1] in ("x", "X") and all(cell[0] in "xyzXYZ" for cell in line.split())

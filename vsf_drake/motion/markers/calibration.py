@@ -7,6 +7,7 @@ markers' places in them averaged. That is doubtful and says so.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
 from pathlib import Path
 from typing import NoReturn
@@ -27,7 +28,7 @@ from vsf_drake.motion.markers.posture import (
     measured_under,
     settling,
 )
-from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
+from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
 from vsf_drake.sentences import say
@@ -49,10 +50,6 @@ def calibrate(
         hip: one of `joints.HIP_METHODS`; Harrington's full regression by default.
         model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it
             is than it was under the person.
-
-    Raises:
-        InputError: a marker is missing, hidden or mistaken for another; nobody stands still; the floor is elsewhere;
-            mass, sex or prosthetic side is not known; a length is nobody's.
     """
     sex, prosthetic = check_facts(person)
     if hip not in HIP_METHODS:
@@ -61,7 +58,7 @@ def calibrate(
     standing = right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     posture = find_posture(standing, marker_map.find(seen, standing.path))
-    _Checker(posture, standing.path).run()
+    _check_labels(posture, standing.path)
     anatomy = find_anatomy(posture, person, hip)
     segments = {name: _segment(name, posture, anatomy) for name in SEGMENTS}
     feet = {side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person) for side in SIDES}
@@ -210,108 +207,98 @@ choice)."""
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
-class _Checker:
+def _check_labels(posture: Posture, file: str | Path) -> None:
     """Refuses exchanged labels, by medians over the frames of a walk.
 
     Forward is from the back of the pelvis to the ASIS, up is up, left follows.
     """
+    points, found, needed = posture.points, posture.found, posture.needed
 
-    def __init__(self, posture: Posture, file: str | Path) -> None:
-        self.posture, self.points, self.file = posture, posture.points, file
-        self.at, self.needed = posture.at, posture.needed
-        self.places()
-        front = 0.5 * (self.needed("asis_right") + self.needed("asis_left"))
-        self.forward = facing(front, posture.pelvis_back())
-        self.left = np.cross([0.0, 0.0, 1.0], self.forward)
+    def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
+        named = [found.roles[role] for role in roles if role in found.roles]
+        raise InputError(what, file=file, where=f"markers {', '.join((*named, *labels))}", right=right)
 
-    def refuse(self, what: str, *roles: str, labels: tuple[str, ...] = (), right: str = _RIGHT) -> NoReturn:
-        named = [self.posture.found.roles[role] for role in roles if role in self.posture.found.roles]
-        raise InputError(what, file=self.file, where=f"markers {', '.join((*named, *labels))}", right=right)
+    for a, b in combinations([label for label in dict.fromkeys(found.roles.values()) if label in points], 2):
+        apart = np.linalg.norm(points[a] - points[b], axis=1)
+        apart = apart[np.isfinite(apart)]
+        if len(apart) and np.median(apart) < SAME_PLACE_M:
+            refuse("lie in the same place", labels=(a, b),
+                   right="Each marker has one label; look for a doubled trajectory")
+    _check_pelvis(posture, refuse)
+    up = np.array([0.0, 0.0, 1.0])
+    forward = facing(0.5 * (needed("asis_right") + needed("asis_left")), posture.pelvis_back())
+    left = np.cross(up, forward)
+    _check_facing(posture, forward, refuse)
 
-    def run(self) -> None:
-        self.pelvis()
-        self.facing()
-        self.sides()
-        for side, out in (("right", -1.0), ("left", 1.0)):
-            for upper, lower in pairwise(f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")):
-                if typical(self.needed(upper) - self.needed(lower), np.array([0.0, 0.0, 1.0])) < 0:
-                    self.refuse(f"the {_words(upper)} is below the {_words(lower)}", upper, lower)
-            for inner, outer in (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")):
-                medial, lateral = self.at(f"{inner}_{side}"), self.at(f"{outer}_{side}")
-                if medial is not None and lateral is not None and typical(lateral - medial, out * self.left) < 0:
-                    roles = f"{inner}_{side}", f"{outer}_{side}"
-                    self.refuse(f"the {_words(roles[0])} is outside the {_words(roles[1])}", *roles)
-        self.segments()
+    def ordered(low: str, high: str, way: np.ndarray) -> bool:
+        a, b = posture.at(low), posture.at(high)
+        return a is None or b is None or not typical(b - a, way) < 0
 
-    def places(self) -> None:
-        labels = [label for label in dict.fromkeys(self.posture.found.roles.values()) if label in self.points]
-        for a, b in combinations(labels, 2):
-            apart = np.linalg.norm(self.points[a] - self.points[b], axis=1)
-            apart = apart[np.isfinite(apart)]
-            if len(apart) and np.median(apart) < SAME_PLACE_M:
-                self.refuse("lie in the same place", labels=(a, b),
-                            right="Each marker has one label; look for a doubled trajectory")
+    names = [role.removesuffix("_right") for role in found.roles if role.endswith("_right")]
+    wrong = [name for name in names if not ordered(f"{name}_right", f"{name}_left", left)]
+    if wrong:
+        refuse("left and right seem exchanged", *(f"{name}_{side}" for name in wrong for side in SIDES))
+    for side, out in (("right", -left), ("left", left)):
+        for upper, lower in pairwise(f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")):
+            if not ordered(lower, upper, up):
+                refuse(f"the {_words(upper)} is below the {_words(lower)}", upper, lower)
+        for pair in (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")):
+            inner, outer = (f"{role}_{side}" for role in pair)
+            if not ordered(inner, outer, out):
+                refuse(f"the {_words(inner)} is outside the {_words(outer)}", inner, outer)
+    _check_segments(posture, refuse)
 
-    def pelvis(self) -> None:
-        roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
-        front = self.needed("asis_left") - self.needed("asis_right")
-        slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
-        if slope > ASKEW_RAD:
-            self.refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} "
-                        "degrees", *roles[:2])
-        right, left = self.at("psis_right"), self.at("psis_left")
-        if right is None or left is None:
-            return
-        back = left - right
-        lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
-        cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
-        if abs(cosine) < np.cos(ASKEW_RAD):
-            self.refuse(f"the line over both ASIS and that over both PSIS make an angle of "
-                        f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged", *roles)
 
-    def facing(self) -> None:
-        heel = {side: self.needed(f"heel_{side}") for side in SIDES}
-        fore = {side: self.posture.forefoot(side) for side in SIDES}
-        toes = {side: forefoot_labels(self.posture.found, side) for side in SIDES}
-        backwards = [side for side in SIDES if typical(fore[side] - heel[side], self.forward) < 0]
-        if len(backwards) == len(SIDES):
-            self.refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of "
-                        "both feet)", "asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
-        for side in backwards:
-            self.refuse("the foot points backwards: heel and toe seem exchanged", f"heel_{side}", labels=toes[side])
-        for side in SIDES:
-            ankle, along = self.needed(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
-            if typical(ankle - heel[side], along) < 0:
-                self.refuse("the ankle is behind the heel", f"ankle_lateral_{side}", f"heel_{side}")
-            if typical(fore[side] - ankle, along) < 0:
-                self.refuse("the ankle is ahead of the forefoot", f"ankle_lateral_{side}", labels=toes[side])
+def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
+    roles = [f"{role}_{side}" for role in ("asis", "psis") for side in SIDES]
+    front = posture.needed("asis_left") - posture.needed("asis_right")
+    slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
+    if slope > ASKEW_RAD:
+        refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} degrees",
+               *roles[:2])
+    right, left = posture.at("psis_right"), posture.at("psis_left")
+    if right is None or left is None:
+        return
+    back = left - right
+    lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
+    cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
+    if abs(cosine) < np.cos(ASKEW_RAD):
+        refuse(f"the line over both ASIS and that over both PSIS make an angle of {np.degrees(np.arccos(cosine)):.0f} "
+               "degrees: an ASIS and a PSIS seem exchanged", *roles)
 
-    def sides(self) -> None:
-        roles = [role.removesuffix("_right") for role in self.posture.found.roles if role.endswith("_right")]
-        pairs = {role: (self.at(f"{role}_right"), self.at(f"{role}_left")) for role in roles}
-        wrong = [role for role, (right, left) in pairs.items()
-                 if right is not None and left is not None and typical(left - right, self.left) < 0]
-        if wrong:
-            self.refuse("left and right seem exchanged", *(f"{role}_{side}" for role in wrong for side in SIDES))
 
-    def segments(self) -> None:
-        """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
-        found = self.posture.found
-        ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
-                in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
-        for segment, own in ends.items():
-            for label in found.segments[segment]:
-                if label not in self.points:
-                    continue
-                away = {name: float(np.nanmedian(_distance(self.points[label], self.needed(upper), self.needed(lower))))
-                        for name, (upper, lower) in ends.items()}
-                nearest = min(away, key=lambda name: away[name])
-                if away[segment] > away[nearest] + ASTRAY_M:
-                    spans = [found.roles[role] for role in own]
-                    self.refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
-                                f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
-                                labels=tuple(dict.fromkeys((label, *spans))),
-                                right=f"Check {label} and the markers that span this segment")
+def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., NoReturn]) -> None:
+    heel = {side: posture.needed(f"heel_{side}") for side in SIDES}
+    fore = {side: posture.forefoot(side) for side in SIDES}
+    toes = {side: forefoot_labels(posture.found, side) for side in SIDES}
+    backwards = [side for side in SIDES if typical(fore[side] - heel[side], forward) < 0]
+    if len(backwards) == len(SIDES):
+        refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of both feet)",
+               "asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
+    for side in backwards:
+        refuse("the foot points backwards: heel and toe seem exchanged", f"heel_{side}", labels=toes[side])
+    for side in SIDES:
+        ankle, along = posture.needed(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
+        if typical(ankle - heel[side], along) < 0:
+            refuse("the ankle is behind the heel", f"ankle_lateral_{side}", f"heel_{side}")
+        if typical(fore[side] - ankle, along) < 0:
+            refuse("the ankle is ahead of the forefoot", f"ankle_lateral_{side}", labels=toes[side])
+
+
+def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
+    """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
+    ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
+            in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
+    for segment, own in ends.items():
+        for label in posture.found.segments[segment]:
+            away = {name: float(np.nanmedian(_distance(posture.points[label], *map(posture.needed, line))))
+                    for name, line in ends.items()} if label in posture.points else {segment: 0.0}
+            nearest = min(away, key=lambda name: away[name])
+            if away[segment] > away[nearest] + ASTRAY_M:
+                refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
+                       f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+                       labels=list(dict.fromkeys((label, *(posture.found.roles[role] for role in own)))),
+                       right=f"Check {label} and the markers that span this segment")
 
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:
@@ -330,6 +317,5 @@ def _words(role: str) -> str:
 
 
 def _distance(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(n,) m from a point to the straight line from a to b."""
     part = np.clip(np.sum((point - a) * (b - a), axis=1) / np.sum((b - a) ** 2, axis=1), 0.0, 1.0)
     return np.linalg.norm(point - a - part[:, None] * (b - a), axis=1)

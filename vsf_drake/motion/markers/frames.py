@@ -34,8 +34,8 @@ from vsf_drake.motion.markers.joints import (
 )
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
-from vsf_drake.motion.markers.poses import FEWEST_MARKERS, mean_shape, rigid_poses
 from vsf_drake.motion.markers.posture import Posture
+from vsf_drake.motion.markers.segments import FEWEST_MARKERS, mean_shape, rigid_poses
 from vsf_drake.sentences import say
 
 LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
@@ -154,10 +154,10 @@ class _Builder:
         if len(labels) < FEWEST_MARKERS:
             return None
         x = np.stack([self.posture.points[label] for label in labels], axis=1)
-        whole = np.isfinite(x).all(axis=(1, 2))
-        if not whole.any():
+        whole = x[np.isfinite(x).all(axis=(1, 2))]
+        if not len(whole):
             return None
-        poses = rigid_poses(mean_shape(x[whole][0] - x[whole][0].mean(axis=0), x), x)
+        poses = rigid_poses(mean_shape(whole[0] - whole[0].mean(axis=0), x), x)
         return poses.R_WB if poses.found.any() else None
 
     def ankle(self, side: str, knee_axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +176,6 @@ class _Builder:
         return centre, knee_axis
 
     def half_width(self, joint: str) -> tuple[float, str]:
-        """From a joint's centre to that of the marker beside it (m), and where the width comes from."""
         width, source = joint_width_m(self.person, joint)
         return 0.5 * width + 1e-3 * self.person.marker_radius_mm, source
 
@@ -241,7 +240,6 @@ def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
 
 
 def _turned(recording: Recording, R: np.ndarray, note: str) -> Recording:
-    """The recording with every vector turned (or mirrored) by R."""
     plates = tuple(dataclasses.replace(
         plate, force_n=plate.force_n @ R.T, cop_m=plate.cop_m @ R.T,
         corners_m=None if plate.corners_m is None else plate.corners_m @ R.T) for plate in recording.plates)

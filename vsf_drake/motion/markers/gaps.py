@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -27,8 +28,11 @@ from scipy.interpolate import CubicSpline
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import runs, words
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.formats.text import listed
-from vsf_drake.motion.markers.poses import (
+from vsf_drake.motion.formats.units import listed
+from vsf_drake.motion.markers.segments import (
+    PARENTS,
+    Gap,
+    SegmentMarkers,
     determines,
     needs_joint_centre,
     rigid_poses,
@@ -36,7 +40,6 @@ from vsf_drake.motion.markers.poses import (
     subset,
     with_joint_centre,
 )
-from vsf_drake.motion.markers.schema import PARENTS, Gap, SegmentMarkers
 from vsf_drake.sentences import say
 
 LONGEST_GAP_S = 0.1
@@ -54,6 +57,8 @@ class FilledMarkers:
     markers: dict[str, np.ndarray]  # (n, 3) m by label, without NaN
     seen: dict[str, np.ndarray]  # (n,) bool by label, False where filled
     start_frame: int  # first frame of the recording that is used; n frames from there are
+    time_s: np.ndarray  # (n,)
+    path: Path  # the recording's
     gaps: tuple[Gap, ...]  # what was filled within these
     notes: tuple[str, ...]  # sentences on what was left out, trimmed or filled at length
 
@@ -110,7 +115,8 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
     return FilledMarkers(
         segments=present, markers={label: path[start:stop] for label, path in work.markers.items()},
         seen={label: np.isfinite(recording.markers[label][start:stop]).all(axis=1) for label in labels},
-        start_frame=start, gaps=tuple(gaps), notes=tuple(notes))
+        start_frame=start, time_s=recording.marker_time_s[start:stop], path=recording.path, gaps=tuple(gaps),
+        notes=tuple(notes))
 
 
 def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]

@@ -23,7 +23,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
-from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS
+from vsf_drake.motion.markers.segments import PARENTS
 from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
 
@@ -37,26 +37,21 @@ def hip_offset(
     base_plate: float
 ) -> np.ndarray:
     """(3,) m: forward, up and lateral coordinate of the hip centre from the midpoint of the ASIS markers."""
+    if method not in HIP_METHODS:
+        raise ValueError(f"{method!r} is none of {', '.join(HIP_METHODS)}")
     pw, pd, ll = (1e3 * length for length in (pelvis_width, pelvis_depth, leg_length))
     skin = 1e3 * (marker_radius + base_plate)
-    if method == "harrington":
-        mm = (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9)
-    elif method == "harrington_pw":
-        mm = (-0.138 * pw - 10.4 - skin, -0.305 * pw - 10.9, 0.33 * pw + 7.3)
-    elif method == "harrington_ll":
-        mm = (-0.041 * ll - 6.3 - skin, -0.083 * ll - 7.9, 0.0874 * ll + 5.4)
-    elif method == "hara":
-        mm = (11 - 0.063 * ll - skin, -9 - 0.078 * ll, 8 + 0.086 * ll)
-    elif method == "bell":
-        mm = (-0.19 * pw, -0.30 * pw, 0.36 * pw)
-    elif method == "davis":
-        c, depth = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius
-        sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
-        along = c * math.cos(_DAVIS_THETA)
-        mm = (along * sin_b - depth * cos_b, -along * cos_b - depth * sin_b, pw / 2 - c * math.sin(_DAVIS_THETA))
-    else:
-        raise ValueError(f"{method!r} is none of {', '.join(HIP_METHODS)}")
-    return 1e-3 * np.array(mm)
+    c, depth, along = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius, math.cos(_DAVIS_THETA)
+    sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
+    mm = {
+        "harrington": (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9),
+        "harrington_pw": (-0.138 * pw - 10.4 - skin, -0.305 * pw - 10.9, 0.33 * pw + 7.3),
+        "harrington_ll": (-0.041 * ll - 6.3 - skin, -0.083 * ll - 7.9, 0.0874 * ll + 5.4),
+        "hara": (11 - 0.063 * ll - skin, -9 - 0.078 * ll, 8 + 0.086 * ll),
+        "bell": (-0.19 * pw, -0.30 * pw, 0.36 * pw),
+        "davis": (c * along * sin_b - depth * cos_b, -c * along * cos_b - depth * sin_b,
+                  pw / 2 - c * math.sin(_DAVIS_THETA))}
+    return 1e-3 * np.array(mm[method])
 
 
 def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially: np.ndarray, distance: float
@@ -123,7 +118,6 @@ def pelvis_frame(asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray
 
 
 def _reject(vector: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    """The part of `vector` at a right angle to `unit`."""
     return vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit
 
 
@@ -154,7 +148,6 @@ NEAR_GIMBAL_RAD = np.radians(70.0)
 
 
 def _signs(joint: str, side: str) -> np.ndarray:
-    """(3,): senses of flexion, adduction, rotation about the axes y, x and z."""
     mirrored = -1.0 if side == "left" else 1.0
     return np.array([1.0 if joint == "knee" else -1.0, mirrored, mirrored])
 
@@ -178,7 +171,7 @@ def joint_rotation(angles: np.ndarray, joint: str, side: str) -> np.ndarray:
     rows = [[cy * cz + sy * sx * sz, -cy * sz + sy * sx * cz, sy * cx],
             [cx * sz, cx * cz, -sx],
             [-sy * cz + cy * sx * sz, sy * sz + cy * sx * cz, cy * cx]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def segment_joint(segment: str) -> tuple[str, str]:
@@ -193,8 +186,8 @@ def coordinates_of(R_W: Mapping[str, np.ndarray], p_WPelvis: np.ndarray) -> np.n
     Angles are continuous in time, the middle of each within half a turn of zero.
     """
     columns = [world_to_os(p_WPelvis)]
-    for segment in SEGMENTS:
-        R_PD = R_W[segment] if PARENTS[segment] is None else R_W[str(PARENTS[segment])].swapaxes(-1, -2) @ R_W[segment]
+    for segment, parent in PARENTS.items():
+        R_PD = R_W[segment] if parent is None else R_W[parent].swapaxes(-1, -2) @ R_W[segment]
         angles = joint_angles(R_PD, *segment_joint(segment))
         for column in angles.T if angles.ndim > 1 else ():
             there = np.isfinite(column)
@@ -207,11 +200,10 @@ def coordinates_of(R_W: Mapping[str, np.ndarray], p_WPelvis: np.ndarray) -> np.n
 
 def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The inverse of `coordinates_of`: R_W by segment and p_WPelvis, from (n, 24) values of `COORDINATES`."""
-    values = np.asarray(values, dtype=float)
     R_W: dict[str, np.ndarray] = {}
-    for k, segment in enumerate(SEGMENTS, start=1):
+    for k, (segment, parent) in enumerate(PARENTS.items(), start=1):
         R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
-        R_W[segment] = R_PD if PARENTS[segment] is None else R_W[str(PARENTS[segment])] @ R_PD
+        R_W[segment] = R_PD if parent is None else R_W[parent] @ R_PD
     return R_W, os_to_world(values[..., :3])
 
 

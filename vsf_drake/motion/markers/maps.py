@@ -20,7 +20,8 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource, user_path
 from vsf_drake.motion.formats.recording import SIDES, Recording
-from vsf_drake.motion.formats.text import listed
+from vsf_drake.motion.formats.units import listed
+from vsf_drake.motion.markers.segments import SEGMENTS
 from vsf_drake.schema import load_yaml
 from vsf_drake.sentences import say
 
@@ -28,88 +29,56 @@ SIDED_CLUSTERS, MIDDLE_CLUSTERS = ("thigh", "shank", "foot"), ("pelvis",)
 SEGMENT_ROLES = {
     "pelvis": ("asis", "psis"), "thigh": ("thigh_plane", "trochanter", "knee_lateral", "knee_medial"),
     "shank": ("shank_plane", "ankle_lateral", "ankle_medial"), "foot": ("heel", "toe", "met1", "met5", "toe_tip")}
-"""The roles whose markers move with each segment."""
+"""The roles whose markers move with each segment. `toe` is the second metatarsal head; `thigh_plane` and `shank_plane`
+lie, as Plug-in Gait's THI and TIB do, in the plane of proximal joint centre, lateral marker and distal joint centre."""
+ROLES = {
+    "side": ("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial", "heel",
+             "toe", "met1", "met5", "toe_tip", "thigh_plane", "shank_plane", *SIDED_CLUSTERS),
+    "middle": ("sacrum", "head_top", *MIDDLE_CLUSTERS)}
+"""What a map's blocks may give labels to."""
 SHIPPED = ("plug_in_gait", "rajagopal", "ior")
 Labels = tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Side:
-    """The markers of one side, as a map's file has them.
-
-    `toe` is the second metatarsal head; `thigh_plane` and `shank_plane` lie, as Plug-in Gait's THI and TIB do, in the
-    plane of the proximal joint centre, the lateral marker and the distal joint centre.
-    """
-
-    asis: Labels = ()
-    psis: Labels = ()
-    trochanter: Labels = ()
-    knee_lateral: Labels = ()
-    knee_medial: Labels = ()
-    ankle_lateral: Labels = ()
-    ankle_medial: Labels = ()
-    heel: Labels = ()
-    toe: Labels = ()
-    met1: Labels = ()
-    met5: Labels = ()
-    toe_tip: Labels = ()
-    thigh_plane: Labels = ()
-    shank_plane: Labels = ()
-    thigh: Labels = ()
-    shank: Labels = ()
-    foot: Labels = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Middle:
-    sacrum: Labels = ()
-    head_top: Labels = ()
-    pelvis: Labels = ()
+_Side, _Middle = (dataclasses.make_dataclass(name, [(role, Labels, ()) for role in roles], frozen=True, kw_only=True)
+                  for name, roles in ROLES.items())
 
 
 @dataclass(frozen=True, kw_only=True)
 class _MapFile:
     description: str | None = None
     prefix: str | None = "any"
-    right: _Side | None = None
-    left: _Side | None = None
-    middle: _Middle | None = None
+    right: _Side | None = None  # type: ignore[valid-type]
+    left: _Side | None = None  # type: ignore[valid-type]
+    middle: _Middle | None = None  # type: ignore[valid-type]
 
 
 @dataclass(frozen=True)
 class FoundMarkers:
-    """What a map finds in a recording: label by role and side ("asis_right", "sacrum"), those present; and labels by
-    segment ("pelvis", "thigh_right", ...), roles and clusters, each once."""
+    """What a map finds in a recording."""
 
-    roles: dict[str, str]
-    segments: dict[str, Labels]
+    roles: dict[str, str]  # label by role and side ("asis_right", "sacrum"), those present
+    segments: dict[str, Labels]  # labels by segment ("pelvis", "thigh_right", ...), roles and clusters, each once
 
 
 @dataclass(frozen=True)
 class MarkerMap:
-    """Spellings by role ("asis_right", "sacrum") and further markers by segment ("thigh_right", "pelvis").
-
-    `path` is the file; `prefix` is "any", "" (none) or the text to strip.
-    """
+    """Spellings by role and further markers by segment."""
 
     path: Path
-    roles: dict[str, Labels]
-    clusters: dict[str, Labels]
-    prefix: str = "any"
+    roles: dict[str, Labels]  # by "asis_right", "sacrum", ...
+    clusters: dict[str, Labels]  # by "thigh_right", "pelvis", ...
+    prefix: str = "any"  # or "" (none), or the text to strip
 
     @property
     def name(self) -> str:
         return self.path.stem
 
     def spellings(self) -> set[str]:
-        """All labels that the map knows."""
         return {label for labels in (*self.roles.values(), *self.clusters.values()) for label in labels}
 
     def translate(self, labels: Iterable[str], file: str | Path | None = None) -> dict[str, str]:
         """The map's spelling of each label: prefix stripped, letter case as in the map where that is unambiguous.
 
-        Raises:
-            InputError: two labels become one.
+        Refused where two labels become one.
         """
         known = self.spellings()
         folded: dict[str, list[str]] = {}
@@ -118,17 +87,15 @@ class MarkerMap:
         stripped = {label: label.rsplit(":", 1)[-1] if self.prefix == "any" else label.removeprefix(self.prefix)
                     for label in labels}
         present = set(stripped.values())
-        result: dict[str, str] = {}
         owners: dict[str, str] = {}
         for label, bare in stripped.items():
             alike = folded.get(bare.casefold(), [])
-            fits = len(alike) == 1 and bare not in known and alike[0] not in present
-            name = result[label] = alike[0] if fits else bare
+            name = alike[0] if len(alike) == 1 and bare not in known and alike[0] not in present else bare
             if name in owners:
                 raise InputError(f"{owners[name]} and {label} are both {name}", file=file, where=f"marker {name}",
                                  right="With two people in a file, say in a marker map whose prefix counts")
             owners[name] = label
-        return result
+        return {label: name for name, label in owners.items()}
 
     def rename(self, recording: Recording) -> Recording:
         """`recording` with its labels in the map's spelling, so that a calibration's labels fit every trial."""
@@ -140,8 +107,7 @@ class MarkerMap:
     def find(self, labels: Iterable[str], file: str | Path | None = None) -> FoundMarkers:
         """The markers of a standing trial, by role and segment; `labels` in the map's spelling.
 
-        Raises:
-            InputError: a role has two candidates or a required one none.
+        Refused where a role has two candidates, or one that every calibration needs has none.
         """
         present = dict.fromkeys(labels)
         roles: dict[str, str] = {}
@@ -154,25 +120,21 @@ class MarkerMap:
                 roles[role] = here[0]
         self._require(roles, list(present), file)
         segments: dict[str, Labels] = {}
-        legs = ((segment, (side,)) for side in SIDES for segment in SIDED_CLUSTERS)
-        for segment, sides in (("pelvis", SIDES), *legs):
-            key = segment if segment == "pelvis" else f"{segment}_{sides[0]}"
-            wanted = [roles.get(f"{role}_{side}") for side in sides for role in SEGMENT_ROLES[segment]]
-            wanted += [roles.get("sacrum")] if segment == "pelvis" else []
+        for key in SEGMENTS:
+            kind, _, side = key.partition("_")
+            wanted = [roles.get(f"{role}_{s}") for s in ([side] if side else SIDES) for role in SEGMENT_ROLES[kind]]
+            wanted += [roles.get("sacrum")] if kind == "pelvis" else []
             wanted += [label for label in self.clusters.get(key, ()) if label in present]
             segments[key] = tuple(dict.fromkeys(label for label in wanted if label))
         return FoundMarkers(roles, segments)
 
     def _require(self, roles: dict[str, str], labels: list[str], file: str | Path | None) -> None:
-        """Refuses a standing trial in which a marker that every calibration needs has no label."""
         missing: list[Labels] = [(key,) for role in ("asis", "knee_lateral", "ankle_lateral", "heel") for side in SIDES
                                  if (key := f"{role}_{side}") not in roles]
         if "sacrum" not in roles and not all(f"psis_{side}" in roles for side in SIDES):
             missing.append(("psis_right", "psis_left", "sacrum"))
-        for side in SIDES:
-            mets = all(f"{met}_{side}" in roles for met in ("met1", "met5"))
-            if not mets and not any(f"{toe}_{side}" in roles for toe in ("toe", "toe_tip")):
-                missing.append((f"toe_{side}", f"toe_tip_{side}"))
+        missing += [(f"toe_{side}", f"toe_tip_{side}") for side in SIDES if not (
+            {f"met1_{side}", f"met5_{side}"} <= {*roles} or {f"toe_{side}", f"toe_tip_{side}"} & {*roles})]
         if not missing:
             return
         names = [" or ".join(role.replace("_", " ") for role in group) for group in missing]
@@ -186,11 +148,7 @@ class MarkerMap:
 
 
 def load_marker_map(name_or_path: str | Path) -> MarkerMap:
-    """A shipped map by its name ("plug_in_gait", "rajagopal", "ior") or a user's by its path.
-
-    Raises:
-        InputError: there is no such map; see `vsf_drake.schema.load_yaml`; a label is empty or stands for two things.
-    """
+    """A shipped map by its name ("plug_in_gait", "rajagopal", "ior") or a user's by its path."""
     shipped = str(name_or_path) in SHIPPED
     path = resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else user_path(name_or_path)
     content = load_yaml(path, _MapFile,
@@ -261,9 +219,8 @@ foot's midline (weights, a choice). The heel's is the rearmost, low and near the
 def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
     """The shipped map that finds a complete set of markers in a standing trial and knows most of its labels; a note.
 
-    Raises:
-        InputError: no shipped map finds all that a calibration needs (what is missing, where one knows half of the
-            labels); or two that mean different things know as many labels.
+    Refused where none finds all that a calibration needs (what is missing, where one knows half of the labels), or two
+    that mean different things know as many labels.
     """
     fitting: list[tuple[int, MarkerMap, FoundMarkers]] = []
     failing: list[tuple[int, InputError]] = []
@@ -313,9 +270,9 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
              for label in labels]
     text += ["", "# Started from a recording's own labels: look over every line, above all those marked as guesses.",
             "description: markers of our laboratory", "prefix: any"]
-    for block, schema in (*((side, _Side) for side in SIDES), ("middle", _Middle)):
+    for block in (*SIDES, "middle"):
         text.append(f"{block}:")
-        for role in (key.name for key in dataclasses.fields(schema)):
+        for role in ROLES.get(block, ROLES["side"]):
             sure = [label for label in labels if known.get(label) == (block, role)]
             maybe = [label for label in labels if guessed.get(label) == (block, role)]
             leg = legs.get(block) if role in _PLACES else None

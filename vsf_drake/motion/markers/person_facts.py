@@ -59,8 +59,8 @@ def check_facts(person: PersonFacts) -> tuple[str, str]:
                 raise InputError(what, where=key, right=f"It is {' or '.join(sorted(known))}")
         check(person)
     except InputError as error:
-        key = str(error.where)
-        raise InputError(error.what, where=f"{key} (--{key.replace('_', '-')})", right=error.right) from None
+        where = f"{error.where} (--{str(error.where).replace('_', '-')})"
+        raise InputError(error.what, where=where, right=error.right) from None
     return str(person.sex), str(person.prosthetic_side)
 
 
@@ -100,15 +100,13 @@ def body_mass(person: PersonFacts, standing: Recording, start_s: float, end_s: f
         vertical = sum(plate.force_n[:, 2] for plate in standing.plates)[during]
         if np.isfinite(vertical).any():
             mean, spread = float(np.nanmean(vertical)), float(np.nanstd(vertical))
-    what = ""
-    if not standing.plates:
-        what = "the body mass is not stated and the standing trial has no force plates"
-    elif not still:
-        what = "the body mass is not stated, and nobody stands still on the plates"
-    elif not LEAST_MASS_KG <= mean / GRAVITY <= MOST_MASS_KG:
-        what = f"the plates carry {mean:.0f} N while the person stands, which is nobody's weight"
-    elif spread > STEADY_FORCE * mean:
-        what = "the vertical force is not steady while the person stands: the body mass cannot be told"
+    what = next((what for wrong, what in (
+        (not standing.plates, "the body mass is not stated and the standing trial has no force plates"),
+        (not still, "the body mass is not stated, and nobody stands still on the plates"),
+        (not LEAST_MASS_KG <= mean / GRAVITY <= MOST_MASS_KG,
+         f"the plates carry {mean:.0f} N while the person stands, which is nobody's weight"),
+        (spread > STEADY_FORCE * mean,
+         "the vertical force is not steady while the person stands: the body mass cannot be told")) if wrong), None)
     if what:
         raise InputError(what, file=standing.path, where="mass_kg (--mass-kg)",
                          right="State the body mass, prosthesis included")

@@ -59,7 +59,6 @@ class Posture:
         return self.needed("sacrum") if right is None or left is None else 0.5 * (right + left)
 
     def forefoot(self, side: str) -> np.ndarray:
-        """(n, 3) that the foot points to."""
         return np.mean([self.points[label] for label in forefoot_labels(self.found, side)], axis=0)
 
 
@@ -144,28 +143,24 @@ def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _steps(recording: Recording, found: FoundMarkers) -> float:
     """How far the heels travel horizontally against the pelvis (m), the lesser of the two."""
     at = {role: recording.markers[label][:, :2] for role, label in found.roles.items()}
-    travels = []
-    for side in SIDES:
-        relative = at[f"heel_{side}"] - 0.5 * (at["asis_right"] + at["asis_left"])
-        relative = relative[np.isfinite(relative).all(axis=1)]
-        travels.append(float(np.max(np.ptp(relative, axis=0))) if len(relative) else 0.0)
-    return min(travels)
+    away = [at[f"heel_{side}"] - 0.5 * (at["asis_right"] + at["asis_left"]) for side in SIDES]
+    seen = [path[np.isfinite(path).all(axis=1)] for path in away]
+    return min(float(np.max(np.ptp(path, axis=0))) if len(path) else 0.0 for path in seen)
 
 
 def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
-    """Frames in which heel and forefoot are both low and neither rises nor sinks.
-
-    Refuses a walk without such frames, or of which none shows the pelvis and all of the leg.
+    """Frames in which heel and forefoot are both low and neither rises nor sinks; some show pelvis and all of the leg.
     """
     heights = [points[found.roles[f"heel_{side}"]][:, 2],
                np.mean([points[label][:, 2] for label in forefoot_labels(found, side)], axis=0)]
-    lag = max(1, round(LAG_S * (recording.marker_rate_hz or 1.0)))
+    hz = recording.marker_rate_hz or 1.0
+    lag = max(1, round(LAG_S * hz))
     quiet = np.ones(len(heights[0]), dtype=bool)
     for z in heights:
         if not np.isfinite(z).any():
             raise InputError("heel and forefoot are never seen", file=recording.path, where=f"{side} foot")
         rate = np.full(len(z), np.nan)
-        rate[lag:-lag] = (z[2 * lag:] - z[:-2 * lag]) / (2 * lag) * (recording.marker_rate_hz or 1.0)
+        rate[lag:-lag] = (z[2 * lag:] - z[:-2 * lag]) / (2 * lag) * hz
         with np.errstate(invalid="ignore"):
             quiet &= (np.abs(rate) < SLOW_M_PER_S) & (z < np.nanmin(z) + LOW_M)
     if not quiet.any():
@@ -173,9 +168,8 @@ def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, re
                          where=f"{side} foot", right="Calibrate from a standing trial or a longer walk")
     flat = quiet & np.all([np.abs(z - np.median(z[quiet])) <= FLAT_M for z in heights], axis=0)
     flat = flat if flat.any() else quiet
-    other = "left" if side == "right" else "right"
     leg = [label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)
-           and not (role.endswith(other) and not role.startswith(("asis", "psis")))]
+           and (role.startswith(("asis", "psis", "sacrum")) or role.endswith(side))]
     seen = np.stack([np.isfinite(points[label]).all(axis=1) & flat for label in leg])
     if not seen.all(axis=0).any():
         raise InputError(f"is not seen together with the others of pelvis and {side} leg while the foot is flat",

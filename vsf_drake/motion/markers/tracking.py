@@ -13,13 +13,18 @@ from itertools import combinations, permutations
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.filters import low_pass
-from vsf_drake.motion.formats.recording import SIDES, Recording
+from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S, FilledMarkers, fill_gaps
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, gimbal_notes, segment_joint
-from vsf_drake.motion.markers.poses import (
+from vsf_drake.motion.markers.segments import (
     NARROWEST_M,
+    PARENTS,
+    SEGMENTS,
+    Calibration,
+    FootTrack,
     RigidPoses,
+    SegmentMarkers,
+    TrackedMotion,
     cluster_width,
     determines,
     mean_shape,
@@ -29,7 +34,7 @@ from vsf_drake.motion.markers.poses import (
     segment_poses,
     subset,
 )
-from vsf_drake.motion.markers.schema import PARENTS, SEGMENTS, Calibration, FootTrack, SegmentMarkers, TrackedMotion
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.sentences import say
 
 CUTOFF_HZ = 6.0
@@ -37,66 +42,55 @@ CUTOFF_HZ = 6.0
 
 def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None = CUTOFF_HZ,
           longest_gap_s: float = LONGEST_GAP_S) -> TrackedMotion:
-    """The coordinates of pelvis and both legs over the usable part of `recording`, a walk.
+    """The coordinates of pelvis and both legs over the usable part of `recording`, a walk of the calibration's session.
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the centre of its proximal
-    joint, as its parent's pose has it, for one more; the notes say so.
-
-    Args:
-        calibration: from the standing trial of the same session.
-        cutoff_hz: of the fourth-order zero-phase Butterworth filter on the markers; None where the recording is
-            filtered already.
-        longest_gap_s: longest gap that a spline may close; see `gaps`.
-
-    Raises:
-        InputError: see `gaps`; the markers are not those of the calibration (another person, another unit, exchanged or
-            moved markers); the cut-off is impossible at this frame rate.
-    """
-    filled, markers, times, poses = smooth_poses(
-        recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
+    joint, as its parent's pose has it, for one more; the notes say so. `cutoff_hz` is that of the fourth-order
+    zero-phase Butterworth filter on the markers, None where they are filtered already; see `gaps` for `longest_gap_s`.
+    Refused where gaps cannot be filled, or the markers are not those of the calibration (another person or unit,
+    exchanged or moved)."""
+    filled, markers, poses = smooth_poses(recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     helped = [note for name, segment in filled.segments.items()
               if PARENTS[name] is not None and needs_joint_centre(segment.p_BM)
               for note in say("markers", "helped", segment=name.replace("_", " "), labels=segment.labels,
                               joint=segment_joint(name)[0])]
-    return describe(calibration, filled, markers, times, poses, values, notes=helped)
+    return describe(calibration, filled, markers, poses, values, notes=helped)
 
 
 def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
-                 ) -> tuple[FilledMarkers, dict[str, np.ndarray], np.ndarray, dict[str, RigidPoses]]:
-    """The markers without gaps, checked; filtered once (not at all where the cut-off is None); their times; the poses.
-    """
+                 ) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses]]:
+    """The markers without gaps, checked; the same filtered once (not at all without a cut-off); and their poses."""
     filled = fill_gaps(recording, {name: calibration.segments[name] for name in SEGMENTS}, longest_gap_s=longest_gap_s)
-    markers, frames = filled.markers, len(next(iter(filled.markers.values())))
-    times = recording.marker_time_s[filled.start_frame:filled.start_frame + frames]
-    _check_scale(recording, filled)
-    _check_jumps(recording, filled, times)
+    markers = filled.markers
+    _check_scale(filled)
+    _check_jumps(filled)
     poses = segment_poses(filled.segments, markers)
-    _check_swaps(recording, filled, poses, times)
-    _check_places(recording, filled, poses)
+    _check_swaps(filled, poses)
+    _check_places(filled, poses)
     if cutoff_hz is not None:
         smooth = low_pass(np.hstack(list(markers.values())), rate_hz=recording.marker_rate_hz or 1.0,
                           cutoff_hz=cutoff_hz)
         markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
         poses = segment_poses(filled.segments, markers)
-    return filled, markers, times, poses
+    return filled, markers, poses
 
 
-def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray], times: np.ndarray,
+def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray],
              poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: Sequence[str] = ()) -> TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
     segments = filled.segments
-    feet = {side: FootTrack(heel_W=poses[f"foot_{side}"].points(calibration.feet[side].p_FHeel),
-                            toe_W=poses[f"foot_{side}"].points(calibration.feet[side].p_FToe),
-                            ankle_W=poses[f"foot_{side}"].p_WB) for side in SIDES}
+    feet = {side: FootTrack(heel_W=poses[f"foot_{side}"].points(foot.p_FHeel),
+                            toe_W=poses[f"foot_{side}"].points(foot.p_FToe), ankle_W=poses[f"foot_{side}"].p_WB)
+            for side, foot in calibration.feet.items()}
     return TrackedMotion(
-        time_s=np.array(times), names=COORDINATES, values=values, feet=feet,
+        time_s=filled.time_s, names=COORDINATES, values=values, feet=feet,
         residual_rms_m={label: rms for name, segment in segments.items()
                         for label, rms in _residual_rms(segment, filled, poses[name]).items()},
         cluster_motion_m={name: _cluster_motion(segment, markers) for name, segment in segments.items()},
         joint_gap_m={"_".join(segment_joint(name)): float(_rms(_joint_gaps(name, segment, poses)))
                      for name, segment in segments.items() if PARENTS[name] is not None},
-        gaps=filled.gaps, start_frame=filled.start_frame, notes=(*filled.notes, *notes, *gimbal_notes(values)))
+        gaps=filled.gaps, notes=(*filled.notes, *notes, *gimbal_notes(values)))
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
@@ -115,7 +109,6 @@ def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) 
 
 
 def _rms(*errors: np.ndarray) -> np.ndarray:
-    """Root mean square along the last axis of arrays put side by side."""
     return np.asarray(np.sqrt(np.mean(np.concatenate(errors, axis=-1) ** 2, axis=-1)))
 
 
@@ -125,7 +118,6 @@ def _joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPos
 
 
 def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses) -> dict[str, float]:
-    """RMS residual (m) of each marker over the frames in which it was seen."""
     return {label: float(_rms(poses.residual_m[filled.seen[label], k]))
             for k, label in enumerate(segment.labels) if filled.seen[label].any()}
 
@@ -149,7 +141,7 @@ about 30 mm."""
 MOST_ASTRAY = 3  # segments with markers astray beyond which it is not a marker that is wrong but the standing trial
 
 
-def _check_scale(recording: Recording, filled: FilledMarkers) -> None:
+def _check_scale(filled: FilledMarkers) -> None:
     """Refuses a walk whose markers lie farther apart, or closer, than the calibration's: another unit or person.
 
     The scale is the median over all pairs of markers on one segment: their distance (median over time) over that at
@@ -165,15 +157,14 @@ def _check_scale(recording: Recording, filled: FilledMarkers) -> None:
     scale = float(np.median(ratios)) if ratios else 1.0
     if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
         raise InputError(f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
-                         "files is in another unit than it says", file=recording.path,
+                         "files is in another unit than it says", file=filled.path,
                          right="Give laboratory.length_unit (--length-unit) where a file states the wrong one")
     if abs(scale - 1) > OTHER_PERSON:
         raise InputError(f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
-                         "of another person", file=recording.path, right="Give the standing trial of the same session")
+                         "of another person", file=filled.path, right="Give the standing trial of the same session")
 
 
-def _check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
-    """Refuses markers that are not where the calibration has them, and segments that do not meet at their joint."""
+def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
     segments = filled.segments
     astray = sorted(((rms, name, label) for name, segment in segments.items()
                      for label, rms in _residual_rms(segment, filled, poses[name]).items() if rms > ASTRAY_RMS_M),
@@ -185,7 +176,7 @@ def _check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[st
         raise InputError(
             f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} mm from its joint): "
             "the standing trial seems to be of another person or of another placement of the markers",
-            file=recording.path, right="Give the standing trial of the same session")
+            file=filled.path, right="Give the standing trial of the same session")
     if not astray:
         return
     rms, name, _ = astray[0]
@@ -198,13 +189,13 @@ def _check_places(recording: Recording, filled: FilledMarkers, poses: Mapping[st
     if left > 0.5 * rms:
         shown = ", ".join(f"{each} {1e3 * far:.0f}" for far, _, each in astray)
         raise InputError(f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
-                         "and no single one of them, nor an exchange, explains it", file=recording.path,
+                         "and no single one of them, nor an exchange, explains it", file=filled.path,
                          right="Check all labels of this segment in both files")
     own = _residual_rms(segments[name], filled, poses[name])[label]
     raise InputError(
         f"marker {label} is {1e3 * own:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
         f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
-        "the two files", file=recording.path, right="Correct its label, or leave it out of the marker map")
+        "the two files", file=filled.path, right="Correct its label, or leave it out of the marker map")
 
 
 # Markers that jump, and markers that exchange places, for a few frames or throughout.
@@ -225,9 +216,9 @@ RELABEL = "Correct the labels in the capture software"
 Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
 
 
-def _check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray) -> None:
+def _check_jumps(filled: FilledMarkers) -> None:
     """Refuses a marker that is somewhere else from one seen frame to the next; names two that exchange places."""
-    jumps = []
+    jumps, times = [], filled.time_s
     for label, path in filled.markers.items():
         frames = np.flatnonzero(filled.seen[label])
         step = np.linalg.norm(np.diff(path[frames], axis=0), axis=1)
@@ -241,19 +232,17 @@ def _check_jumps(recording: Recording, filled: FilledMarkers, times: np.ndarray)
         crossed = (own[frame] - path[before], path[frame] - own[before])
         if other != label and max(np.linalg.norm(crossed, axis=1)) < step_m / 2:
             raise InputError(f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
-                             file=recording.path, right=RELABEL)
+                             file=filled.path, right=RELABEL)
     raise InputError(f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than anybody "
-                     "walks", file=recording.path, right=f"{RELABEL}, or delete the marker there")
+                     "walks", file=filled.path, right=f"{RELABEL}, or delete the marker there")
 
 
-def _check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str, RigidPoses],
-                 times: np.ndarray) -> None:
+def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
     """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit.
 
     Each exchange is judged by what it leaves: distances of the markers from their segment's pose, and of segments from
     their joints, since of three markers on one segment the mirror image fits by turning over. Single exchanges are
-    tried of all markers of the segments that do not fit, two at once of neighbours and partners. The message names the
-    markers and the time, residuals before and after, and an exchange that is as good.
+    tried of all markers of the segments that do not fit, two at once of neighbours and partners.
     """
     segments = filled.segments
     errors = _errors(segments, filled.markers, poses)
@@ -281,16 +270,19 @@ def _check_swaps(recording: Recording, filled: FilledMarkers, poses: Mapping[str
              and {*other} != {*exchange} and cost < AS_GOOD * left and search.explains(other).any()]
     whole = _Search(filled, suspect)
     explained = whole.explains(exchange)
-    changes = [f"{label} {1e3 * before:.0f} to {1e3 * after:.0f}"
-               for label, (before, after) in whole.residuals(exchange, explained).items()]
-    shown = f"; if undone, residuals change (mm RMS): {', '.join(changes)}"
+    after = whole.after(exchange)
+    changes = sorted(((1e3 * float(_rms(after[name][explained, k])), 1e3 * float(_rms(whole.own[name][explained, k])),
+                       label) for name, segment in segments.items() for k, label in enumerate(segment.labels, start=1)),
+                     key=lambda change: change[0] - change[1])[:MOST_SHOWN]
+    listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
+    shown = f"; if undone, residuals change (mm RMS): {listed}"
     shown += f"; not to be told from an exchange of {' or of '.join(equal[:3])}" if equal else ""
     frames = suspect[explained]
-    if frames.size > SWAPPED_THROUGHOUT * len(times):
+    if frames.size > SWAPPED_THROUGHOUT * len(filled.time_s):
         raise InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-                         file=recording.path, right="Correct the labels in one of the two files")
-    raise InputError(f"markers {_words(exchange)} exchange places at {times[frames[0]]:.3f} s (for {frames.size} "
-                     f"frames in all){shown}", file=recording.path, right=RELABEL)
+                         file=filled.path, right="Correct the labels in one of the two files")
+    raise InputError(f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
+                     f"{frames.size} frames in all){shown}", file=filled.path, right=RELABEL)
 
 
 class _Search:
@@ -320,13 +312,6 @@ class _Search:
         self.tried |= costs
         least = min(costs, key=lambda exchange: costs[exchange], default=None)
         return (least, costs[least]) if least is not None and self.explains(least).any() else None
-
-    def residuals(self, exchange: Exchange, frames: np.ndarray) -> dict[str, tuple[float, float]]:
-        """RMS (m) before and after, in `frames`, of the markers whose residuals change most."""
-        after = self.after(exchange)
-        both = {label: (float(_rms(self.own[name][frames, 1 + k])), float(_rms(after[name][frames, 1 + k])))
-                for name, segment in self.segments.items() for k, label in enumerate(segment.labels)}
-        return dict(sorted(both.items(), key=lambda item: item[1][1] - item[1][0])[:MOST_SHOWN])
 
 
 def _errors(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray],

@@ -30,7 +30,7 @@ from vsf_drake.analysis.tuning.resimulation.trajectory import (
 )
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.filters import low_pass
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import foot_reaction
