@@ -22,7 +22,7 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     project,
     sagittal_chain,
 )
-from vsf_drake.analysis.tuning.recorded_stride import moment_balance
+from vsf_drake.analysis.tuning.recorded_stride import force_errors
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
@@ -228,7 +228,7 @@ def test_a_force_that_is_measured_beyond_the_motion_does_not_count():
 def test_moment_of_a_force_through_the_centre_of_mass_is_balanced(chain):
     """And one that acts a centimetre ahead of it tips the body back: negative about the axis to the left."""
     q = np.array([0.1, 0.3, 0.93, 0.3, 0.3, -0.2, 0.2, 0.1])
-    still = PeriodicCurves(1.2, np.zeros(8), q[None])
+    still, rest = PeriodicCurves(1.2, np.zeros(8), q[None]), PeriodicCurves(1.2, np.zeros(2), np.zeros((1, 2)))
     ahead = float(chain.mass_center(q[None])[0].real)
     grid = np.linspace(0.0, 1.2, 1201)
 
@@ -237,5 +237,5 @@ def test_moment_of_a_force_through_the_centre_of_mass_is_balanced(chain):
 
     for off in (0.0, 0.01):
         forces = {"prosthetic": foot(ahead - 0.1 + off), "intact": foot(ahead + 0.1 + off)}
-        found = moment_balance(chain, still, forces, 1.2)["force.balance_moment_nm"]
+        found = force_errors(chain, still, rest, forces, 70.0)["force.balance_moment_nm"]
         assert found == pytest.approx(-off * 700.0, abs=1e-9)

@@ -94,17 +94,23 @@ def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, 
     return PeriodicCurves(period_s, advance, coefficients)
 
 
-def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
-    """Mean of value(t + period) - value(t) over all t that have both; from the mean rate if there are none.
-
-    The mean is weighted toward the middle of the overlap, like `closing_weights`. times, values: (n,).
-    """
+def changes(times: np.ndarray, values: np.ndarray, period_s: float) -> np.ndarray:
+    """(j, ...) value(t + period) - value(t) of values (n, ...) at the times (n,) that have both."""
     early = times[times + period_s <= times[-1]]
-    if early.size < 2:
+    columns = values.reshape(len(values), -1).T
+    later = np.array([np.interp(early + period_s, times, column) for column in columns]).T
+    return later.reshape(len(early), *values.shape[1:]) - values[: len(early)]
+
+
+def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
+    """Mean of the `changes` of values (n,), weighted toward the middle of the overlap, like `closing_weights`; from the
+    mean rate if there are none."""
+    found = changes(times, values, period_s)
+    if len(found) < 2:
         return float((values[-1] - values[0]) * period_s / (times[-1] - times[0]))
-    later = np.interp(early + period_s, times, values)
+    early = times[: len(found)]
     x = (early - early[0]) / (early[-1] - early[0])
-    return float(np.average(later - values[: len(early)], weights=x**2 * (1.0 - x) ** 2 + 1e-9))
+    return float(np.average(found, weights=x**2 * (1.0 - x) ** 2 + 1e-9))
 
 
 def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float) -> PeriodicCurves:

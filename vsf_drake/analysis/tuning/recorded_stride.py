@@ -8,7 +8,7 @@ model is laid on it instant by instant (`recorded_projection`), the stride is cl
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,9 +138,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     standing = {"prosthetic": events.within(t, prosthetic, T), "intact": events.within(t, intact, T)}
     errors = _place_errors(seen, curves.sample(t)[0], weights, standing)
     errors |= _closing_errors(seen, projected, T)
-    errors |= _force_errors(lambda times: _center_rate(seen.chain, curves, times), forces, mass, T, of="sagittal")
-    errors |= _force_errors(lambda times: path.sample(times)[0] @ [1.0, 1j], forces, mass, T, of="recorded")
-    errors |= moment_balance(seen.chain, curves, forces, T)
+    errors |= force_errors(seen.chain, curves, path, forces, mass)
     notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
                 follows_plates=wish is not path, converged=closed and converged, shift=shift, errors=errors,
                 **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
@@ -189,41 +187,17 @@ def _place_errors(seen: _View, final: np.ndarray, weights: np.ndarray,
 
 def _closing_errors(seen: _View, projected: np.ndarray, period_s: float) -> dict[str, float]:
     """`closing.*` of projected angles (n, 8): nothing if the recording is no longer than a stride."""
-    time = seen.time_s
-    early = time[time + period_s <= time[-1]]
-    return {f"closing.{name}_deg": _rms(np.degrees(np.interp(early + period_s, time, projected[:, c])
-                                                   - projected[: len(early), c]))
-            for c, name in enumerate(seen.names) if early.size and name not in _LENGTHS}
+    off = np.degrees(periodic.changes(seen.time_s, projected, period_s))
+    return {f"closing.{name}_deg": _rms(off[:, c]) for c, name in enumerate(seen.names)
+            if len(off) and name not in _LENGTHS}
 
 
-def _center_rate(chain: SagittalChain, curves: PeriodicCurves, times: np.ndarray) -> np.ndarray:
-    """(n,) complex, m/s^2: the acceleration of the sagittal model's centre of mass at even times, inner differences."""
-    h = times[1] - times[0]
-    center = chain.mass_center(curves.sample(times)[0])
-    inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / h**2
-    return np.concatenate([inner[:1], inner, inner[-1:]])
-
-
-def moment_balance(chain: SagittalChain, curves: PeriodicCurves, forces: Mapping[str, FootForce],
-                   period_s: float) -> dict[str, float]:
-    """`force.balance_moment_nm`, if both feet's forces and centres of pressure are known throughout a stride."""
-    times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
-    if len(forces) < len(FEET):
-        return {}
-    along, up, about_origin = sum(force.sample(times)[0] for force in forces.values()).T
-    center = chain.mass_center(curves.sample(times)[0])
-    about_center = about_origin - (center.imag * along - center.real * up)
-    if not np.isfinite(about_center).all():
-        return {}
-    return {"force.balance_moment_nm": float(np.trapezoid(about_center, times) / period_s)}
-
-
-def _force_errors(acceleration: Callable[[np.ndarray], np.ndarray], forces: Mapping[str, FootForce], mass_kg: float,
-                  period_s: float, *, of: str) -> dict[str, float]:
-    """`force.*` and `parts.*`; a balance only where both feet's forces are known throughout the stride.
+def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCurves, forces: Mapping[str, FootForce],
+                 mass_kg: float) -> dict[str, float]:
+    """`parts.*` and `force.*`; a balance only where both feet's forces are known throughout the stride.
 
     Args:
-        acceleration: complex (n,) m/s^2 of the centre of mass at even times (n,) s. of: whose it is.
+        path: whose values are the acceleration (., 2) of the recorded motion's own centre of mass, m/s^2.
     """
     found: dict[str, float] = {}
     for foot, force in forces.items():
@@ -232,16 +206,24 @@ def _force_errors(acceleration: Callable[[np.ndarray], np.ndarray], forces: Mapp
             found[f"parts.{foot}_along_n"], found[f"parts.{foot}_up_n"] = force.parts_differ
     if len(forces) < len(FEET):
         return found
-    times = np.linspace(0.0, period_s, max(8, round(period_s / STEP_S)) + 1)
-    total = sum(force.sample(times)[0][:, :2] for force in forces.values()) / (mass_kg * GRAVITY)
-    needed = acceleration(times) / GRAVITY + 1j
+    T = curves.period_s
+    times = np.linspace(0.0, T, max(8, round(T / STEP_S)) + 1)
+    both, center = sum(force.sample(times)[0] for force in forces.values()), chain.mass_center(curves.sample(times)[0])
+    inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / (times[1] - times[0]) ** 2
+    total = both[:, :2] / (mass_kg * GRAVITY)
     known = np.isfinite(total).all(axis=1)
-    if known.any():
-        found[f"force.{of}_along_bw"] = _rms(needed.real[known] - total[known, 0])
-        found[f"force.{of}_up_bw"] = _rms(needed.imag[known] - total[known, 1])
+    for of, acceleration in (("sagittal", np.concatenate([inner[:1], inner, inner[-1:]])),
+                             ("recorded", path.sample(times)[0] @ [1.0, 1j])):
+        needed = acceleration[known] / GRAVITY + 1j
+        if known.any():
+            found[f"force.{of}_along_bw"] = _rms(needed.real - total[known, 0])
+            found[f"force.{of}_up_bw"] = _rms(needed.imag - total[known, 1])
     if known.all():
-        along, up = np.trapezoid(total, times, axis=0) / period_s
+        along, up = np.trapezoid(total, times, axis=0) / T
         found["force.balance_along_bw"], found["force.balance_up_bw"] = float(along), float(up) - 1.0
+    about_center = both[:, 2] - (center.imag * both[:, 0] - center.real * both[:, 1])
+    if np.isfinite(about_center).all():
+        found["force.balance_moment_nm"] = float(np.trapezoid(about_center, times) / T)
     return found
 
 
@@ -321,10 +303,8 @@ def _view(trial: Trial, walker: Walker | None) -> _View:
 
 def _stride_heading(seen: _View, period_s: float) -> np.ndarray:
     """(2,) the mean way of the pelvis over a stride, in which its sway from side to side has no part."""
-    time = seen.time_s
-    early = time[time + period_s <= time[-1]]
-    if not early.size:
+    found = periodic.changes(seen.time_s, seen.points.pelvis[:, :2], period_s)
+    if not len(found):
         return seen.forward
-    way = [np.mean(np.interp(early + period_s, time, column) - column[: len(early)])
-           for column in seen.points.pelvis[:, :2].T]
-    return np.array(way) / np.hypot(*way)
+    way = np.array([column.mean() for column in found.T])
+    return way / np.hypot(*way)
