@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_cost, check_name
+from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_name
 from vsf_drake.cli.app import Contact, Out, Seed, app, console, interrupted, path, progress, say, warn
 from vsf_drake.errors import FitError, InputError
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="What is to be least.")]
 Weights = Annotated[str | None, typer.Option(
     metavar="COST=NUMBER,...", help="Of the costs in --cost weighted, each over its size at the recorded setting.")]
-Level = Annotated[int, typer.Option(
-    help="1: the recorded motion is kept. 2: the motion adapts (trajectory optimisation of a stride).")]
+Level = Annotated[int, typer.Option(min=1, max=2, help="1: the recorded motion is kept. 2: the motion adapts "
+                                    "(trajectory optimisation of a stride).")]
 Range = Annotated[tuple[float, float] | None, typer.Option(
     metavar="LOW HIGH", help="Fulcrum positions (mm) to choose from; default the carriage's reach.")]
 Joints = Annotated[str | None, typer.Option(
@@ -35,20 +35,16 @@ Joints = Annotated[str | None, typer.Option(
 Workers = Annotated[int | None, typer.Option(help="Threads for the walks; default one a core.", min=1)]
 Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start, no solver asked for confirmation.")]
 
-Asked = dict[str, Any]
-"""Options as they were given, for the results; those left out are not in it."""
+Asked = dict[str, Any]  # options as they were given, for the results; those left out are not in it
 Show = Callable[[str, float], None]
-Tuned = tuple[dict[str, Any], dict[str, Any]]
-"""Table and arrays, of a tuning that ended well or not."""
-_ONLY = {"intervals": 2, "method": 2, "joints": 1, "pareto": 1}
-"""The level that has an option, where the other has not."""
+Tuned = tuple[dict[str, Any], dict[str, Any]]  # table and arrays, of a tuning that ended well or not
+_ONLY = {"intervals": 2, "method": 2, "joints": 1, "pareto": 1}  # the level that has an option, where the other has not
 _OPTION_OF = {"cost": "--cost", "weights": "--weights", "design": "--design", "bounds_mm": "--fulcrum-range",
               "pareto": "--pareto", "intervals": "--intervals", "method": "--method", "joints": "--joints",
               "warm_start": "--warm-start", "seed": "--seed", "trials": "TRIAL.yaml",
               "resolution_mm": "--resolution-mm"}
 """By what the analysis calls it."""
-_READ = 0.1
-"""Share of the bar at which a schedule's trials are read."""
+_READ = 0.1  # share of the bar at which a schedule's trials are read
 
 
 @app.command()
@@ -103,11 +99,7 @@ def tune(
             interrupted(" before anything was found; nothing was written")
         show("writing the report", 0.99)
         written = TUNING.write(out, table, arrays)
-    if _was_interrupted(written):
-        interrupted(f"; what was found by then is in {out}, marked as NOT OPTIMAL")
-    if not written["optimal"]:
-        raise FitError(f"NOT OPTIMAL: {written['status'].removesuffix('.')}. What was found is in {out}, marked so; "
-                       f"see {out / PAGE}")
+    _check_ended(written, written["status"].removesuffix("."), out / PAGE, stopped=_was_interrupted(written))
     _print_tuning(written)
     say(f"written to {out}; open {PAGE} first")
 
@@ -154,16 +146,21 @@ def schedule(
             interrupted(" before any task had a result; nothing was written")
         show("writing the report", 0.99)
         written = write_schedule(out, table)
-    if stopped:
-        interrupted(f"; what was found by then is in {out}, marked as NOT OPTIMAL")
-    if not written["optimal"]:
-        bad = "; ".join(f"{row['label']}: {row['status']}" for row in written["tasks"] if not row["optimal"])
-        raise FitError(f"NOT OPTIMAL: {bad}. What was found is in {out}, marked so; see {out / PAGE}")
+    bad = "; ".join(f"{row['label']}: {row['status']}" for row in written["tasks"] if not row["optimal"])
+    _check_ended(written, bad, out / PAGE, stopped=stopped)
     for sentence in schedule_words(written):
         say(f"- {sentence}")
     for note in written["notes"]:
         warn(note)
     say(f"written to {out}; {SCHEDULE.table} is for the controller, open {PAGE} first")
+
+
+def _check_ended(written: Mapping[str, Any], why: str, page: Path, *, stopped: bool) -> None:
+    """Ends the command where what was written is no optimum."""
+    if stopped:
+        interrupted(f"; what was found by then is in {page.parent}, marked as NOT OPTIMAL")
+    if not written["optimal"]:
+        raise FitError(f"NOT OPTIMAL: {why}. What was found is in {page.parent}, marked so; see {page}")
 
 
 def read_warm_start(file: Path) -> Tuned:
@@ -201,11 +198,7 @@ def _print_tuning(table: Mapping[str, Any]) -> None:
 
 
 def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
-    with _named_as_options():
-        check_cost(cost)
-    if level not in (1, 2):
-        raise InputError(f"{level} is no level", where="--level",
-                         right="1: the motion is given. 2: the motion adapts")
+    check_name(cost, (*COSTS, WEIGHTED), "--cost")
     if weights is not None and cost != WEIGHTED:
         raise InputError(f"cannot go with --cost {cost}", where="--weights",
                          right=f"Give --cost {WEIGHTED}, or leave it out")
@@ -261,8 +254,8 @@ def _level_options(asked: Asked) -> level1.TuningOptions | level2.StrideOptions:
     """The options of the analysis."""
     from vsf_drake.analysis.tuning import level1, level2
 
-    names = {"fulcrum_range_mm": "bounds_mm"}
-    given = {names.get(name, name): value for name, value in asked.items() if name not in ("cost", "level", "quick")}
+    given = {"bounds_mm" if name == "fulcrum_range_mm" else name: value for name, value in asked.items()
+             if name not in ("cost", "level", "quick")}
     with _named_as_options():
         if asked["level"] == 1:
             quick: Asked = {"sweep_mm": 5.0, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}
@@ -278,13 +271,7 @@ def _level_options(asked: Asked) -> level1.TuningOptions | level2.StrideOptions:
 
 def _tuned_trials(given: TuningTrials, asked: Asked, options: level1.TuningOptions | level2.StrideOptions, show: Show,
                   *, warm: Tuned | None = None, warm_file: Path | None = None) -> Tuned:
-    """Table and arrays; an interrupt leaves what was found by then, marked as not optimal.
-
-    Raises:
-        InputError: the data do not support the cost; an option cannot be used.
-        SimulationError, FitError: nothing could be walked at all.
-        KeyboardInterrupt: before anything was found.
-    """
+    """Table and arrays; an interrupt leaves what was found by then, marked as not optimal, or passes before that."""
     with _named_as_options(warm_file):
         table, arrays = (_motion_given if asked["level"] == 1 else _motion_free)(
             given, asked["cost"], options, show, warm)

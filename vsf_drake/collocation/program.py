@@ -31,22 +31,17 @@ from vsf_drake.collocation.step import Kkt, find_step, optimality
 from vsf_drake.errors import InputError
 
 SOLVERS = ("snopt", "ipopt")
-FEASIBILITY, OPTIMALITY = 1e-7, 1e-6
-"""Tolerances of both solvers, scaled."""
-MOST_VIOLATION = 1e-6
-"""Of what a solver calls an optimum."""
+FEASIBILITY, OPTIMALITY = 1e-7, 1e-6  # tolerances of both solvers, scaled
+MOST_VIOLATION = 1e-6  # of what a solver calls an optimum
 SUPERBASICS, MINOR_ITERATIONS = 2000, 1_000_000
 """SNOPT's limits; the first at least the number of degrees of freedom of the optimum."""
-STORAGE, TIME = 83, 34
-"""SNOPT's INFO for too little real storage and for the time limit."""
+STORAGE, TIME = 83, 34  # SNOPT's INFO for too little real storage and for the time limit
 PADDING = (0, 20, 60, 180)
 """Rows an instant is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
 SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
 IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
-LOOSER = 100.0
-"""IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point."""
-PRESSED = 1e-6
-"""So near, in its scale, an inequality may press when a point is judged."""
+LOOSER = 100.0  # IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point
+PRESSED = 1e-6  # so near, in its scale, an inequality may press when a point is judged
 
 Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Of an instant's variables and p (Z + P,): some numbers (r,) and their derivatives (r, Z + P)."""
@@ -123,10 +118,8 @@ def _cost(rows: Rows) -> Callable[[np.ndarray], float | AutoDiffXd]:
 def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0) -> MathematicalProgram:
     """The problem, or its scaled form, which then counts evaluations, for Drake's solvers; its variables are x.
 
-    Args:
-        probes: for solvers that show no points, see the module's text.
-        padding: rows that are always 0 and free, per instant. Drake gives SNOPT storage by the number of derivatives,
-            which can be too little (INFO 83): with these it gives more.
+    `probes` are for solvers that show no points, see the module's text. `padding` rows per instant are always 0 and
+    free: Drake gives SNOPT storage by the number of derivatives, which can be too little (INFO 83).
     """
     scaled = problem if isinstance(problem, Scaled) else Scaled(problem)
     instants, made, (count, size) = _Instants(scaled), MathematicalProgram(), scaled.shape

@@ -148,10 +148,8 @@ class Scaled:
         return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
     def slacks(self, at: Point) -> np.ndarray:
-        """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high.
-
-        Infinite where there is no such inequality, and for fixed variables.
-        """
+        """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high; infinite
+        where there is no such inequality, and for fixed variables."""
         low, high = at.x - self.low, self.high - at.x
         low[self.fixed] = high[self.fixed] = np.inf
         limits = at.limited - self.limit_low, self.limit_high - at.limited

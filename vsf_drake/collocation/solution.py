@@ -15,8 +15,7 @@ from vsf_drake.collocation.scaled import Point, Scaled
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.files import read_npz, replaced
 
-ON_BOUND = 1e-6
-"""So near, in its scale, a design parameter counts as on its bound."""
+ON_BOUND = 1e-6  # so near, in its scale, a design parameter counts as on its bound
 FORMAT = "vsf_drake trajectory 1"
 
 
@@ -148,12 +147,12 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
     needed = {"names", "design", "z", "p", "advance", *(item.name for item in dataclasses.fields(Grid))}
     if str(found.get("format", "")) != FORMAT or not needed <= found.keys():
         raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
+    for name, own in (("names", problem.layout.names), ("design", problem.design.names)):
+        known = [str(each) for each in np.ravel(found[name])]
+        if known != list(own):
+            raise InputError(f"is of other variables: {', '.join(known)}", file=path, where=name,
+                             right=f"This problem has {', '.join(own)}")
     try:
-        for name, own in (("names", problem.layout.names), ("design", problem.design.names)):
-            known = [str(each) for each in found[name].tolist()]
-            if known != list(own):
-                raise InputError(f"is of other variables: {', '.join(known)}", where=name,
-                                 right=f"This problem has {', '.join(own)}")
         grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
         z, p, advance = (np.asarray(found[name], dtype=float) for name in ("z", "p", "advance"))
         if z.shape != (grid.instants, problem.layout.size) or p.shape != (problem.parameters,):
@@ -161,14 +160,12 @@ def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
         if not all(np.isfinite(array).all() for array in (z, p, advance)):
             raise ValueError("a number is not finite")
         return Start(z if grid == problem.grid else _carried(problem, z, grid, problem.grid, advance), p)
-    except InputError as error:
-        raise InputError(error.what, file=path, where=error.where, right=error.right) from None
-    except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+    except (InputError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         raise InputError(f"is damaged ({error})", file=path) from None
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
-    """A search's last iterate on another grid, to begin there. Raises InputError if one is periodic, the other not."""
+    """A search's last iterate on another grid, to begin there."""
     problem, last = solution.problem, solution.last
     return Start(_carried(problem, last.z, problem.grid, grid, problem.advance), last.p)
 

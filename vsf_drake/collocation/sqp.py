@@ -27,8 +27,7 @@ ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
 STEP, GAIN = 1e-5, 1e-11
 """At an optimum the next step would change no scaled variable by more than the first, or lower the cost by less than
 the second's part of 1 + the cost, scaled."""
-DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
-"""Levenberg damping of the scaled step: the first, and its range."""
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # Levenberg damping of the scaled step: the first, and its range
 WASTED, LOST, TRADING = 30, 1e10, 1e-2
 """A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
 as it must where it begins on the equations and trades them for the cost."""
@@ -36,10 +35,8 @@ SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
 """Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
 residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
 often the damping grows tenfold to make the exact Hessian convex."""
-MENDINGS = 20
-"""Steps that a search which is stuck may take toward the equations and limits alone."""
-FLAT = 1e-3
-"""Damping of a variable that hardly enters the cost, as a part of what it is for the average variable."""
+MENDINGS = 20  # steps that a search which is stuck may take toward the equations and limits alone
+FLAT = 1e-3  # damping of a variable that hardly enters the cost, as a part of what it is for the average variable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +63,8 @@ class CollocationOptions:
 
 def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions | None = None,
           progress: Progress | None = None) -> TrajectorySolution:
-    """Solves a trajectory problem from a start; an interrupt (Ctrl-C) ends it with the last iterate.
-
-    Args:
-        start: from where; it is moved into the bounds. progress: called once an iteration.
-
-    Raises:
-        InputError: the start has another shape than the problem, or the function no value there.
-    """
+    """Solves a trajectory problem from a start, which is moved into the bounds; an interrupt (Ctrl-C) ends it with the
+    last iterate. InputError where the start has another shape than the problem, or the function no value there."""
     search = _Search(problem, start, options or CollocationOptions(), progress)
     try:
         status, message = search.run()
@@ -294,10 +285,8 @@ class _Search:
 # *all* instants gives a column for every instant: Z + P linearisations for the whole trajectory.
 
 
-DIFFERENCE = 1e-6
-"""Of the scaled variables, for forward differences of derivatives that are exact to rounding."""
-STIFF = 10.0
-"""How much stiffer than the stiffest variable a bound or limit is that presses."""
+DIFFERENCE = 1e-6  # of the scaled variables, for forward differences of derivatives that are exact to rounding
+STIFF = 10.0  # how much stiffer than the stiffest variable a bound or limit is that presses
 
 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
@@ -333,10 +322,8 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
 
 
 def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
-    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing.
-
-    It makes the Hessian convex across bounds and limits that hold, so that only directions that are free must be so.
-    """
+    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing, yet the Hessian is
+    convex across bounds and limits that hold, so that only directions that are free must be so."""
     if not len(step.pressed):
         return at
     own, mixed, shared = at.hessian

@@ -17,13 +17,11 @@ from scipy.sparse.linalg import splu
 
 from vsf_drake.collocation.scaled import Linearised, Scaled
 
-SOFT = 1e-10
-"""e: keeps dependent equations from making the matrix singular; what it changes is refined away."""
+SOFT = 1e-10  # e: keeps dependent equations from making the matrix singular; what it changes is refined away
 REFINEMENTS, POOR = 5, 1e-10
 """Most rounds of refinement, and the relative residual above which diagonal pivots have failed."""
 ROUNDS, AT_ONCE, BROKEN = 40, 200, 1e-10
-MOST_PRESSURE = 1e6
-"""Of the l1 penalty at which inequalities may be broken within a step."""
+MOST_PRESSURE = 1e6  # of the l1 penalty at which inequalities may be broken within a step
 
 
 class Kkt:
@@ -156,10 +154,8 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
 
 
 def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.ndarray) -> Step:
-    """The step at a linearisation with the matrix `kkt`, the `likely` inequalities (indices) to begin with.
-
-    equations (N, E) are what the step is to bring to 0, room the slacks; there, or after a first step.
-    """
+    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, room the slacks, there or
+    after a first step, and `likely` the inequalities (indices) to begin with."""
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
     aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
     base = kkt.solve(aim)
@@ -216,10 +212,8 @@ def _sharpened(kkt: Kkt, aim: np.ndarray, lines: np.ndarray, ways: np.ndarray, p
 
 
 def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
-    """First-order residual at a point with a step's multipliers, relative to 1 + the largest of them.
-
-    The largest of |gradient of the Lagrangian|, |multiplier * slack| over the inequalities that press.
-    """
+    """First-order residual with a step's multipliers, relative to 1 + the largest of them: the largest of |gradient of
+    the Lagrangian|, |multiplier * slack| over the inequalities that press."""
     lines = len(at.linear)
     of_instants = step.multipliers[lines:].reshape(at.equations.shape)
     slope = at.gradient + step.pull

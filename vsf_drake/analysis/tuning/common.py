@@ -12,11 +12,9 @@ from typing import Any
 from vsf_drake.errors import InputError
 from vsf_drake.schema import check, choice, quantity
 
-COSTS = ("joint_load", "metabolic", "push_off", "tracking")
-"""Costs that stand for themselves; "weighted" adds them up."""
+COSTS = ("joint_load", "metabolic", "push_off", "tracking")  # costs that stand for themselves; "weighted" adds them up
 WEIGHTED = "weighted"
-DESIGN = ("heel_stiffness", "alignment", "keel_thickness")
-"""What may be tuned beside the fulcrum."""
+DESIGN = ("heel_stiffness", "alignment", "keel_thickness")  # what may be tuned beside the fulcrum
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
 """Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device as it is."""
 FORMAT = "vsf_drake tuning 1"

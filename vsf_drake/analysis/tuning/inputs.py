@@ -16,8 +16,7 @@ from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the finished fraction of it."""
+Progress = Callable[[str, float], None]  # called with what is being done and the finished fraction of it
 NO_CONTACT = (
     "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was "
     "fitted, to each trial's own plate.")
@@ -57,11 +56,8 @@ class TuningTrials:
 
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
-    """Manifests of synthetic trials that ship with the package: walks at the middle setting, of the laboratory tier.
-
-    Three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2. Motions that
-    were walked at several settings make no good person to begin with: each belongs to its own setting.
-    """
+    """Manifests of synthetic trials that ship with the package: walks at the middle setting, of the laboratory tier,
+    three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2."""
     every = embedded_trials(quick=quick or level > 1)
     return tuple(path for path in every if path.stem.startswith(f"{SETTINGS[1]}_"))
 
@@ -70,16 +66,10 @@ def load_tuning_trials(
     manifests: Sequence[str | Path], *, contact: str | Path | None = None, level: int = 1,
     quick: bool = False, progress: Progress | None = None
 ) -> TuningTrials:
-    """Reads trials of one person; without any, the embedded ones with the contact that was fitted to them.
+    """Reads trials of one person; without any, the `embedded_tuning_trials` with the contact that was fitted to them.
 
-    Args:
-        contact: a contact file (`vsf-drake fit`). Without one, height, fore-aft position and alignment of the
-            prosthesis are fitted to each trial's plate.
-        level, quick: see `embedded_tuning_trials`, whose trials are taken where none is named.
-
-    Raises:
-        InputError: a file cannot be read or used; a trial is named twice; the trials are of several persons.
-        SimulationError: a trial whose offsets are to be fitted cannot be walked.
+    Without a contact file (`vsf-drake fit`), height, fore-aft position and alignment of the prosthesis are fitted to
+    each trial's plate.
     """
     if not manifests:
         manifests, contact = embedded_tuning_trials(level=level, quick=quick), contact or embedded_contact()

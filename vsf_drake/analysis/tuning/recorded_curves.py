@@ -26,8 +26,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.parameters import GRAVITY
 
 Span = tuple[float, float]
-HARMONICS = 16
-"""Order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold."""
+HARMONICS = 16  # order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles hold
 CLOSING_SHARE = 0.25
 """Part of a stride over which one stride's two ends are blended, if as much was recorded (a choice)."""
 
@@ -144,22 +143,18 @@ def second_derivative(path: np.ndarray, times: np.ndarray, *, cutoff_hz: float) 
 
 
 ITERATIONS = 80
-SMALLEST_GAIN = 1e-7
-"""Share of the sum of squares: a step that gains less has arrived."""
-MASS_PLACE_M = 5e-3
-"""Standard deviation of the centre of mass's place (a choice)."""
+SMALLEST_GAIN = 1e-7  # share of the sum of squares: a step that gains less has arrived
+MASS_PLACE_M = 5e-3  # standard deviation of the centre of mass's place (a choice)
 ACCELERATION = 0.02 * GRAVITY
 """Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to)."""
 
 
 def close(misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
           acceleration: PeriodicCurves, shift: complex) -> tuple[PeriodicCurves, complex, bool]:
-    """The closed curves, the constant d, and whether they moved no more: damped Newton steps.
+    """The closed curves, the constant d, and whether they moved no more: damped Newton steps from `curves` and `shift`.
 
-    Args:
-        curves, shift: first guesses.
-        times: (n,) s since phase 0 of the misfit's instants. weights: (n,), see `closing_weights`.
-        acceleration: its values (., 2) are what the centre of mass should do along and up, m/s^2.
+    times (n,) are those of the misfit's instants, s since phase 0, with `closing_weights` (n,); values (., 2) of
+    `acceleration` are what the centre of mass should do along and up, m/s^2.
     """
     squares = _Squares(misfit, curves, times, weights, acceleration)
     x = np.concatenate([curves.coefficients.ravel(), [curves.advance[TX], shift.real, shift.imag]])
@@ -262,8 +257,7 @@ def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 GRID_S = 0.001
-LEAST_WEIGHT = 1e-9
-"""Of what was recorded in another stride: it counts only where there is nothing else."""
+LEAST_WEIGHT = 1e-9  # of what was recorded in another stride: it counts only where there is nothing else
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,11 +273,8 @@ class FootForce:
     parts_overlap_s: float  # for how long there are
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 3) force along and up (N) and moment about W's y axis at W's origin (N m); (n,) centre of pressure (m).
-
-        All NaN where the force is not known; the centre of pressure also where the foot is not loaded (the moment of
-        what little force there is then is that at the nearest place known).
-        """
+        """See `RecordedStride.measured`. Where the foot is not loaded, the moment of what little force there is is that
+        at the nearest centre of pressure known."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         phase = np.mod(times, self.period_s)
         along, up, cop, held = (np.interp(phase, self.time_s, column)

@@ -17,8 +17,7 @@ from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.motion.trial_record import Trial
 
 Span = tuple[float, float]
-LEAST_WAY_M = 0.3
-"""A pelvis that gets no farther than this over the recording does not walk over the ground."""
+LEAST_WAY_M = 0.3  # a pelvis that gets no farther than this over the recording does not walk over the ground
 
 
 def sides(trial: Trial) -> dict[str, str]:
@@ -88,10 +87,8 @@ def heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
 
 def within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: float,
                   period_s: float) -> tuple[Span | None, str]:
-    """A foot's stance within the stride (start from 0 to the period, end after it), and how it was found.
-
-    A whole stance on the plates tells it; else a strike and a lift-off that belong to two stances; else the motion.
-    """
+    """A foot's stance within the stride (start from 0 to the period, end after it), and how it was found: a whole one
+    on the plates tells it; else a strike and a lift-off that belong to two stances; else the motion."""
     for source, where in ((stances, "the plates"), (moved, "the motion of the foot")):
         whole = [x for x in source if x.complete]
         if whole:
@@ -130,12 +127,9 @@ def first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> St
 
 LEAST_SHARE, MOST_SHARE = 0.5, 0.75
 """Stance may take this share of a stride: walking, from fast to slow (choices; 0.62 is usual)."""
-STRIDES_S = (0.7, 2.2)
-"""Where no stance is known."""
-LEAST_OVERLAP_S = 0.1
-"""The recording must outlast the stride by this for its two ends to be compared."""
-NEAR_EVENTS_S = 0.06
-"""Kinematic events are wrong by up to 0.035 s each (see `motion.contacts`)."""
+STRIDES_S = (0.7, 2.2)  # where no stance is known
+LEAST_OVERLAP_S = 0.1  # the recording must outlast the stride by this for its two ends to be compared
+NEAR_EVENTS_S = 0.06  # kinematic events are wrong by up to 0.035 s each (see `motion.contacts`)
 GRID_S = 0.005
 SAMPLES = 200
 LARGEST_CLOSING = np.radians(8.0)
@@ -150,16 +144,12 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     Two strikes or two lift-offs of one foot on the plates tell it; else two of them in the motion, sharpened by
     the self-similarity nearby; else the self-similarity alone: the time by which the recording is shifted against
     itself with the least squares of the differences of all angles, of their rates and of the forces, each over its
-    own spread.
+    own spread. InputError where the recording holds no whole stride, or does not repeat itself.
 
     Args:
         time_s: (n,) s. motion: (n, m) joint angles, rad.
         forces: times (j,) s and forces (j, 2) N of each foot; NaN where a force is not known.
-        loaded: stances on the plates by "P" (prosthetic foot) and "I" (intact). moved: the same by the feet's motion.
-        stated_s: the stride, if it is known already.
-
-    Raises:
-        InputError: the recording holds no whole stride, or does not repeat itself.
+        loaded: stances on the plates by FEET. moved: the same by the feet's motion. stated_s: a stride that is known.
     """
     alike = _Alike(time_s, motion, forces)
 

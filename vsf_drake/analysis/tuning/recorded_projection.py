@@ -29,12 +29,10 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walker
 
-FEET = {"P": "prosthetic", "I": "intact"}
-"""In this order wherever both appear."""
+FEET = {"P": "prosthetic", "I": "intact"}  # in this order wherever both appear
 SEGMENTS = ("pelvis", "thigh_P", "shank_P", "thigh_I", "shank_I", "foot_I")
 """Rigid segments of the sagittal model; socket, pylon and prosthetic foot belong to "shank_P"."""
-TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(8)
-"""Places of the coordinates in `sagittal_coordinates`."""
+TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(8)  # places of the coordinates in `sagittal_coordinates`
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,12 +76,8 @@ class BodyPoints(_Points):
 
 def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,
                 *, fulcrum_m: float) -> BodyPoints:
-    """The points for n sets of coordinates.
-
-    Args:
-        walker: the person; its Context is copied, not changed.
-        names: m coordinates. values: (n, m) rad and m; coordinates that are not named are zero.
-    """
+    """The points for n sets of values (n, m), rad and m, of m named coordinates; the others are zero. The walker's
+    Context is not changed."""
     gait, person, root = walker.gait, walker.gait.person, walker.context.Clone()
     plant, context = gait.plant, gait.plant_context(root)
     set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
@@ -140,8 +134,7 @@ _TURNS["shank_P"] = (*_TURNS["thigh_P"], (KNEE_P, -1.0))
 _TURNS["thigh_I"] = (*_TURNS["pelvis"], (HIP_I, 1.0))
 _TURNS["shank_I"] = (*_TURNS["thigh_I"], (KNEE_I, -1.0))
 _TURNS["foot_I"] = (*_TURNS["shank_I"], (ANKLE_I, 1.0))
-_ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])
-"""The joints down either leg, with their signs."""
+_ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])  # the joints down either leg, with their signs
 _PARENT = {"thigh_P": "pelvis", "shank_P": "thigh_P", "thigh_I": "pelvis", "shank_I": "thigh_I", "foot_I": "shank_I"}
 
 
@@ -221,18 +214,14 @@ def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: floa
 
 
 ITERATIONS = 50
-SMALLEST_STEP = 1e-7
-"""m and rad: what moves by less has arrived."""
+SMALLEST_STEP = 1e-7  # m and rad: what moves by less has arrived
 # How far (standard deviations; choices) the sagittal model may be from the 3-D one, m and rad.
 LOADED_HEIGHT, LOADED_ALONG, SWINGING = 1e-4, 5e-4, 5e-3
 """Of a contact sphere near the floor, and of one far from it, both ways."""
 JOINTS = {"hip": 2e-2, "knee": 5e-3, "ankle": 5e-3}
-MASS = 2e-4
-"""Of the whole body's centre of mass."""
-ANGLE, PELVIS_TILT = 0.03, 0.01
-"""Of hip, knee and ankle angles from the recorded ones, and of the pelvis's."""
-FLOOR_M, FADE_M = 0.01, 0.002
-"""Gap under a sphere at which it counts half, and over which that fades."""
+MASS = 2e-4  # of the whole body's centre of mass
+ANGLE, PELVIS_TILT = 0.03, 0.01  # of hip, knee and ankle angles from the recorded ones, and of the pelvis's
+FLOOR_M, FADE_M = 0.01, 0.002  # gap under a sphere at which it counts half, and over which that fades
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,12 +264,8 @@ class Misfit:
 
 
 def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0) -> Misfit:
-    """What `project` minimises.
-
-    Args:
-        wanted: (n, k) complex, m: where the chain's points are in 3-D, see `BodyPoints.seen`.
-        recorded: (n, 8) the coordinates of the same names in the 3-D motion. ground: z of the floor, m.
-    """
+    """What `project` minimises: wanted (n, k) is where the chain's points are in 3-D, see `BodyPoints.seen`, recorded
+    (n, 8) the coordinates of the same names, ground the floor's z (m)."""
     turned = np.full(8, 1.0 / ANGLE**2)
     turned[TILT], turned[TILT + 1 : HIP_P] = 1.0 / PELVIS_TILT**2, 0.0
     share = chain.near_floor(wanted, ground)

@@ -36,8 +36,7 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
-SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85
-"""What a stance can take of a stride."""
+SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85  # what a stance can take of a stride
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +61,9 @@ class RecordedStride:
     notes: tuple[str, ...]  # what was done and how well it fits, in sentences
 
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0.
-
-        q(t + period) is q(t) with pelvis_tx advanced.
-        """
-        return self.curves.sample(np.atleast_1d(np.asarray(times_s, dtype=float)))
+        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0; a period later
+        pelvis_tx has advanced."""
+        return self.curves.sample(times_s)
 
     def measured(self, foot: str, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of the "prosthetic" or "intact" foot: (n, 3) force along x and z (N) and moment about y at W's origin (N m),
@@ -163,8 +160,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
 
 
 STEP_S = 0.002
-ON_FLOOR = 0.5
-"""Spheres' worth of nearness to the floor from which on a foot is said to be on it."""
+ON_FLOOR = 0.5  # spheres' worth of nearness to the floor from which on a foot is said to be on it
 _LENGTHS = ("pelvis_tx", "pelvis_ty")
 
 
@@ -194,11 +190,8 @@ def _closing_errors(seen: _View, projected: np.ndarray, period_s: float) -> dict
 
 def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCurves, forces: Mapping[str, FootForce],
                  mass_kg: float) -> dict[str, float]:
-    """`parts.*` and `force.*`; a balance only where both feet's forces are known throughout the stride.
-
-    Args:
-        path: whose values are the acceleration (., 2) of the recorded motion's own centre of mass, m/s^2.
-    """
+    """`parts.*` and `force.*`; a balance only where both feet's forces are known throughout the stride. The values of
+    `path` are the acceleration (., 2) of the recorded motion's own centre of mass, m/s^2."""
     found: dict[str, float] = {}
     for foot, force in forces.items():
         if force.parts_overlap_s > 0.0:
@@ -243,8 +236,7 @@ def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
 # A recorded trial as the 3-D model shows it, and seen from the side of its way of walking.
 
 
-MOST_HZ = 200.0
-"""Faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz."""
+MOST_HZ = 200.0  # faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz
 
 
 @dataclass(frozen=True, eq=False)

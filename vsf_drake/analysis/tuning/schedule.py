@@ -107,8 +107,7 @@ def _listed(path: Path) -> list[Task]:
 # What is stored for them.
 
 
-GRID_MM = 0.01
-"""Of the search for the setting that is best for all."""
+GRID_MM = 0.01  # of the search for the setting that is best for all
 SAME = 1e-9
 Curve = Callable[[Any], np.ndarray]
 Span = tuple[float, float]
@@ -135,17 +134,12 @@ class TaskSetting:
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """The policy table.
-
-    Attributes:
-        tasks: a row each. common_fulcrum_mm: the one setting that is best for all; None if a task has no result.
-        reach_mm: of the carriage. resolution_mm: steps of it from the lower end of its reach; None for none.
-    """
+    """The policy table."""
 
     tasks: tuple[TaskSetting, ...]
-    common_fulcrum_mm: float | None
-    reach_mm: Span
-    resolution_mm: float | None
+    common_fulcrum_mm: float | None  # the one setting that is best for all; None if a task has no result
+    reach_mm: Span  # of the carriage
+    resolution_mm: float | None  # its steps from the lower end of its reach; None for none
 
     @property
     def optimal(self) -> bool:
@@ -220,12 +214,7 @@ def make_schedule(
     tuned: Sequence[tuple[str, Mapping[str, float | None], Mapping[str, Any]]], *, reach_mm: Span,
     resolution_mm: float | None = None
 ) -> Schedule:
-    """The schedule of tasks that were tuned by themselves.
-
-    Args:
-        tuned: label, descriptors and the table of the tuning (`tuning.json`) of each task.
-        reach_mm: positions that the carriage can take. resolution_mm: its steps.
-    """
+    """The schedule of tasks that were tuned by themselves: label, descriptors and the table (`tuning.json`) of each."""
     check_steps(reach_mm, resolution_mm)
     curves = [_cost_curve(table) for _, _, table in tuned]
     known = [curve for curve in curves if curve is not None]

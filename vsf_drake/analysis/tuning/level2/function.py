@@ -74,8 +74,7 @@ class StrideOptions(CommonOptions):
 # The recorded stride on the instants of a grid: what a solution is compared with.
 
 
-SWING_MIDDLE = (0.3, 0.7)
-"""Share of a swing in which the foot must clear the ground."""
+SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
 FEET = ("prosthetic", "intact")
 
 
@@ -123,13 +122,7 @@ class StrideFunction:
 
     Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the recorded
     centre of pressure; q_* and a_*, the coordinates and their accelerations themselves, for what compares with a
-    recording.
-
-    Args:
-        cop_x: by foot (N,) m, where the recorded centre of pressure is at every instant.
-
-    Attributes:
-        layout: q, v, a; w, u. names: (m,) of the outputs.
+    recording. cop_x: by foot (N,) m, where the recorded centre of pressure is. names: (m,) of the outputs.
     """
 
     def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray]) -> None:

@@ -31,7 +31,7 @@ class StrideTuning:
 
     Args:
         trials: one trial with its fitted contact applied; the stride is the one around its prosthetic stance.
-        cost: of `common.COSTS` or WEIGHTED. options: how. labels: of the trial.
+        cost: of `common.COSTS` or WEIGHTED.
 
     Raises:
         InputError: there is not exactly one trial; the cost is none; the recording holds no whole stride, or no plate
@@ -102,14 +102,8 @@ class StrideSearch:
 
 
 def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None = None) -> TrajectorySolution:
-    """The recorded stride as a possible motion, through the stages of smoothing to the last one.
-
-    Args:
-        warm: a stride to begin with at the last stage, instead of the recording.
-
-    Raises:
-        SimulationError: keel and socket find no balance under the recorded motion.
-    """
+    """The recorded stride as a possible motion, through the stages of smoothing to the last one, which alone is made
+    where a stride to begin with is given (`warm`)."""
     own, stages = stride.own_m / MM, stride.options.stages if warm is None else stride.options.stages[-1:]
     found: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
@@ -123,11 +117,8 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 
 
 def swept(search: StrideSearch, tracked_stride: Start, found: list[Fixed], *, chains: bool) -> None:
-    """The best stride at each fixed position: of a cold start, and of warm ones from the neighbours on both sides.
-
-    Args:
-        found: filled as the sweep goes on, for who interrupts it. chains: whether warm starts are made too.
-    """
+    """Fills `found` with the best stride at each fixed position: of a cold start, and with `chains` of warm ones from
+    the neighbours on both sides."""
     found[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
     passes = PASSES if chains else PASSES[:1]
     for number, kind in enumerate(passes):

@@ -34,14 +34,11 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel
 
-ANGLE_DEG, FORCE_BW = 2.0, 0.06
-"""What a tracked stride may differ from its recording by, root mean square (a choice)."""
+ANGLE_DEG, FORCE_BW = 2.0, 0.06  # what a tracked stride may differ from its recording by, root mean square (a choice)
 VIOLATION, STARTS_MM = 1e-6, 1.0
 UNITS = ("m", "1", "rad", "1")
-SURE = 2.0
-"""Standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)."""
-LITTLE = 0.01
-"""Share of the cost below which what a setting gains is called little (a choice)."""
+SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
+LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
 
 
 def solve(
@@ -49,12 +46,8 @@ def solve(
 ) -> StrideSolution:
     """Tracks the recording, sweeps the fulcrum, frees it, and checks what comes out.
 
-    Args:
-        progress: called once an iteration. warm_start: arrays of an earlier solution of the same stride and grid;
-            its stride is where the tracking starts.
-
-    Raises:
-        SimulationError: keel and socket find no balance under the recorded motion.
+    The stride of `warm_start`, arrays of an earlier solution of the same stride and grid, is where the tracking starts.
+    SimulationError where keel and socket find no balance under the recorded motion.
     """
     began, warm = time.perf_counter(), None
     if warm_start is not None:
@@ -246,10 +239,7 @@ def stride_table(found: StrideSolution) -> dict[str, Any]:
 
 
 def stride_arrays(found: StrideSolution) -> dict[str, np.ndarray]:
-    """The content of `tuning.npz`, by name.
-
-    Motion, torque (N m) and force (N) over the phase, recorded and, where it was, re-simulated.
-    """
+    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
     stride, best = found.search.stride, found.shown.unsealed()
     function, grid, reference, y = stride.function, stride.grid, stride.reference, best.y()
     torque = function.starting_with("torque_")

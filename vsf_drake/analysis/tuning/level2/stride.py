@@ -35,14 +35,12 @@ from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, Smoothing
 
 MM = 1e-3
-POSITIVE, NEGATIVE = 0.25, 1.2
-"""Efficiencies of positive and negative muscle work (Margaria's), here of joints."""
+POSITIVE, NEGATIVE = 0.25, 1.2  # efficiencies of positive and negative muscle work (Margaria's), here of joints
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "push_off": "push-off work, negative", "tracking": "deviation from the recording",
           "deviation": "deviation from the recording"}
 Term = Residuals | Convex
-OWN = np.array([np.nan, 1.0, 0.0, 1.0])
-"""The device as it is, by DESIGN."""
+OWN = np.array([np.nan, 1.0, 0.0, 1.0])  # the device as it is, by DESIGN
 RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25)}
 """Bounds of the design variables unless given."""
 
@@ -173,8 +171,7 @@ class Stride:
 
 UNBOUNDED = 10.0
 """How much more the cost push_off alone is held to the recording: work has no end that it could come near."""
-TYPICAL_LOAD = 0.05
-"""Size of joint_load in walking, to which `torque_weight` refers."""
+TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` refers
 
 
 def _work(smooth_w: float) -> Curve:
@@ -233,8 +230,7 @@ def _variable_scales(layout: Layout) -> np.ndarray:
 # Keel and socket under the load of a given motion: the displacements at which every instant is in balance.
 
 
-BALANCED = 1e-8
-"""Largest force (N) or moment (N m) that is left, over body weight."""
+BALANCED = 1e-8  # largest force (N) or moment (N m) that is left, over body weight
 ITERATIONS, HALVINGS = 100, 25
 
 
