@@ -17,7 +17,6 @@ knees that had to take that difference up, near straight, would bend by degrees.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -68,10 +67,6 @@ class BodyPoints(_Points):
     def seen(self, forward: np.ndarray) -> np.ndarray:
         """(n, k) complex x + i z of the points from the side, x along `forward` (2,), a unit vector in the floor."""
         return self.places[..., :2] @ forward + 1j * self.places[..., 2]
-
-    def at(self, rows: np.ndarray) -> BodyPoints:
-        """The same at some of the instants only; rows: (n,) bool."""
-        return dataclasses.replace(self, pelvis=self.pelvis[rows], places=self.places[rows])
 
 
 def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,

@@ -7,7 +7,6 @@ model is laid on it instant by instant (`recorded_projection`), the stride is cl
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,7 +21,6 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     TILT,
     TX,
     BodyPoints,
-    Misfit,
     SagittalChain,
     body_points,
     make_misfit,
@@ -30,12 +28,14 @@ from vsf_drake.analysis.tuning.recorded_projection import (
     sagittal_chain,
 )
 from vsf_drake.errors import InputError
+from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_ROTATIONS
 from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
+MOST_HZ = 200.0  # faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz
 SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85  # what a stance can take of a stride
 
 
@@ -88,15 +88,17 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     Raises:
         InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
     """
-    seen, file = _view(trial, walker), trial.path
-    time, mass = seen.time_s, trial.subject.mass_kg
-    loaded, moved = events.loaded_stances(trial), events.moved_stances(time, seen.points, seen.chain)
+    motion, file, mass = trial.trajectory, trial.path, trial.subject.mass_kg
+    names, (rows, points, chain) = sagittal_coordinates(trial.subject.prosthetic_side), _shown(trial, walker)
+    time = motion.time_s[rows]
+    whole_way = events.heading(points, file=file)
+    loaded, moved = events.loaded_stances(trial), events.moved_stances(time, points, chain)
     unknown = events.unknown_spans(trial, loaded, moved)
     plates = {s: trial.plates[side] for s, side in events.sides(trial).items() if side in trial.plates}
-    angles = [i for i, name in enumerate(trial.trajectory.names) if not name.startswith("pelvis")]
+    angles = [i for i, name in enumerate(motion.names) if not name.startswith("pelvis")]
     T, method = events.find_period(
-        time, trial.trajectory.sample(time)[0][:, angles],
-        [periodic.plate_series(plate, seen.forward, unknown[s]) for s, plate in plates.items()], loaded, moved,
+        time, motion.sample(time)[0][:, angles],
+        [periodic.plate_series(plate, whole_way, unknown[s]) for s, plate in plates.items()], loaded, moved,
         stated_s=period_s, file=file)
     first = events.first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
@@ -105,20 +107,23 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
         raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
                          where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
     intact, how_i = events.within_stride(loaded["I"], moved["I"], start, T)
-    seen = seen.turned(_stride_heading(seen, T))
+    # the mean way of the pelvis over a stride, in which its sway from side to side has no part
+    way = [column.mean() for column in periodic.changes(time, points.pelvis[:, :2], T).T if column.size]
+    forward = np.array(way) / np.hypot(*way) if way else whole_way
+    wanted, recorded = points.seen(forward), _along(motion, names, points, forward, rows)
     span = periodic.one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
     weights = periodic.closing_weights(time, *span, T)
-    rates = periodic.second_derivative(seen.misfit().wanted[:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
+    rates = periodic.second_derivative(chain.with_mass(wanted)[0][:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
     path = periodic.periodic_acceleration(time - start, rates, weights, T)
     inside = (time >= span[0]) & (time <= span[1])
-    seen, weights = seen.at(inside), weights[inside]
-    misfit, t = seen.misfit(), seen.time_s - start
+    t, wanted, recorded, weights = time[inside] - start, wanted[inside], recorded[inside], weights[inside]
+    misfit = make_misfit(chain, wanted, recorded, ground=points.ground)
     projected, shift, converged = project(misfit)
     advance = periodic.advance_of(t, projected[:, TX], T)
 
     def forces_with(advance: float) -> dict[str, FootForce]:
-        record = trial.trajectory.start_s, trial.trajectory.end_s
-        return {FEET[s]: periodic.foot_force(plate, seen.forward, record=record, span=span, start_s=start, period_s=T,
+        record = motion.start_s, motion.end_s
+        return {FEET[s]: periodic.foot_force(plate, forward, record=record, span=span, start_s=start, period_s=T,
                                              advance_m=advance, unknown=unknown[s]) for s, plate in plates.items()}
 
     forced = periodic.forced_acceleration(forces_with(advance), mass)
@@ -133,16 +138,42 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     advance = float(curves.advance[TX])
     forces = forces_with(advance)
     standing = {"prosthetic": events.within(t, prosthetic, T), "intact": events.within(t, intact, T)}
-    errors = _place_errors(seen, curves.sample(t)[0], weights, standing)
-    errors |= _closing_errors(seen, projected, T)
-    errors |= force_errors(seen.chain, curves, path, forces, mass)
+    final, off = curves.sample(t)[0], np.degrees(periodic.changes(time[inside], projected, T))
+    turns = [c for c, name in enumerate(names) if name not in ("pelvis_tx", "pelvis_ty")]
+    errors = _place_errors(chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing)
+    errors |= {f"angle.{names[c]}_deg": _rms(np.degrees(final[:, c] - recorded[:, c]), weights) for c in turns}
+    errors |= {f"closing.{names[c]}_deg": _rms(off[:, c]) for c in turns if len(off)}
+    errors |= force_errors(chain, curves, path, forces, mass)
     notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
                 follows_plates=wish is not path, converged=closed and converged, shift=shift, errors=errors,
                 **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
     return RecordedStride(
-        names=seen.names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
-        prosthetic_stance=prosthetic, intact_stance=intact, forward=seen.forward, chain=seen.chain, errors=errors,
+        names=names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
+        prosthetic_stance=prosthetic, intact_stance=intact, forward=forward, chain=chain, errors=errors,
         notes=tuple(notes))
+
+
+def _shown(trial: Trial, walker: Walker | None) -> tuple[slice, BodyPoints, SagittalChain]:
+    """Which instants of the recording are taken, where the 3-D model has its points there, and the sagittal model."""
+    walker, motion = walker or Walker(trial.subject, trial.model), trial.trajectory
+    if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
+        raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
+                         f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
+    rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
+    rows = slice(None, None, max(1, round(rate / MOST_HZ)))
+    points = body_points(walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m)
+    return rows, points, sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)
+
+
+def _along(motion: CoordinateTrajectory, names: tuple[str, ...], points: BodyPoints, forward: np.ndarray,
+           rows: slice) -> np.ndarray:
+    """(n, 8) the sagittal coordinates in the 3-D motion, in a laboratory whose x axis is the way of walking."""
+    recorded = motion.ordered(names).values[rows].copy()
+    # tilt about -y, then list about x, then rotation about z, each in the axes that the former have turned
+    pelvis = motion.ordered(PELVIS_ROTATIONS).values[rows] * [-1.0, 1.0, 1.0]
+    turned = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0])) * Rotation.from_euler("YXZ", pelvis)
+    recorded[:, TILT], recorded[:, TX] = -turned.as_euler("YXZ")[:, 0], points.pelvis[:, :2] @ forward
+    return recorded
 
 
 # How well a sagittal stride tells what was recorded: numbers by name, the unit at the end of each name.
@@ -161,15 +192,12 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
 
 STEP_S = 0.002
 ON_FLOOR = 0.5  # spheres' worth of nearness to the floor from which on a foot is said to be on it
-_LENGTHS = ("pelvis_tx", "pelvis_ty")
 
 
-def _place_errors(seen: _View, final: np.ndarray, weights: np.ndarray,
+def _place_errors(chain: SagittalChain, final: np.ndarray, wanted: np.ndarray, share: np.ndarray, weights: np.ndarray,
                   standing: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """`place.*` and `angle.*` of final coordinates (n, 8), with weights (n,) of the instants."""
-    chain, wanted = seen.chain, seen.wanted
+    """`place.*` of final coordinates (n, 8), with weights (n,) of the instants and (n, k) nearness to the floor."""
     off = 1e3 * (chain.points(final)[0] - wanted)
-    share = chain.near_floor(wanted, seen.points.ground)
     found: dict[str, float] = {}
     for s, foot in FEET.items():
         rows = chain.rows(f"sphere {s}")
@@ -177,15 +205,7 @@ def _place_errors(seen: _View, final: np.ndarray, weights: np.ndarray,
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
         found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, weights * (near > ON_FLOOR) * standing[foot])
     found["place.mass_center_up_mm"] = _rms((off @ chain.mass / chain.mass.sum()).imag, weights)
-    return found | {f"angle.{name}_deg": _rms(np.degrees(final[:, c] - seen.recorded[:, c]), weights)
-                    for c, name in enumerate(seen.names) if name not in _LENGTHS}
-
-
-def _closing_errors(seen: _View, projected: np.ndarray, period_s: float) -> dict[str, float]:
-    """`closing.*` of projected angles (n, 8): nothing if the recording is no longer than a stride."""
-    off = np.degrees(periodic.changes(seen.time_s, projected, period_s))
-    return {f"closing.{name}_deg": _rms(off[:, c]) for c, name in enumerate(seen.names)
-            if len(off) and name not in _LENGTHS}
+    return found
 
 
 def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCurves, forces: Mapping[str, FootForce],
@@ -231,72 +251,3 @@ def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
     if weights is not None and not weights.sum() > 0.0:
         return float("nan")
     return float(np.sqrt(np.average(np.square(values), weights=weights)))
-
-
-# A recorded trial as the 3-D model shows it, and seen from the side of its way of walking.
-
-
-MOST_HZ = 200.0  # faster recordings are thinned to about this rate: a stride's curves hold nothing above 20 Hz
-
-
-@dataclass(frozen=True, eq=False)
-class _View:
-    """The recorded instants of a trial, n of them."""
-
-    time_s: np.ndarray
-    points: BodyPoints  # in 3-D
-    chain: SagittalChain
-    names: tuple[str, ...]  # of the sagittal coordinates
-    recorded: np.ndarray  # (n, 8) their values in the 3-D motion, in a laboratory whose x axis is the way of walking
-    pelvis: np.ndarray  # (n, 3) tilt, list and rotation of the pelvis in the laboratory, rad
-    forward: np.ndarray  # (2,) the way of walking
-
-    @property
-    def wanted(self) -> np.ndarray:
-        """(n, k) complex, m: the chain's points seen from the side."""
-        return self.points.seen(self.forward)
-
-    def turned(self, forward: np.ndarray) -> _View:
-        """The same along another way of walking."""
-        recorded = self.recorded.copy()
-        # tilt about -y, then list about x, then rotation about z, each in the axes that the former have turned
-        turned = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0]))
-        turned = turned * Rotation.from_euler("YXZ", self.pelvis * [-1.0, 1.0, 1.0])
-        recorded[:, TILT] = -turned.as_euler("YXZ")[:, 0]
-        recorded[:, TX] = self.points.pelvis[:, :2] @ forward
-        return dataclasses.replace(self, forward=forward, recorded=recorded)
-
-    def at(self, rows: np.ndarray) -> _View:
-        """The same at some of the instants only; rows: (n,) bool."""
-        return dataclasses.replace(self, time_s=self.time_s[rows], points=self.points.at(rows),
-                                   recorded=self.recorded[rows], pelvis=self.pelvis[rows])
-
-    def misfit(self) -> Misfit:
-        """What is to be small for a sagittal motion to be near."""
-        return make_misfit(self.chain, self.wanted, self.recorded, ground=self.points.ground)
-
-
-def _view(trial: Trial, walker: Walker | None) -> _View:
-    """What the model shows of a trial, along the pelvis's way over the whole recording."""
-    walker = walker or Walker(trial.subject, trial.model)
-    if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
-        raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
-                         f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
-    motion = trial.trajectory
-    rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
-    rows = slice(None, None, max(1, round(rate / MOST_HZ)))
-    points = body_points(walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m)
-    names, forward = sagittal_coordinates(trial.subject.prosthetic_side), events.heading(points, file=trial.path)
-    return _View(
-        time_s=motion.time_s[rows], points=points, names=names, recorded=motion.ordered(names).values[rows],
-        pelvis=motion.ordered(PELVIS_ROTATIONS).values[rows], forward=forward,
-        chain=sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)).turned(forward)
-
-
-def _stride_heading(seen: _View, period_s: float) -> np.ndarray:
-    """(2,) the mean way of the pelvis over a stride, in which its sway from side to side has no part."""
-    found = periodic.changes(seen.time_s, seen.points.pelvis[:, :2], period_s)
-    if not len(found):
-        return seen.forward
-    way = np.array([column.mean() for column in found.T])
-    return way / np.hypot(*way)
