@@ -32,11 +32,8 @@ Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 class Layout:
     """z = [q (n), v (n), a (n), w (k), u (k), s (e)] of one instant, Z = 3n + 2k + e.
 
-    Attributes:
-        coordinates: names (n,) of the coordinates q; v and a are their first and second time derivatives.
-        quasi_static: names (k,) of the variables w that are in equilibrium at every instant; u are their rates.
-        extra: names (e,) of free variables s of the instant, e.g. a torque.
-        q, v, a, w, u, s: their columns of z.
+    Names are of the coordinates q, whose time derivatives v and a are; of the variables w that are in equilibrium at
+    every instant, with rates u; and of free variables s, e.g. a torque. q to s are their columns of z.
     """
 
     coordinates: tuple[str, ...]
@@ -96,12 +93,8 @@ class Grid:
         x_1 - x_0 = h/6 (r_0 + 4 r_m + r_1),    x_m = (x_0 + x_1)/2 + h/8 (r_0 - r_1)
 
     Trapezoidal: x_1 - x_0 = h/2 (r_0 + r_1). Rates of the quasi-static variables are central differences over the
-    instants beside an instant; at an end that is not periodic, one-sided of second order.
-
-    Attributes:
-        method: "hermite_simpson" (fourth order) or "trapezoidal" (second order), over so many equal `intervals`.
-        duration_s: of the trajectory, of one period if it is periodic.
-        periodic: whether the end is the beginning again; its instant is then left out.
+    instants beside an instant; at an end that is not periodic, one-sided of second order. Where the end is the
+    beginning again (`periodic`), its instant is left out.
     """
 
     method: str = choice("hermite_simpson", options=METHODS, source="choice")
@@ -140,11 +133,8 @@ class Grid:
         return np.asarray(self._over_intervals(rule)[0].sum(axis=0)).ravel()
 
     def collocation(self, layout: Layout, advance: np.ndarray) -> tuple[sp.csr_matrix, np.ndarray]:
-        """matrix (c, N Z), right (c,): values from rates for q, v and w at every interval or instant.
-
-        Args:
-            advance: (n,) by how much each coordinate is larger after one period.
-        """
+        """matrix (c, N Z), right (c,): values from rates for q, v and w at every interval or instant, where coordinates
+        are larger by `advance` (n,) after one period."""
         h = self.duration_s / self.intervals
         stencils = ([((-1.0, 0.0, 1.0), (-h / 6.0, -4.0 * h / 6.0, -h / 6.0)),
                      ((-0.5, 1.0, -0.5), (-h / 8.0, 0.0, h / 8.0))]
@@ -260,18 +250,14 @@ class Design:
 
 
 class TrajectoryProblem:
-    """What is to be minimised over a trajectory, see the module's text.
+    """What is to be minimised over a trajectory, see the module's text; InputError where something has another shape,
+    names an output that is none, or leaves no room.
 
     Args:
         outputs: m, how many outputs the function has. equations: indices of those that are 0 at every instant.
-        limits, residuals, convex: what the outputs are for; all add up.
-        design: parameters p; none by default. advance: (n,) by how much the coordinates grow over a period.
+        advance: (n,) by how much the coordinates grow over a period.
         low, high: bounds of z, (Z,) or (N, Z); equal ones fix a variable.
-        z_scale: (Z,) or (N, Z) what counts as a change of one, > 0. y_scale: (m,) likewise for outputs, > 0.
-        cost_scale: what counts as a difference of one of the cost, > 0.
-
-    Raises:
-        InputError: something has another shape, names an output that is none, or leaves no room.
+        z_scale, y_scale, cost_scale: what counts as a change of one, (Z,) or (N, Z), (m,) and a number, > 0.
     """
 
     def __init__(

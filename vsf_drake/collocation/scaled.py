@@ -43,6 +43,12 @@ class Linearised(Point):
     by_z: np.ndarray  # (N, E + C, Z) of equations and limited outputs
     by_p: np.ndarray  # (N, E + C, P)
 
+    @property
+    def diagonal(self) -> np.ndarray:
+        """(N Z + P,) of the Hessian."""
+        own, _, shared = self.hessian
+        return np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)])
+
 
 class Scaled:
     """A problem's scaled values and derivatives; counts evaluations.

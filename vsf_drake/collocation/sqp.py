@@ -74,41 +74,18 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
                     solver="gauss_newton_sqp", began=search.began, history=tuple(search.history))
 
 
-class _Merit:
-    """cost + sum of weight * violation, a weight for every equation and inequality, above its multiplier."""
-
-    def __init__(self, scaled: Scaled, at: Point) -> None:
-        self.scaled = scaled
-        self.weights = np.zeros(len(scaled.violations(at)))
-
-    def renew(self, step: Step) -> None:
-        """Raises weights to the multipliers of a step and lets those fade that were too large (Powell 1978)."""
-        size = np.zeros_like(self.weights)
-        size[:len(step.multipliers)] = np.abs(step.multipliers)
-        size[len(step.multipliers) + step.pressed] = step.pressure
-        self.weights = np.maximum(1.1 * size, 0.5 * (self.weights + size))
-
-    def value(self, at: Point) -> float:
-        """The merit there; infinite where the function has no value."""
-        return float(at.cost + self.weights @ self.scaled.violations(at)) if at.finite else np.inf
-
-    def mended(self, at: Linearised, change: np.ndarray) -> float:
-        """By how much the violations in the merit fall if the linearisation were exact."""
-        room = self.scaled.slacks(at) + room_changes(self.scaled, at, change)
-        left = self.weights[len(self.weights) - len(room):] @ np.maximum(-room, 0.0)
-        return float(self.weights @ self.scaled.violations(at) - left)
-
-
 class _Search:
+    """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier."""
+
     def __init__(self, problem: TrajectoryProblem, start: Start, options: CollocationOptions,
                  progress: Progress | None) -> None:
-        self.problem, self.options, self.progress, self.began = problem, options, progress, time.perf_counter()
+        self.options, self.progress, self.began = options, progress, time.perf_counter()
         self.history: list[Iteration] = []
         self.scaled = Scaled(problem)
         self.at = self.scaled.start(start.z, start.p)
-        self.merit = _Merit(self.scaled, self.at)
-        weights = problem.grid.weights / problem.grid.duration_s
-        self.share = np.concatenate([np.repeat(weights, self.scaled.shape[1]), np.ones(problem.parameters)])
+        self.weights = np.zeros(len(self.scaled.violations(self.at)))
+        parts = problem.grid.weights / problem.grid.duration_s
+        self.share = np.concatenate([np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)])
         self.curve = np.zeros_like(self.share)
         self.damping, self.moved, self.length, self.optimality = DAMPING, 0.0, 1.0, np.nan
         self.step: Step | None = None
@@ -166,9 +143,7 @@ class _Search:
         self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
 
     def _kkt(self, at: Linearised) -> Kkt:
-        own, _, shared = self.at.hessian  # Gauss-Newton's: never negative
-        curve = np.concatenate([np.einsum("nzz->nz", own).ravel(), np.diag(shared)]) / self.share
-        self.curve = np.maximum(self.curve, curve)
+        self.curve = np.maximum(self.curve, self.at.diagonal / self.share)  # Gauss-Newton's: never negative
         usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
         return Kkt(self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual))
 
@@ -180,7 +155,11 @@ class _Search:
     def _advance(self, kkt: Kkt, step: Step) -> bool:
         """Moves to a better point, with more damping until there is one."""
         while True:
-            self.merit.renew(step)
+            # weights rise to the multipliers of the step; those fade that were too large (Powell 1978)
+            size = np.zeros_like(self.weights)
+            size[:len(step.multipliers)] = np.abs(step.multipliers)
+            size[len(step.multipliers) + step.pressed] = step.pressure
+            self.weights = np.maximum(1.1 * size, 0.5 * (self.weights + size))
             if self._try(kkt, step):
                 return True
             if self.exact:
@@ -191,18 +170,25 @@ class _Search:
                 self.damping = min(30.0 * max(self.damping, 1e-4), MOST_DAMPING)
             kkt, step = self._find()
 
+    def _merit(self, at: Point) -> float:
+        """Infinite where the function has no value."""
+        return float(at.cost + self.weights @ self.scaled.violations(at)) if at.finite else np.inf
+
     def _try(self, kkt: Kkt, step: Step) -> bool:
-        before = self.merit.value(self.at)
-        promised = step.predicted + self.merit.mended(self.at, step.change)
+        before = self._merit(self.at)
+        # by how much the merit falls if the linearisation were exact: equations are met, of inequalities some are left
+        room = self.scaled.slacks(self.at) + room_changes(self.scaled, self.at, step.change)
+        left = self.weights[len(self.weights) - len(room):] @ np.maximum(-room, 0.0)
+        promised = step.predicted + float(self.weights @ self.scaled.violations(self.at) - left)
         noise = NOISE * (1.0 + abs(before))
 
         def lowers(at: Point, length: float) -> bool:
-            after = self.merit.value(at)
+            after = self._merit(at)
             return bool(before - after >= ENOUGH * length * promised - noise) and np.isfinite(after)
 
         full = self.scaled.linearised(self._moved(step.change))
         if lowers(full, 1.0):
-            gained = (before - self.merit.value(full)) / promised if promised > noise else 1.0
+            gained = (before - self._merit(full)) / promised if promised > noise else 1.0
             return self._take(full, 1.0, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
         if full.finite:
             better = self._corrected(kkt, step, full)
@@ -267,14 +253,14 @@ class _Search:
         return at
 
     def _note(self, number: int, broken: float, step: Step) -> None:
-        line = Iteration(
-            number=number, cost=self.at.cost * self.problem.cost_scale, violation=broken, optimality=self.optimality,
+        scaled = self.scaled
+        self.history.append(Iteration(
+            number=number, cost=self.at.cost * scaled.problem.cost_scale, violation=broken, optimality=self.optimality,
             step=self.moved, length=self.length, damping=self.damping, active=len(step.pressed), exact=self.exact,
-            evaluations=self.scaled.evaluations, wall_s=time.perf_counter() - self.began,
-            p=tuple(self.scaled.unscaled(self.at.x)[1].tolist()))
-        self.history.append(line)
+            evaluations=scaled.evaluations, wall_s=time.perf_counter() - self.began,
+            p=tuple(scaled.unscaled(self.at.x)[1].tolist())))
         if self.progress is not None:
-            self.progress(line)
+            self.progress(self.history[-1])
 
 
 # What Gauss-Newton leaves out of the Hessian: the outputs' own curvature times the forces of cost and multipliers.
@@ -328,7 +314,7 @@ def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
         return at
     own, mixed, shared = at.hessian
     across, room = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
-    weight = STIFF * max(np.abs(np.einsum("nzz->nz", own)).max(initial=0.0), np.abs(np.diag(shared)).max(initial=0.0))
+    weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)
     hessian = (own + weight * (by_z @ by_z.transpose(0, 2, 1)), mixed + weight * (by_z @ by_p.T),
                shared + weight * (by_p @ by_p.T))

@@ -283,13 +283,14 @@ class FootForce:
         return np.column_stack([along, up, -(held + gone) * up]), cop + gone
 
 
-def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Times (g,) s since phase 0 and what both feet's forces make the centre of mass do there, (g, 2) m/s^2, along and
-    up; None if a force is not known throughout."""
+def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> PeriodicCurves | None:
+    """What both feet's forces make the centre of mass do, (., 2) m/s^2, along and up; None if a force is not known
+    throughout."""
     feet = tuple(forces.values())
     if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
         return None
-    return feet[0].time_s, sum(force.force for force in feet) / mass_kg - np.array([0.0, GRAVITY])
+    rates = sum(force.force for force in feet) / mass_kg - np.array([0.0, GRAVITY])
+    return periodic_acceleration(feet[0].time_s[1:], rates[1:], np.ones(len(rates) - 1), feet[0].period_s)
 
 
 def plate_series(plate: PlateRecording, forward: np.ndarray,

@@ -130,9 +130,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     if follow_forces and forced is None:
         raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
                          right="Without follow_forces the motion's own accelerations serve")
-    wish = path
-    if forced is not None and follow_forces is not False:
-        wish = periodic.periodic_acceleration(forced[0][1:], forced[1][1:], np.ones(len(forced[0]) - 1), T)
+    wish = path if forced is None or follow_forces is False else forced
     curves = periodic.fit_periodic(t, projected, weights, period_s=T, advance=advance * np.eye(8)[TX])
     curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
     advance = float(curves.advance[TX])

@@ -217,6 +217,10 @@ def make_schedule(
     """The schedule of tasks that were tuned by themselves: label, descriptors and the table (`tuning.json`) of each."""
     check_steps(reach_mm, resolution_mm)
     curves = [_cost_curve(table) for _, _, table in tuned]
+
+    def cost(curve: Curve | None, fulcrum_mm: float | None) -> float | None:
+        return None if curve is None or fulcrum_mm is None else float(curve(fulcrum_mm))
+
     known = [curve for curve in curves if curve is not None]
     common = _best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
     rows = []
@@ -225,14 +229,10 @@ def make_schedule(
         stored = None if exact is None else on_carriage(exact, reach_mm, resolution_mm)
         interval = None if interval is None else (float(interval[0]), float(interval[1]))
         rows.append(TaskSetting(
-            label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=_at(curve, stored),
-            cost_exact=table["cost"], cost_common=_at(curve, common), interval_mm=interval,
+            label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=cost(curve, stored),
+            cost_exact=table["cost"], cost_common=cost(curve, common), interval_mm=interval,
             matters=_matters(table, interval, common), optimal=bool(table["optimal"]), status=str(table["status"])))
     return Schedule(tasks=tuple(rows), common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
-
-
-def _at(curve: Curve | None, fulcrum_mm: float | None) -> float | None:
-    return None if curve is None or fulcrum_mm is None else float(curve(fulcrum_mm))
 
 
 def _matters(table: Mapping[str, Any], interval: Span | None, common: float | None) -> bool | None:
