@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
-from vsf_drake.cli.app import Out, app, console, interrupted, path, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
 from vsf_drake.errors import FitError, InputError
 
 JOINT, PAPER = "joint", "paper"
@@ -102,23 +101,18 @@ def fit(
 # A fit on the screen: trials, bench, parameters, verdict.
 
 
-_WORDS = 2
-"""Columns of the table of trials that hold words; the others hold numbers."""
-
-
 def print_fit(table: Mapping[str, Any]) -> None:
     """The table of a fit that succeeded, in short."""
     from vsf_drake.report.fit_output import smooth_errors, synthetic_of
 
-    synthetic = " (SYNTHETIC)" if synthetic_of(table) else ""
+    synthetic, bench = " (SYNTHETIC)" if synthetic_of(table) else "", table["bench"]
     say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
-    _print_trials(table)
-    bench = table["bench"]
+    _print_columns(_trial_rows(table["trials"]), words=(0, 1))
     if bench is not None:
         _print_bench(f"Bench{' (SYNTHETIC)' if bench['synthetic'] else ''}, N/mm", bench, "n_per_mm", ".1f")
         if "mid_range" in bench:
             _print_bench("Mid-range displacement, mm", bench["mid_range"], "mm", ".2f")
-    _print_parameters(table)
+    _print_columns(_parameter_rows(table), words=(0, 3 if table["strategy"] == JOINT else 2))
     if smooth_errors(table):
         say(smooth_errors(table))
     for sentence in table["verdict"]:
@@ -133,37 +127,35 @@ def _print_bench(title: str, found: Mapping[str, Any], unit: str, form: str) -> 
     say(f"{title}, fitted (measured): {pairs}{heel}; forefoot {found[f'rmse_{unit}']:.2f} off")
 
 
-def _print_trials(table: Mapping[str, Any]) -> None:
-    """One line a trial, in columns that no narrow screen cuts; where the sweep is wrong, its best position says so."""
-    from vsf_drake.report.fit_output import told_columns, trial_cells, trial_headings
-
-    headings = [heading.split("\n") for heading in trial_headings(between="\n")[:-1]]
-    kept = [i for i in told_columns(table["trials"]) if i < len(headings)]
-    rows = []
-    for trial in table["trials"]:
-        *cells, right = trial_cells(trial)
-        cells[-1] += " NO" if right == "NO" else ""
-        rows.append([cells[i] for i in kept])
-    tall = max(len(headings[i]) for i in kept)
-    head = [[([""] * tall + headings[i])[-tall + line] for i in kept] for line in range(tall)]
-    wide = [max(len(row[c]) for row in (*head, *rows)) for c in range(len(kept))]
-    for row in (*head, *rows):
-        cells = [text.ljust(size) if i < _WORDS else text.rjust(size) for i, text, size in
-                 zip(kept, row, wide, strict=True)]
+def _print_columns(rows: Sequence[Sequence[str]], *, words: tuple[int, ...]) -> None:
+    """A line a row, in columns that no narrow screen cuts; all but those of `words` hold numbers."""
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [text.ljust(size) if i in words else text.rjust(size)
+                 for i, (text, size) in enumerate(zip(row, wide, strict=True))]
         say(" ".join(cells).rstrip(), "bold yellow" if row[-1].endswith(" NO") else "")
 
 
-def _print_parameters(table: Mapping[str, Any]) -> None:
+def _trial_rows(trials: Sequence[Mapping[str, Any]]) -> list[Sequence[str]]:
+    """Headings over several lines, and trials; where the sweep is wrong, its best position says so."""
+    from vsf_drake.report.fit_output import told_columns, trial_cells, trial_headings
+
+    headings = [heading.split("\n")[::-1] for heading in trial_headings(between="\n")[:-1]]
+    kept = [i for i in told_columns(trials) if i < len(headings)]
+    rows: list[Sequence[str]] = [*zip_longest(*(headings[i] for i in kept), fillvalue="")][::-1]
+    for trial in trials:
+        *cells, right = trial_cells(trial)
+        cells[-1] += " NO" if right == "NO" else ""
+        rows.append([cells[i] for i in kept])
+    return rows
+
+
+def _parameter_rows(table: Mapping[str, Any]) -> list[Sequence[str]]:
     from vsf_drake.report.fit_output import interval_of, own_parameters, unit_of, value_of
     from vsf_drake.report.page import number
 
-    grid = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    kept = [0, 1, 2, 3, 4] if table["strategy"] == JOINT else [0, 1, 3]  # the paper's fit knows no errors
-    headings = ("parameter", "value", "95 % interval", "unit", "share of prior")
-    for i in kept:
-        grid.add_column(headings[i], justify="left" if i in (0, 3) else "right", overflow="ellipsis" if i else "fold")
-    for row in own_parameters(table):
-        share = number(row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else "")
-        cells = (row["name"], value_of(row, "value"), interval_of(row), unit_of(row), share)
-        grid.add_row(*(Text(cells[i]) for i in kept))
-    console.print(grid)
+    rows = [("parameter", "value", "95 % interval", "unit", "share of prior"), *(
+        (row["name"], value_of(row, "value"), interval_of(row), unit_of(row), number(
+            row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""))
+        for row in own_parameters(table))]
+    return [row if table["strategy"] == JOINT else (row[0], row[1], row[3]) for row in rows]  # it knows no errors

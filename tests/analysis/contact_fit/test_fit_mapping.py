@@ -126,8 +126,6 @@ def test_one_trial_has_no_height_of_its_own(variables):
     assert not [name for name in standard_parameters(variables, "right", ["soft"]).by_name if "trial" in name]
     names = standard_parameters(variables, "right", ["soft", "stiff"]).by_name
     assert [name for name in names if "trial" in name] == ["trial.soft.height", "trial.stiff.height"]
-    assert not [name for name in standard_parameters(variables, "right", ["a", "b"], heights=False).by_name
-                if "trial" in name]
 
 
 def test_curves_are_the_periodic_splines_of_the_trials_own_gait_cycle(variables, soft):

@@ -90,7 +90,7 @@ def search_like_the_paper(
     """Searches for one trial's contact, as the paper did, or for that of several; see `solution.solve`."""
     options = fit.options
     assert isinstance(options, PaperOptions)
-    state = _initial(fit, options) if resume is None else read_state(fit.resumed(resume))
+    state = _initial(fit, options) if resume is None else fit.resumed(resume, read_state)
     space = paper_space(fit.walker.variables, state.stiffness, options)
     began = time.perf_counter() - state.wall_s
     while True:
@@ -108,11 +108,8 @@ def search_like_the_paper(
 
 
 def read_state(plain: Mapping[str, Any]) -> PaperState:
-    """What a checkpoint holds of a search. Raises InputError if that is none."""
-    try:
-        return PaperState(**{**plain, "best": tuple(plain["best"]), "history": tuple(map(tuple, plain["history"]))})
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError("is no state of such a fit", where="resume") from error
+    """What a checkpoint holds of a search."""
+    return PaperState(**{**plain, "best": tuple(plain["best"]), "history": tuple(map(tuple, plain["history"]))})
 
 
 def iterate(

@@ -188,7 +188,7 @@ PATH_COEFFICIENTS = 6
 
 def standard_parameters(
     variables: Mapping[str, Variable], side: str, labels: Sequence[str], *, damping_by_zone: bool = False,
-    curves: Sequence[str] = ANGLES, heights: bool = True, paths: bool = False
+    paths: bool = False
 ) -> FitParameters:
     """The parameters of the joint fit.
 
@@ -196,19 +196,10 @@ def standard_parameters(
         variables: of the walker. side: "right" or "left", the prosthetic one.
         labels: of the trials.
         damping_by_zone: a damping time for each zone in place of one for all.
-        curves: joint angles (without the side) that have a smooth error over the gait cycle.
-        heights: each of several trials has a height of its own.
         paths: each trial has a slow correction of the pelvis's path.
-
-    Raises:
-        InputError: there is no such side or joint angle.
     """
     if side not in SIDES:
         raise InputError(f"{side!r} is no side", where="side", right=f"It must be {' or '.join(SIDES)}")
-    unknown = sorted(name for name in curves if f"coordinate.{name}_{side[0]}" not in variables)
-    if unknown:
-        raise InputError(f"there is no joint angle {unknown[0]!r}", where="curves",
-                         right="Give names without the side, such as hip_flexion")
 
     def log(name: str, unit: str, value: float, scale: float, fold: float, why: str) -> FitParameter:
         return FitParameter(name=name, unit=unit, start=value, low=value / fold, high=value * fold, mean=value,
@@ -244,10 +235,10 @@ def standard_parameters(
     items += [zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(1.5), 10,
                    "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
     items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(0.5), 10, "sliding skin and crosstalk")
-              for name in curves for i in range(CURVE_COEFFICIENTS)]
+              for name in ANGLES for i in range(CURVE_COEFFICIENTS)]
     items += [own(f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
                   frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
-    if heights and len(labels) > 1:
+    if len(labels) > 1:
         items += [zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]
     if paths:

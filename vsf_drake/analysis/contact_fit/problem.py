@@ -16,7 +16,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue
@@ -38,6 +38,7 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.variables import Course
 from vsf_drake.simulation.walk import Walk, Walker
 
+T = TypeVar("T")
 BENCH, MID_RANGE, PRIOR = "bench", "mid-range displacement", "prior"
 STRIDE = 4
 """Every fourth instant of a series at 500 Hz, every fourth percent of a stance: they are no more independent."""
@@ -138,12 +139,15 @@ class ContactFit:
             "model": to_plain(self.walker.model), "subject": to_plain(self.walker.subject),
             "bench": to_plain(self.bench)})
 
-    def resumed(self, state: Mapping[str, Any]) -> dict[str, Any]:
-        """What a checkpoint holds beside its key. Raises InputError if it was left by another fit."""
+    def resumed(self, state: Mapping[str, Any], read: Callable[[dict[str, Any]], T]) -> T:
+        """What `read` makes of a checkpoint without its key; InputError if it is damaged or was left by another fit."""
         if state.get("key") != self.key:
             raise InputError("was left by a fit of other trials, parameters or options", where="resume",
                              right="Give the same ones again, or begin anew")
-        return {name: value for name, value in state.items() if name != "key"}
+        try:
+            return read({name: value for name, value in state.items() if name != "key"})
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError("is no state of such a fit", where="resume") from error
 
     def walk(
         self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison
-from vsf_drake.analysis.contact_fit.options import JOINT, PAPER
+from vsf_drake.analysis.contact_fit.options import JOINT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
@@ -57,11 +57,6 @@ class ContactFitSolution:
     wall_s: float
 
     @property
-    def strategy(self) -> str:
-        """JOINT or PAPER."""
-        return PAPER if isinstance(self.end, PaperEnd) else JOINT
-
-    @property
     def values(self) -> dict[str, float]:
         """Fitted parameters by name, the frozen ones too; of the paper's fit the variables of a walk that it set."""
         self.check()
@@ -82,9 +77,9 @@ class ContactFitSolution:
         subject, shared = self.fit.walker.subject, self._walk_values(None)
         own = [(label, trial, self._walk_values(label))
                for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)]
-        told = {} if self.strategy == PAPER else {"solver": self.fit.joint.solver}
+        told = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
         return FittedContact(
-            format=FORMAT, strategy=self.strategy, converged=True, verdict=verdict, values=self.walk_values,
+            format=FORMAT, strategy=self.fit.options.strategy, converged=True, verdict=verdict, values=self.walk_values,
             subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
                                   prosthetic_side=subject.prosthetic_side),
             curves=tuple(JointCurve(coordinate=name, coefficients=c) for name, c in _splines(shared, "curve").items()),

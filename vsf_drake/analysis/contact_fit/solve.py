@@ -17,7 +17,7 @@ from vsf_drake.analysis.contact_fit.options import FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
 from vsf_drake.analysis.drake_solve import solved
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import SimulationError
 from vsf_drake.files import plain
 
 ENOUGH, AGAIN = 0.5, 3
@@ -54,8 +54,14 @@ def run_searches(
 
     All draws come from the seed and the search's number, so that an interrupted fit goes on as it would have.
     """
-    starts = fit.joint.starts
-    done = [] if resume is None else _resumed(fit.resumed(resume), fit)
+    starts, size = fit.joint.starts, len(fit.parameters)
+
+    def kept(row: Mapping[str, Any]) -> Search:
+        ends = {name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
+        costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
+        return Search(**{**row, **ends, **costs})
+
+    done = [] if resume is None else fit.resumed(resume, lambda state: [*map(kept, state["searches"][:starts])])
     began, before, ended = time.perf_counter(), len(done), 0.0
     for i in range(len(done), starts):
         def told(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
@@ -71,18 +77,6 @@ def run_searches(
         if checkpoint:
             checkpoint({"key": fit.key, "searches": plain([vars(s) for s in done])})
     return tuple(done)
-
-
-def _resumed(state: Mapping[str, Any], fit: ContactFit) -> list[Search]:
-    found = []
-    try:
-        for row in state["searches"][: fit.joint.starts]:
-            ends = {name: np.array(row[name], dtype=float).reshape(len(fit.parameters)) for name in ("start", "u")}
-            costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
-            found.append(Search(**{**row, **ends, **costs}))
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError("is no state of such a fit", where="resume") from error
-    return found
 
 
 def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.ndarray:
