@@ -19,8 +19,7 @@ NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
 _FAILED = "#b3261e"
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
-_WIDE = 10.6
-"""Inches, of a figure of several columns."""
+_WIDE = 10.6  # inches, of a figure of several columns
 
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
@@ -234,8 +233,7 @@ def _course(name: str, values: np.ndarray) -> np.ndarray:
     if name not in reading.LENGTHS:
         return np.degrees(values)
     i = np.arange(len(values))
-    found: np.ndarray = 1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i))
-    return found
+    return np.asarray(1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i)))
 
 
 # Between two costs, between one setting and several, and how firm the setting is when the contact is not.

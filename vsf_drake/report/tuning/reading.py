@@ -14,16 +14,13 @@ from vsf_drake.analysis.tuning.common import SETTINGS
 
 Table = Mapping[str, Any]
 Arrays = Mapping[str, Any]
-SHOWN = SETTINGS[:3]
-"""Settings of a tuning beside the recorded one."""
+SHOWN = SETTINGS[:3]  # settings of a tuning beside the recorded one
 FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
-LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-"""Coordinates in metres, not radians."""
+LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")  # coordinates in metres, not radians
 DESCRIPTORS = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}
 HOLDING = ("consistency", "deviation")
 """Terms of a cost that only hold it to the recording, by name: what they add says nothing of the person's gain."""
-_NEAR_MM = 0.05
-"""Positions that are nearer than this are one."""
+_NEAR_MM = 0.05  # positions that are nearer than this are one
 
 
 def swept(table: Table, part: str = "", name: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -139,5 +136,4 @@ def root_mean_squares(arrays: Arrays, key: str, other: str = "_recorded") -> np.
     own, against = arrays.get(key), arrays.get(f"{key}{other}")
     if own is None or against is None or np.shape(own) != np.shape(against):
         return None
-    found: np.ndarray = np.sqrt(np.mean((np.asarray(own) - np.asarray(against)) ** 2, axis=0))
-    return found
+    return np.asarray(np.sqrt(np.mean((np.asarray(own) - np.asarray(against)) ** 2, axis=0)))

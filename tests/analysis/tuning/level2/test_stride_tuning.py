@@ -7,7 +7,8 @@ from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, NEGATIVE, POSITIVE
-from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed, solved_trajectory
+from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
+from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, InputError

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_trial, embedded_walker, loaded_motion, walked
 
-from vsf_drake.analysis.tuning.resimulation import design_values, resimulate_prescribed
-from vsf_drake.analysis.tuning.resimulation.resimulate import walk_prescribed
+from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, walk_prescribed
+from vsf_drake.analysis.tuning.resimulation.trajectory import design_values
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import low_pass

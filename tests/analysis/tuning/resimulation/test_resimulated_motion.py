@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from made_sagittal import periodic_motion, sagittal
 
-from vsf_drake.analysis.tuning.resimulation import SagittalTrajectory
-from vsf_drake.analysis.tuning.resimulation.trajectory import SolutionMotion, whole_motion
+from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, SolutionMotion, whole_motion
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
-from vsf_drake.analysis.tuning.resimulation import resimulate_with_feedback
-from vsf_drake.analysis.tuning.resimulation.resimulate import drive, walk_prescribed
+from vsf_drake.analysis.tuning.resimulation.resimulate import drive, resimulate_with_feedback, walk_prescribed
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.reactions import foot_reaction
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
-from vsf_drake.analysis.tuning.resimulation import design_values, solved_trajectory
+from vsf_drake.analysis.tuning.resimulation.trajectory import design_values, solved_trajectory
 from vsf_drake.collocation.problem import Grid, Layout
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 

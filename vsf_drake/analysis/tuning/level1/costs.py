@@ -154,8 +154,7 @@ def _plate(trial: Trial, time: np.ndarray, step: float, cutoff_hz: float) -> np.
     return force if find_stances(time, force[:, 2]) else None
 
 
-Terms = dict[str, np.ndarray]
-"""(1 + P,) by name of a term of a cost, in the cost's unit."""
+Terms = dict[str, np.ndarray]  # (1 + P,) by name of a term of a cost, in the cost's unit
 
 
 def value_of(terms: Terms) -> float:

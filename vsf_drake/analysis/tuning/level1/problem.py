@@ -114,8 +114,7 @@ class Evaluation:
     @property
     def gradient(self) -> np.ndarray:
         """(P,) of J, per unit of each design variable; empty without derivatives."""
-        found: np.ndarray = np.sum([*self.terms.values()], axis=0)[1:]
-        return found
+        return np.asarray(np.sum([*self.terms.values()], axis=0)[1:])
 
     @property
     def unconverged(self) -> int:
@@ -129,18 +128,10 @@ class StiffnessTuning:
     Args:
         trials: one or more, with the contact that was fitted to them (`motion.fitted_trial.trial_with`).
         cost: "joint_load", "metabolic", "push_off", "tracking" or "weighted"; see `costs`.
-        options: how.
         labels: of the trials; their files' names if None.
         tasks: name of the motion that each trial is of, such as a speed, for comparing one setting for all with one for
             each; every trial its own if None.
         walkers: of the trials, built before; made here if None.
-
-    Attributes:
-        design: what is tuned, the fulcrum first. low, high: (P,) its bounds.
-        combination: the cost. size: of each cost at the trials' own settings. own_cost: J with each trial at its own.
-        start: (P,) the trials' own setting on average, within the bounds.
-        groups: (T,) mm, where the fulcrum stood in each trial: trials of one position repeat each other.
-        workers: threads. evaluations: how many settings were evaluated.
 
     Raises:
         InputError: the trials do not belong together or do not support the cost; bounds are out of reach; a trial has
@@ -160,20 +151,21 @@ class StiffnessTuning:
         self.trials = tuple(trials)
         self.labels = _names(labels, labels_of(trials), "labels")
         self.tasks = _names(tasks, self.labels, "tasks")
-        self.design = design_variables(self.options, [trial.model.foot for trial in trials])
+        self.design = design_variables(self.options, [trial.model.foot for trial in trials])  # the fulcrum first
         self.low, self.high = (np.array([getattr(v, end) for v in self.design]) for end in ("low", "high"))
         self.parts = tuple(TrialTuning(walker, trial, label, self.design, self.options)
                            for walker, trial, label in zip(walkers or _walkers(trials), trials, self.labels,
                                                            strict=True))
         frames = [part.frame(self.options.step_s) for part in self.parts]
-        self.own = [walk_terms(frame, frame.own, self.options) for frame in frames]
+        self.own = [walk_terms(frame, frame.own, self.options) for frame in frames]  # costs at the trials' own settings
         self.size = sizes(self.own)
         if any(name not in self.size for name in needed):
             raise InputError("the force of a trial's plate does not cover its window", where="trials",
                              right="Choose a window that the plate covers, or another cost")
         self.combination = combine(cost, self.size, self.options)
         self.own_cost = float(np.mean([value_of(self.combination.terms(own)) for own in self.own]))
-        self.start = np.clip(np.mean([part.own for part in self.parts], axis=0), self.low, self.high)
+        self.start = np.clip(np.mean([part.own for part in self.parts], axis=0), self.low, self.high)  # (P,)
+        # Where the fulcrum stood (mm): trials of one position repeat each other.
         self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
         self.workers = self.options.workers or os.cpu_count() or 1
         self.evaluations = 0
@@ -187,12 +179,11 @@ class StiffnessTuning:
 
     def from_u(self, u: np.ndarray) -> np.ndarray:
         """(P,) the setting at search coordinates within 0 and 1."""
-        return np.clip(self.low + np.asarray(u, dtype=float) * (self.high - self.low), self.low, self.high)
+        return np.clip(self.low + np.asarray(u) * (self.high - self.low), self.low, self.high)
 
     def to_u(self, x: np.ndarray) -> np.ndarray:
         """(P,) search coordinates of a setting."""
-        found: np.ndarray = (np.asarray(x, dtype=float) - self.low) / (self.high - self.low)
-        return found
+        return np.divide(x - self.low, self.high - self.low)
 
     def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
         """The cost at x (P,), in the options' step or another; SimulationError where a walk fails."""
@@ -209,16 +200,18 @@ class StiffnessTuning:
         self._last = (key, Evaluation(x=x, step_s=step, terms=means, walks=walks))
         return self._last[1]
 
+    def scaled(
+        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
+    ) -> tuple[float, np.ndarray]:
+        """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty without."""
+        found, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
+        return found.cost / size, found.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
+
     def program(
         self, cost: Callable[[np.ndarray, bool], tuple[float, np.ndarray]] | None = None
     ) -> MathematicalProgram:
-        """The tuning for Drake's solvers: u within 0 and 1, and the cost over its size with its gradient.
-
-        Args:
-            cost: to take in place of `scaled`, e.g. to survive walks that fail.
-        """
-        evaluate = cost or self.scaled
-        program = MathematicalProgram()
+        """The tuning for Drake's solvers: u within 0 and 1, and the cost as of `scaled`, or `cost` in its place."""
+        evaluate, program = cost or self.scaled, MathematicalProgram()
         u = program.NewContinuousVariables(len(self.design), "u")
         program.AddBoundingBoxConstraint(0.0, 1.0, u)
 
@@ -231,13 +224,6 @@ class StiffnessTuning:
         program.AddCost(of, vars=u)
         program.SetInitialGuess(u, self.to_u(self.start))
         return program
-
-    def scaled(
-        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
-    ) -> tuple[float, np.ndarray]:
-        """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty without."""
-        found, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
-        return found.cost / size, found.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
 
 
 def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) -> tuple[str, ...]:

@@ -18,8 +18,7 @@ from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 
-AT_BOUND = 1e-3
-"""Share of a bound's width within which a variable counts as on the bound."""
+AT_BOUND = 1e-3  # share of a bound's width within which a variable counts as on the bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +97,11 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
     searched, combination = solution.searched, tuning.combination
     terms = {name: float(term[0]) for name, term in best.terms.items()}
     whole = sum(map(abs, terms.values())) or 1.0  # terms of both signs may cancel
-    means = {} if swept is None else {part: {name: value.mean(axis=0) for name, value in values.items()}
-                                      for part, values in (("terms", swept.terms), ("outcomes", swept.outcomes))}
     rows = [] if swept is None else [
-        {"fulcrum_mm": at, "cost": swept.cost[j],
-         **{part: {name: value[j] for name, value in values.items()} for part, values in means.items()}}
-        for j, at in enumerate(swept.fulcrum_mm)]
+        {"fulcrum_mm": mm, "cost": swept.cost[j], **{
+            part: {name: each[:, j].mean() for name, each in values.items()}
+            for part, values in (("terms", swept.terms), ("outcomes", swept.outcomes))}}
+        for j, mm in enumerate(swept.fulcrum_mm)]
     inputs = {f"{label}: {file}": digest for label, trial in zip(tuning.labels, tuning.trials, strict=True)
               for file, digest in trial.inputs.items()}
     return plain({

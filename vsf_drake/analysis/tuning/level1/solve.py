@@ -32,17 +32,13 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
 from vsf_drake.sentences import say
 
-COARSE_MM = 5.0
-"""Of the sweep that searches begin from (a choice)."""
-LOST = 10.0
-"""What a failed walk costs, in sizes of the cost, where a solver wants a number."""
+COARSE_MM = 5.0  # of the sweep that searches begin from (a choice)
+LOST = 10.0  # what a failed walk costs, in sizes of the cost, where a solver wants a number
 FLAT = 1e-3
 """Projected gradient, in sizes of the cost over the whole range, below which a point counts as a minimum whatever the
 solver says (a choice): over the width of the range the cost would change by a thousandth."""
-ASIDE = 5e-3
-"""Share of a bound's width by which the neighbours lie that a minimum is tried against."""
-WORSE = 1e-7
-"""Share of the cost's size by which a neighbour may seem better: rounding of walks."""
+ASIDE = 5e-3  # share of a bound's width by which the neighbours lie that a minimum is tried against
+WORSE = 1e-7  # share of the cost's size by which a neighbour may seem better: rounding of walks
 
 
 @dataclass(frozen=True)
@@ -103,18 +99,6 @@ class Run:
             self.interrupted = True
             raise
 
-    def no_neighbour_is_better(self, at: Evaluation) -> bool:
-        """Whether along no variable, to neither side, a point is better."""
-        tuning = self.tuning
-        for p in range(len(at.x)):
-            for side in (-ASIDE, ASIDE):
-                x = np.array(at.x)
-                x[p] = np.clip(x[p] + side * (tuning.high[p] - tuning.low[p]), tuning.low[p], tuning.high[p])
-                beside = self.at(x, derivatives=False)
-                if beside is not None and beside.cost < at.cost - WORSE * tuning.combination.size:
-                    return False
-        return True
-
 
 def search(
     tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, run: Run | None = None
@@ -123,13 +107,11 @@ def search(
 
     A walk that fails at the start makes a search that failed, not an error.
     """
-    run = run or Run(tuning)
+    run, start = run or Run(tuning), np.clip(start, tuning.low, tuning.high)
     run.begin(step_s)
-    start = np.clip(start, tuning.low, tuning.high)
     if run.at(start) is None:
-        return Search(solver=solver, step_s=step_s, start=start, x=start, cost=np.inf, success=False,
-                      message=f"the walk fails where the search starts: {run.failure}", iterations=run.count,
-                      optimality=np.inf)
+        return Search(solver, step_s, start, x=start, cost=np.inf, success=False, iterations=run.count,
+                      message=f"the walk fails where the search starts: {run.failure}", optimality=np.inf)
     iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
     kinds: dict[str, tuple[Any, dict[str, Any]]] = {
         "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": tolerance,
@@ -142,22 +124,32 @@ def search(
         options.SetOption(kind.id(), name, value)
     result = solved(kind(), tuning.program(run.cost), tuning.to_u(start), options, run)
     success, message = bool(result.is_success()), f"{solver}: {result.get_solution_result().name}"
-    best = run.here
-    assert best is not None
-    if not success and (_projected_gradient(tuning, best) <= FLAT or run.no_neighbour_is_better(best)):
+    assert run.here is not None
+    if not success and _is_minimum(run, run.here):
         success, message = True, f"{message}, but no neighbour is better"
-    best = run.here or best
-    return Search(solver=solver, step_s=step_s, start=start, x=best.x, cost=best.cost, success=success,
-                  message=message, iterations=run.count,
-                  optimality=_projected_gradient(tuning, tuning.evaluate(best.x, step_s=step_s)))
+    best = run.here
+    return Search(solver, step_s, start, x=best.x, cost=best.cost, success=success, message=message,
+                  iterations=run.count, optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)))
 
 
-def _projected_gradient(tuning: StiffnessTuning, at: Evaluation) -> float:
+def _slope(tuning: StiffnessTuning, at: Evaluation) -> float:
     """Largest slope of the cost that the bounds leave open, in sizes of the cost over the width of a bound."""
-    slope = at.gradient * (tuning.high - tuning.low) / tuning.combination.size
-    u = tuning.to_u(at.x)
+    slope, u = at.gradient * (tuning.high - tuning.low) / tuning.combination.size, tuning.to_u(at.x)
     held = ((u <= 1e-6) & (slope > 0.0)) | ((u >= 1.0 - 1e-6) & (slope < 0.0))
     return float(np.abs(np.where(held, 0.0, slope)).max())
+
+
+def _is_minimum(run: Run, at: Evaluation) -> bool:
+    """Whether the cost is flat there, or along no variable, to neither side, a point is better."""
+    tuning = run.tuning
+    if _slope(tuning, at) <= FLAT:
+        return True
+    for step in np.diag(ASIDE * (tuning.high - tuning.low)):
+        for side in (-step, step):
+            beside = run.at(np.clip(at.x + side, tuning.low, tuning.high), derivatives=False)
+            if beside is not None and beside.cost < at.cost - WORSE * tuning.combination.size:
+                return False
+    return True
 
 
 def solve(
@@ -259,13 +251,13 @@ def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> 
 def _warm(tuning: StiffnessTuning, table: Mapping[str, Any] | None) -> list[np.ndarray]:
     if table is None:
         return []
+    names = [variable.name for variable in tuning.design]
     try:
         named = {row["name"]: float(row["value"]) for row in table["design"]} | {"fulcrum": float(table["fulcrum_mm"])}
-        x = np.array([named[variable.name] for variable in tuning.design])
+        return [np.clip([named[name] for name in names], tuning.low, tuning.high)]
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"does not hold {', '.join(v.name for v in tuning.design)}", where="warm_start",
+        raise InputError(f"does not hold {', '.join(names)}", where="warm_start",
                          right="Give the content of a tuning.json of the same variables") from error
-    return [np.clip(x, tuning.low, tuning.high)]
 
 
 def _fault(found: TuningSolution) -> str:
@@ -283,22 +275,15 @@ def _fault(found: TuningSolution) -> str:
 
 def _notes(found: TuningSolution) -> list[str]:
     """What a reader has to know before believing it; the first says so if the result is not optimal."""
-    tuning, options, swept = found.tuning, found.tuning.options, found.sweep
-    held = found.best.terms.get(CONSISTENCY)
+    tuning, swept = found.tuning, found.sweep
     return say(
-        "level1", "notes", success=found.success, step_ms=1e3 * options.step_s,
-        search_step_ms=1e3 * options.search_step_s, support_mm=1e3 * tuning.parts[0].support_width_m,
-        holding=None if held is None else {"weight": options.consistency_weight,
-                                           "share": float(held[0]) / tuning.combination.size},
-        believable=swept and swept.believable(options.consistency_bw)[1],
-        most_change=None if swept is None else np.nanmax(swept.force_change), allowed_bw=options.consistency_bw,
-        thickness="keel_thickness" in options.design, recorded=[float(part.own[0]) for part in tuning.parts],
-        tracked=tuning.cost_name == TRACKING,
-        unfitted=[part.label for part in tuning.parts
-                  if not any(note.startswith(APPLIED) for note in part.trial.notes)],
-        failures=swept.failures if swept else (), unconverged=swept.unconverged if swept else 0,
-        draw_failures=found.draw_failures, synthetic=sum(trial.synthetic for trial in tuning.trials),
-        trials=len(tuning.trials))
+        "level1", "notes", found=found, options=tuning.options, swept=swept, size=tuning.combination.size,
+        held=found.best.terms.get(CONSISTENCY), support_mm=1e3 * tuning.parts[0].support_width_m,
+        believable=swept and swept.believable(tuning.options.consistency_bw)[1],
+        most_change=None if swept is None else np.nanmax(swept.force_change), tracked=tuning.cost_name == TRACKING,
+        recorded=[float(part.own[0]) for part in tuning.parts], unfitted=[
+            part.label for part in tuning.parts if not any(note.startswith(APPLIED) for note in part.trial.notes)],
+        synthetic=sum(trial.synthetic for trial in tuning.trials), trials=len(tuning.trials))
 
 
 # What a solution is held against: differences, the sweep, other solvers, another step, no smoothing.
@@ -311,16 +296,17 @@ FORCE_BW = 0.1
 """Error of the force at the recorded setting beyond which a model tells little of other settings (a choice)."""
 AT = (0.31, 0.67)
 """Shares of the bounds' widths at which the gradient is tried: at the optimum it is zero and tells nothing."""
-DIFFERENCE = 1e-4
-"""Step of the central differences, share of a bound's width."""
+DIFFERENCE = 1e-4  # step of the central differences, share of a bound's width
 
 
 def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Search) -> list[Check]:
-    tuning, found = solution.tuning, list[Check]()
+    tuning, found, at_mm = solution.tuning, list[Check](), float(best.x[0])
     size, own, options = "size of the cost", tuning.combination.size, tuning.options
 
-    def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None, *,
+    def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None = None, *,
             part: str = "", **numbers: Any) -> None:
+        """`met` is whether the value is at most the target, unless given."""
+        met = value <= target if met is None and value is not None else met
         found.append(Check(name, label, None if value is None else float(value), unit, target,
                            None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
 
@@ -328,47 +314,45 @@ def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Sear
     where, least = fine.lowest()
     step = fine.fulcrum_mm[1] - fine.fulcrum_mm[0]
     is_fine = step <= NEAR_MM + 1e-9
-    away = abs(best.x[0] - where)
     worse = (best.cost - (least if is_fine else float(np.nanmin(fine.cost)))) / own
-    add("brute_force_position", "distance from the sweep's minimum", away, "mm", NEAR_MM, away <= NEAR_MM,
-        step_mm=step, swept_mm=where, best_mm=best.x[0])
+    add("brute_force_position", "distance from the sweep's minimum", abs(at_mm - where), "mm", NEAR_MM, step_mm=step,
+        swept_mm=where, best_mm=at_mm)
     add("brute_force_cost", "difference from the sweep's minimum", worse, size, NEAR_COST,
         (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST, worse=worse)
     for other in solution.confirmed:
-        away, apart = abs(other.x[0] - best.x[0]), abs(other.cost - best.cost) / own
-        add(f"solver_{other.solver}", f"difference of the cost where {other.solver.upper()} ends", apart, size,
-            SAME_COST, other.success and away <= NEAR_MM and apart <= SAME_COST, part="solver",
-            name_of=other.solver.upper(), end_mm=other.x[0], away_mm=away, message=other.message)
+        away, apart, name = abs(other.x[0] - at_mm), abs(other.cost - best.cost) / own, other.solver.upper()
+        add(f"solver_{other.solver}", f"difference of the cost where {name} ends", apart, size, SAME_COST,
+            other.success and away <= NEAR_MM and apart <= SAME_COST, part="solver", name_of=name, end_mm=other.x[0],
+            away_mm=away, message=other.message)
     try:
         error, variable, at = _gradient_error(tuning)
         add("gradient", "largest error of the gradient against central differences", error, "1", GRADIENT,
-            error <= GRADIENT, worst=error, label_of=variable.label, value_of=at, unit_of=variable.unit)
+            worst=error, label_of=variable.label, value_of=at, unit_of=variable.unit)
     except SimulationError as why:
-        add("gradient", "error of the gradient", None, "1", GRADIENT, None, part="untried", error=why)
-    away = abs(best.x[0] - first.x[0])
-    add("step", "shift of the optimum between the two steps", away, "mm", NEAR_MM, away <= NEAR_MM,
-        searched_ms=1e3 * first.step_s, searched_mm=first.x[0], best_ms=1e3 * best.step_s, best_mm=best.x[0])
+        add("gradient", "error of the gradient", None, "1", GRADIENT, part="untried", error=why)
+    add("step", "shift of the optimum between the two steps", abs(at_mm - first.x[0]), "mm", NEAR_MM,
+        searched_ms=1e3 * first.step_s, searched_mm=first.x[0], best_ms=1e3 * best.step_s, best_mm=at_mm)
     if options.support_width_m:
         label, sharp = "change of the cost without smoothing", tuning.without_smoothing()
         try:
             change = abs(sharp.evaluate(best.x, derivatives=False).cost - best.cost) / own
             ended = search(sharp, best.x, step_s=options.step_s)
-            away = abs(ended.x[0] - best.x[0])
-            add("smoothing", label, change, size, NEAR_COST, change <= NEAR_COST, change=change)
-            add("smoothing_shift", "shift of the optimum without smoothing", away, "mm", NEAR_MM, away <= NEAR_MM,
-                away_mm=away, message=ended.message)
+            away = abs(ended.x[0] - at_mm)
+            add("smoothing", label, change, size, NEAR_COST, change=change)
+            add("smoothing_shift", "shift of the optimum without smoothing", away, "mm", NEAR_MM, away_mm=away,
+                message=ended.message)
         except SimulationError as why:
-            add("smoothing", label, None, size, NEAR_COST, None, part="untried", error=why)
+            add("smoothing", label, None, size, NEAR_COST, part="untried", error=why)
     count = best.unconverged
-    add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count == 0, count=count)
+    add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count=count)
     change = float(np.mean([np.sqrt(value_of(walk.terms[CONSISTENCY])) for walk in best.walks]))
     add("force_change", "change of the ground reaction force from the recorded setting", change, "BW",
-        options.consistency_bw, change <= options.consistency_bw, change=change, allowed=options.consistency_bw)
+        options.consistency_bw, change=change, allowed=options.consistency_bw)
     if all(TRACKING in terms for terms in tuning.own):
-        errors = [np.sqrt(value_of(terms[TRACKING])) for terms in tuning.own]
-        worst = int(np.argmax(errors))
-        add("recorded_force", "error of the ground reaction force at the recorded setting", errors[worst], "BW",
-            FORCE_BW, errors[worst] <= FORCE_BW, error=errors[worst], trial=tuning.labels[worst])
+        error, trial = max((np.sqrt(value_of(terms[TRACKING])), part.label)
+                           for terms, part in zip(tuning.own, tuning.parts, strict=True))
+        add("recorded_force", "error of the ground reaction force at the recorded setting", error, "BW", FORCE_BW,
+            error=error, trial=trial)
     return found
 
 

@@ -19,10 +19,8 @@ from vsf_drake.simulation.walk import Walk
 
 Job = TypeVar("Job")
 Found = TypeVar("Found")
-Progress = Callable[[float], Any]
-"""Told the share of a stage that is done."""
-ENERGY_EVERY = 5
-"""Positions from one with energies to the next: they take long and vary smoothly (a choice)."""
+Progress = Callable[[float], Any]  # told the share of a stage that is done
+ENERGY_EVERY = 5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
 KINDS = {
     "stored_energy": ("energy stored in keel, foam and support", "J"),
     "returned_energy": ("energy returned by toe-off", "J"),
@@ -38,8 +36,7 @@ KINDS = {
     "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW"),
     "pelvis_residual": ("force at the pelvis that no leg makes, RMS over stance", "BW")}
 """What a person and a device would notice of a setting: label and unit."""
-RISE = (0.2, 0.8)
-"""Shares of the first peak between which the loading rate is taken (a choice)."""
+RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is taken (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +54,17 @@ class Sweep:
     @property
     def per_trial(self) -> np.ndarray:
         """(T, m) the tuned cost."""
-        found: np.ndarray = np.sum([*self.terms.values()], axis=0)
-        return found
+        return np.asarray(np.sum([*self.terms.values()], axis=0))
 
     @property
     def cost(self) -> np.ndarray:
         """(m,) the tuned cost, the mean over trials."""
-        found: np.ndarray = self.per_trial.mean(axis=0)
-        return found
+        return np.asarray(self.per_trial.mean(axis=0))
 
     @property
     def force_change(self) -> np.ndarray:
         """(m,) body weights, change of the ground reaction force from the recorded settings, mean over trials."""
-        found: np.ndarray = np.sqrt(self.costs[CONSISTENCY]).mean(axis=0)
-        return found
+        return np.asarray(np.sqrt(self.costs[CONSISTENCY]).mean(axis=0))
 
     def believable(self, allowed_bw: float) -> tuple[np.ndarray, tuple[float, float] | None]:
         """(m,) whether the force changes by no more than that, and from where to where (mm): farther off nobody would

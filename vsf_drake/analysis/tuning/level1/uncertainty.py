@@ -29,10 +29,8 @@ from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.sentences import say
 from vsf_drake.simulation.walk import Walker
 
-FLAT = 0.01
-"""Share of a cost's size below which a difference is none (a choice)."""
-FEWEST_FREEDOMS = 2
-"""Degrees of freedom from which a t test is made: with one it allows anything."""
+FLAT = 0.01  # share of a cost's size below which a difference is none (a choice)
+FEWEST_FREEDOMS = 2  # degrees of freedom from which a t test is made: with one it allows anything
 CONFIDENCE = 0.975
 
 
@@ -146,8 +144,7 @@ def _freedoms(groups: Sequence) -> int:
 # (offsets, joint angles) is not drawn: the force fixes it, and a draw alone would lift the foot off the ground.
 
 
-SPACING_MM = 10.0
-"""Of the sweep of each draw; a parabola finds the minimum between (a choice)."""
+SPACING_MM = 10.0  # of the sweep of each draw; a parabola finds the minimum between (a choice)
 
 
 def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict[str, float]]:

@@ -24,7 +24,8 @@ from vsf_drake.analysis.tuning.level2.search import (
     unless_interrupted,
 )
 from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride
-from vsf_drake.analysis.tuning.resimulation import resimulate_prescribed, resimulate_with_feedback, solved_trajectory
+from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
+from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.errors import InputError, SimulationError

@@ -27,8 +27,7 @@ from vsf_drake.simulation.walk import Walk
 MOST_PERIODS = 50
 REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
-SAME_SPEED = 1e-3
-"""m/s, rad/s: ends of a step that differ by less are the same."""
+SAME_SPEED = 1e-3  # m/s, rad/s: ends of a step that differ by less are the same
 _LEAST, _SOURCE = 1e-9, "choice"
 
 

@@ -43,16 +43,12 @@ PRESCRIBED, FEEDBACK = "prescribed", "feedback"
 STRIDE, STANCE = "stride", "stance"
 TARGET_PERCENT_BW = {PRESCRIBED: 3.0, FEEDBACK: 5.0}
 """What a re-simulation may differ by (a choice): root mean square of a foot's resultant over the stride, 40 Hz."""
-CUTOFF_HZ = 40.0
-"""As the project filters ground reactions (McGeehan 2021, doi 10.1115/1.4050456)."""
+CUTOFF_HZ = 40.0  # as the project filters ground reactions (McGeehan 2021, doi 10.1115/1.4050456)
 ALTERNATES = 0.3
 """Share of the torques above which they are not resolved by the instants (a choice; 0.1 on a stride of 80)."""
 LEAD = 0.3
 """Part of a period that is walked before the one that counts, until keel and socket swing as they do in walking."""
-TRANSIENT_S = 0.03
-"""The same of a motion without a period, at its start; keel and socket begin at rest there (a choice)."""
-TAIL_S = 0.06
-"""Walked after a period, so that the low-pass ends beyond it."""
+TAIL_S = 0.06  # walked after a period, so that the low-pass ends beyond it
 FALLEN_TILT, FALLEN_M = math.radians(30.0), 0.15
 """Pelvis tilt, and its height below the solution's, at which a person is falling and no longer walking (choices)."""
 MOST_STRIDES = 100
@@ -60,8 +56,7 @@ MOST_STRIDES = 100
 
 @dataclass(frozen=True)
 class ForceDifference:
-    """Root mean square difference of a foot's ground reaction over time, in percent of body weight; NaN without an
-    instant."""
+    """Root mean square over time, in percent of body weight, of a foot's ground reaction; NaN without an instant."""
 
     fore_aft: float
     vertical: float
@@ -85,11 +80,9 @@ class FeedbackUse:
 
     def sentences(self) -> list[str]:
         """What it took, in words."""
-        joint = max(self.feedback_peak, key=lambda name: self.feedback_peak[name])
-        return say("resimulation", "feedback", used=any(self.feedback_peak.values()) or self.hand_percent_bw > 0.0,
-                   share=self.share, peak=self.feedback_peak[joint], joint=joint, multiplier=self.multiplier,
-                   open_multiplier=self.open_multiplier, hand_percent_bw=self.hand_percent_bw,
-                   hand_moment_nm=self.hand_moment_nm)
+        joint, peak = max(self.feedback_peak.items(), key=lambda item: item[1])
+        return say("resimulation", "feedback", use=self, used=peak > 0.0 or self.hand_percent_bw > 0.0, joint=joint,
+                   peak=peak)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,15 +166,13 @@ class Resimulation:
         """What it found, in words."""
         helped = [] if self.feedback is None else self.feedback.sentences()
         if self.fell:
-            return [*say("resimulation", "fell", label=self.label, after_s=self.fell_after_s, why=self.why), *helped]
+            return [*say("resimulation", "fell", run=self), *helped]
         t, over = self.trajectory, [self.difference(foot) for foot in FEET]
         angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
-        told = say("resimulation", "found", label=self.label, percent_bw=self.percent_bw,
+        told = say("resimulation", "found", run=self, worst=max(angles, default=None),
                    raw=max(self.difference(foot, filtered=False).resultant for foot in FEET),
                    stance=max(self.difference(foot, over=STANCE).resultant for foot in FEET),
-                   parts=max(max(d.fore_aft, d.vertical) for d in over), worst=max(angles, default=None),
-                   pelvis=[self.motion_rms.get(name) for name in PELVIS[1:]], lateral=self.lateral_percent_bw,
-                   unconverged=self.unconverged_steps)
+                   parts=max(max(d.fore_aft, d.vertical) for d in over))
         standing = [] if t.periodic else [foot for foot in FEET if t.grf[foot][0, 1] > THRESHOLD_N]
         return [*told, *helped, *say("resimulation", "notes", standing=standing,
                                      alternation=t.alternation if t.alternation > ALTERNATES else None)]
@@ -198,7 +189,7 @@ def _assess(
         fell_s: until when it counts; None to its end.
     """
     time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
-    first, last = _first_counted(trajectory) + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
+    first, last = trajectory.first_counted_s + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
     counted = (instants >= max(first, time[0]) - 1e-9) & (instants <= last + 1e-9)
     shown = (time >= first - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
     count, weight_n = len(walker.gait.person.foot.sites.radius), walker.subject.mass_kg * GRAVITY
@@ -265,11 +256,6 @@ def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: f
                        offsets=t.offsets)
 
 
-def _first_counted(trajectory: SagittalTrajectory) -> float:
-    """The first instant (s) that is compared."""
-    return trajectory.start_s + (0.0 if trajectory.periodic else TRANSIENT_S)
-
-
 def resimulate_with_feedback(
     walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, weights: RegulatorWeights | None = None,
     feedback: bool = True, hand: bool = False, push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
@@ -283,7 +269,6 @@ def resimulate_with_feedback(
 
     Args:
         strides: of a periodic solution, of which the last is compared; another runs once.
-        weights: what the feedback is laid out for.
         feedback: False for the torques alone.
         hand: whether a force and a moment at the pelvis may help, which is not walking; what they come to is reported.
         push: (8,) rad/s, m/s, by which the velocities at the start are off, to see whether the feedback copes.
@@ -323,7 +308,7 @@ def resimulate_with_feedback(
         shift_s = min(fallen, strides - 1) * period
     closed, run = steps.A.copy(), driven.record.time_s
     closed[:, :, steps.person] -= steps.B @ gains
-    rows = (run >= _first_counted(trajectory) + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
+    rows = (run >= trajectory.first_counted_s + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
     rows = rows if rows.any() else np.ones_like(rows)
     used, joints = driven.feedback[rows], slice(len(PELVIS), None)
     used_rms, forward = (np.sqrt(np.mean(loads**2, axis=0)) for loads in (used, feedforward[: len(run)][rows]))

@@ -20,8 +20,8 @@ from vsf_drake.simulation.walk import Walker
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
 FEET = ("prosthetic", "intact")
 COORDINATES, TORQUES = 8, 5
-PERIODIC_WITHIN = 1e-4
-"""rad, m, rad/s, m/s: what a periodic trajectory may miss its own start by after one period."""
+PERIODIC_WITHIN = 1e-4  # rad, m, rad/s, m/s: what a periodic trajectory may miss its own start by after one period
+TRANSIENT_S = 0.03  # after the start of a motion without a period, which is not compared (a choice)
 SAMPLE_S, BEYOND_S = 1e-3, 0.01
 """Between the samples of the motion that a walk is given, the walk's usual step; and by how much they reach over the
 ends of a walk: a spline's ends are less exact."""
@@ -92,6 +92,11 @@ class SagittalTrajectory:
         return float(self.time_s[-1])
 
     @property
+    def first_counted_s(self) -> float:
+        """From where on a run is compared: without a period keel and socket begin at rest."""
+        return self.start_s + (0.0 if self.periodic else TRANSIENT_S)
+
+    @property
     def alternation(self) -> float:
         """How much the torques go up and down from one instant to the next: root mean square of (-1, 2, -1)/4 over
         three instants, which is the whole of what alternates and little of what is smooth, over that of torques."""
@@ -143,8 +148,7 @@ class SolutionMotion:
         t, times = self.trajectory, np.asarray(times, dtype=float)
         inside = np.clip(times, t.start_s, t.end_s) if t.period_s is None else (
             t.start_s + np.mod(times - t.start_s, t.period_s))
-        found: np.ndarray = self._loads(inside)
-        return found
+        return np.asarray(self._loads(inside))
 
 
 def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float) -> CoordinateTrajectory:
