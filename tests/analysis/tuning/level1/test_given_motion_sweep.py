@@ -49,8 +49,10 @@ def test_local_minima_come_lowest_first_with_the_ends():
 
 
 def test_a_sweep_holds_both_ends():
-    grid = positions(SimpleNamespace(low=np.array([66.0]), high=np.array([151.0])), 4.0)
+    tuning = SimpleNamespace(low=np.array([66.0]), high=np.array([151.0]))
+    grid, rest = positions(tuning, np.array([80.0, 0.02]), 4.0).T
     assert (grid[0], grid[-1]) == (66.0, 151.0)
+    assert set(rest) == {0.02}
     assert np.diff(grid).max() <= 4.0
 
 
@@ -88,8 +90,7 @@ def test_settings_that_repeated_trials_cannot_tell_apart_are_as_good():
 def swept(each, change=0.0):
     """A sweep of these costs (T, m) with a change of force of `change` body weights a millimetre from 108 mm."""
     force = np.tile((change * (GRID - 108.0)) ** 2, (len(each), 1))
-    return Sweep(fulcrum_mm=GRID, x=GRID[:, None], costs={"consistency": force}, terms={"only": each},
-                 outcomes={}, failures=(), unconverged=0)
+    return Sweep(x=GRID[:, None], costs={"consistency": force}, terms={"only": each})
 
 
 def test_a_setting_that_changes_nothing_is_said_to_hardly_matter():

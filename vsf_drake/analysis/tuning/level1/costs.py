@@ -159,7 +159,7 @@ Terms = dict[str, np.ndarray]  # (1 + P,) by name of a term of a cost, in the co
 
 def value_of(terms: Terms) -> float:
     """Their sum, without derivatives."""
-    return float(sum(terms.values())[0])
+    return float(sum(term[0] for term in terms.values()))
 
 
 def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> dict[str, Terms]:

@@ -51,8 +51,8 @@ class TuningSolution:
     searches: list[Search] = field(default_factory=list)  # of the fulcrum's range
     confirmed: list[Search] = field(default_factory=list)  # by other solvers
     sweep: Sweep | None = None  # through the best setting
-    outcomes: dict[str, np.ndarray] = field(default_factory=dict)  # KINDS and SAME_LOAD by name, (T, 4) at SETTINGS
-    forces: list[dict[str, np.ndarray]] = field(default_factory=list)  # of each trial, (n, 3) N by setting
+    compared: Sweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
+    same_load: dict[str, np.ndarray] = field(default_factory=dict)  # SAME_LOAD by name, (T, 4)
     uncertainty: FulcrumUncertainty | None = None  # of the fulcrum position
     draws: list[Sweep] = field(default_factory=list)  # by draw of the contact
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
@@ -141,7 +141,7 @@ def _outcomes(solution: TuningSolution) -> list[dict[str, Any]]:
                      SOFTEST: float(swept.cost[0]), OPTIMUM: solution.best.cost, STIFFEST: float(swept.cost[-1]),
                      RECORDED: tuning.own_cost, "uncertainty": known.spread, "matters": known.matters,
                      "sentence": known.sentence})
-    for name, each in solution.outcomes.items():
+    for name, each in (solution.compared.outcomes | solution.same_load if solution.compared else {}).items():
         label, unit = (KINDS | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
         change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
@@ -176,9 +176,11 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
         found["draw_mm"] = solution.draws[0].fulcrum_mm
         found["draw_cost"] = np.array([draw.cost for draw in solution.draws]).T
     nearest = int(np.argmin([abs(part.own[0] - solution.best.x[0]) for part in tuning.parts]))
-    for i, forces in enumerate(solution.forces):
-        frame = tuning.parts[i].frame(tuning.options.step_s)
-        shown = {"time": frame.time_s, **forces} | ({} if frame.plate_W is None else {RECORDED: frame.plate_W})
+    forces = solution.compared.forces if solution.compared else {}
+    for i, part in enumerate(tuning.parts if forces else ()):
+        frame = part.frame(tuning.options.step_s)
+        shown = {"time": frame.time_s} | {name: forces[i, s] for s, name in enumerate(SETTINGS) if (i, s) in forces}
+        shown |= {} if frame.plate_W is None else {RECORDED: frame.plate_W}
         for prefix in (f"trial_{i}_", *(["grf_"] if i == nearest else [])):
             found |= {f"{prefix}{name}": force for name, force in shown.items()}
     return found

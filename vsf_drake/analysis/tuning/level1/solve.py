@@ -18,7 +18,6 @@ from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
     Sweep,
-    compared_settings,
     local_minima,
     other_optima,
     pareto,
@@ -32,6 +31,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
 from vsf_drake.sentences import say
 
+ENERGY_EVERY = 5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
 COARSE_MM = 5.0  # of the sweep that searches begin from (a choice)
 LOST = 10.0  # what a failed walk costs, in sizes of the cost, where a solver wants a number
 FLAT = 1e-3
@@ -195,7 +195,7 @@ def _search(
     """Coarse sweep and searches from it, which are added to `searches`; their best, and that once more in the step of
     the numbers."""
     options, run.stage = tuning.options, "coarse sweep"
-    coarse = sweep(tuning, positions(tuning, COARSE_MM), tuning.start, step_s=options.search_step_s, progress=run.tell)
+    coarse = sweep(tuning, positions(tuning, tuning.start, COARSE_MM), step_s=options.search_step_s, progress=run.tell)
     minima = local_minima(coarse.cost)[: options.starts]
     if not minima:
         raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
@@ -217,8 +217,8 @@ def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> 
     tuning, options, size = found.tuning, found.tuning.options, found.tuning.combination.size
     for _ in range(2):
         run.stage = "sweep"
-        fine = found.sweep = sweep(tuning, positions(tuning, options.sweep_mm), searched.x, step_s=options.step_s,
-                                   with_outcomes=True, progress=run.tell)
+        fine = found.sweep = sweep(tuning, positions(tuning, searched.x, options.sweep_mm), step_s=options.step_s,
+                                   energies_every=ENERGY_EVERY, progress=run.tell)
         i = int(np.nanargmin(fine.cost))
         if fine.cost[i] >= searched.cost - WORSE * size:
             break
@@ -228,11 +228,13 @@ def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> 
             break
     best = tuning.evaluate(searched.x)
     at_mm = float(best.x[0])
-    found.outcomes, found.forces = compared_settings(tuning, best.x)
+    low, high = np.array(best.x), np.array(best.x)
+    low[0], high[0] = tuning.low[0], tuning.high[0]
+    found.compared = sweep(tuning, np.array([[low, best.x, high, part.own] for part in tuning.parts]),
+                           step_s=options.step_s, energies_every=1, forces=True)
     if options.same_load:
         run.stage = "settings under one load"
-        found.outcomes |= same_load_outcomes(tuning, np.array(
-            [[tuning.low[0], at_mm, tuning.high[0], part.own[0]] for part in tuning.parts]), run.tell)
+        found.same_load = same_load_outcomes(tuning, found.compared.fulcrum_mm, run.tell)
     for name in options.confirm:
         run.stage = f"confirming with {name.upper()}"
         found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import SETTINGS
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame, value_of
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
 from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
@@ -20,7 +19,6 @@ from vsf_drake.simulation.walk import Walk
 Job = TypeVar("Job")
 Found = TypeVar("Found")
 Progress = Callable[[float], Any]  # told the share of a stage that is done
-ENERGY_EVERY = 5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
 KINDS = {
     "stored_energy": ("energy stored in keel, foam and support", "J"),
     "returned_energy": ("energy returned by toe-off", "J"),
@@ -41,15 +39,20 @@ RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Costs of T trials at m positions of the fulcrum; NaN where a walk failed."""
+    """Costs of T trials at m settings, the same for all or each trial's own; NaN where a walk failed."""
 
-    fulcrum_mm: np.ndarray  # (m,)
-    x: np.ndarray  # (m, P) the settings
+    x: np.ndarray  # (m, P) or (T, m, P) the settings
     costs: dict[str, np.ndarray]  # by name of a cost, the consistency among them, (T, m)
     terms: dict[str, np.ndarray]  # of the tuned cost, by name, (T, m)
-    outcomes: dict[str, np.ndarray]  # KINDS by name, (T, m), if asked for; energies at every ENERGY_EVERY-th position
-    failures: tuple[str, ...]  # why a walk failed, in words
-    unconverged: int  # walks with steps that did not converge
+    outcomes: dict[str, np.ndarray] = field(default_factory=dict)  # KINDS by name, (T, m), if asked for
+    forces: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)  # (n, 3) N in W by trial and setting, too
+    failures: tuple[str, ...] = ()  # why a walk failed, in words
+    unconverged: int = 0  # walks with steps that did not converge
+
+    @property
+    def fulcrum_mm(self) -> np.ndarray:
+        """(m,) positions of the fulcrum, or (T, m)."""
+        return self.x[..., 0]
 
     @property
     def per_trial(self) -> np.ndarray:
@@ -79,10 +82,11 @@ class Sweep:
         return lowest(self.fulcrum_mm, whole.mean(axis=0))
 
 
-def positions(tuning: StiffnessTuning, spacing_mm: float) -> np.ndarray:
-    """(m,) mm over the bounds at most `spacing_mm` apart, both ends included."""
+def positions(tuning: StiffnessTuning, x: np.ndarray, spacing_mm: float) -> np.ndarray:
+    """(m, P) settings like x (P,) with the fulcrum over its bounds, at most `spacing_mm` apart, both ends included."""
     low, high = tuning.low[0], tuning.high[0]
-    return np.linspace(low, high, max(2, int(np.ceil((high - low) / spacing_mm - 1e-9)) + 1))
+    count = max(2, int(np.ceil((high - low) / spacing_mm - 1e-9)) + 1)
+    return np.column_stack([np.linspace(low, high, count), np.tile(x[1:], (count, 1))])
 
 
 def _each(
@@ -100,40 +104,47 @@ def _each(
 
 
 def sweep(
-    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, x: np.ndarray, *, step_s: float, with_outcomes: bool = False,
+    tuning: StiffnessTuning, x: np.ndarray, *, step_s: float, energies_every: int = 0, forces: bool = False,
     base: Mapping[str, float] | None = None, progress: Progress | None = None
 ) -> Sweep:
-    """Walks every trial at every position, the rest of the setting as in x (P,), with `base` as of `TrialTuning.at`."""
-    settings = np.tile(x, (len(fulcrum_mm), 1))
-    settings[:, 0] = fulcrum_mm
+    """Walks every trial at settings x (m, P), or at its own of (T, m, P).
+
+    Args:
+        energies_every: settings from one with energies to the next, besides the last; 0 for no outcomes at all.
+        forces: whether they are kept. base: as of `TrialTuning.at`.
+    """
+    settings = np.broadcast_to(x, (len(tuning.parts), *x.shape[-2:]))
+    shape = settings.shape[:2]
     for part in tuning.parts:
         part.frame(step_s, base)  # made here: what threads share is not made by them
+    kept: dict[tuple[int, int], np.ndarray] = {}
 
     def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
-        j, part = job[1], tuning.parts[job[0]]
+        part, j = tuning.parts[job[0]], job[1]
         try:
-            walk = part.at(settings[j], step_s=step_s, base=base)
+            walk = part.at(settings[job], step_s=step_s, base=base)
         except SimulationError as error:
-            return f"{part.label} at {settings[j, 0]:g} mm: {error}"
-        energies = j % ENERGY_EVERY == 0 or j == len(settings) - 1
+            return f"{part.label} at {settings[job][0]:g} mm: {error}"
+        if forces:
+            kept[job] = walk.loads.grf[..., 0]
+        energies = energies_every > 0 and (j % energies_every == 0 or j == shape[1] - 1)
         terms = tuning.combination.terms(walk.terms)
         return {"costs": {name: value_of(parts) for name, parts in walk.terms.items()},
                 "terms": {name: float(term[0]) for name, term in terms.items()},
-                "outcomes": outcomes(part, walk, energies=energies) if with_outcomes else {},
+                "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
                 }, bool(walk.walk.record.converged.all())
 
     found: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
     failures, unconverged = [], 0
-    jobs = [(i, j) for j in range(len(settings)) for i in range(len(tuning.parts))]
-    for job, result in _each(tuning, walked, jobs, progress):
+    for job, result in _each(tuning, walked, [(i, j) for j in range(shape[1]) for i in range(shape[0])], progress):
         if isinstance(result, str):
             failures.append(result)
             continue
         for kind, numbers in result[0].items():
             for name, value in numbers.items():
-                found[kind].setdefault(name, np.full((len(tuning.parts), len(settings)), np.nan))[job] = value
+                found[kind].setdefault(name, np.full(shape, np.nan))[job] = value
         unconverged += not result[1]
-    return Sweep(fulcrum_mm=settings[:, 0], x=settings, **found, failures=tuple(failures), unconverged=unconverged)
+    return Sweep(x=x, **found, forces=kept, failures=tuple(failures), unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -250,32 +261,6 @@ def same_load_outcomes(
         for name, value in zip(SAME_LOAD, numbers, strict=True):
             found[name][i, fulcrum_mm[i] == at] = value
     return found
-
-
-def compared_settings(
-    tuning: StiffnessTuning, best: np.ndarray
-) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
-    """What walks are like at SETTINGS: the softest, the best and the stiffest (of the fulcrum's bounds, the rest as at
-    the optimum `best` (P,)), and each trial's own.
-
-    Returns:
-        KINDS by name, (T, 4), NaN where a walk failed; and for each trial, by setting, the force (n, 3) N in W.
-    """
-    low, high = np.array(best), np.array(best)
-    low[0], high[0] = tuning.low[0], tuning.high[0]
-    found = {kind: np.full((len(tuning.parts), len(SETTINGS)), np.nan) for kind in KINDS}
-    forces: list[dict[str, np.ndarray]] = []
-    for i, part in enumerate(tuning.parts):
-        forces.append({})
-        for s, (name, x) in enumerate(zip(SETTINGS, (low, best, high, part.own), strict=True)):
-            try:
-                walk = part.at(x, step_s=tuning.options.step_s)
-            except SimulationError:
-                continue
-            for kind, value in outcomes(part, walk).items():
-                found[kind][i, s] = value
-            forces[i][name] = walk.loads.grf[..., 0]
-    return found, forces
 
 
 # One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.

@@ -186,7 +186,7 @@ def drawn_sweeps(
     failed: list[str] = []
     for k, base in enumerate(values):
         try:
-            found.append(sweep(tuning, positions(tuning, SPACING_MM), x, step_s=tuning.options.search_step_s,
+            found.append(sweep(tuning, positions(tuning, x, SPACING_MM), step_s=tuning.options.search_step_s,
                                base=base))
         except (InputError, SimulationError) as error:  # no stance at the trial's own setting
             failed.append(str(error))
