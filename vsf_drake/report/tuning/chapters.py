@@ -22,7 +22,6 @@ from vsf_drake.report.tuning.reading import Arrays, Table
 
 Facts = dict[str, Any]
 """Of a chapter: figures by name under "figures", the rest as its template calls it; `t` is the table."""
-_NUMBER = "{:.4g}"
 _MATTERS = {True: "yes", False: "NO", None: None}
 
 
@@ -38,7 +37,9 @@ def tuning_page(table: Table, arrays: Arrays, *, lenient: bool) -> Facts:
         "answer": ("Answer", _answer), "outcomes": ("What changes with the setting", _outcomes),
         "motion": ("Motion and forces", _motion), "tasks": ("One setting for each task, or one for all", _tasks),
         "pareto": ("Between two costs", _pareto), "robustness": ("How firm the setting is", _robustness),
-        "range": ("The whole range", _range), "checks": ("Checks", _checks), "made": ("How this was made", _made)}
+        "range": ("The whole range", _range), "checks": ("Checks", lambda t, arrays: {
+            "unmet": [row["label"] for row in t["checks"] if row["met"] is False]}),
+        "made": ("How this was made", _made)}
     needed = {"range": "sweep"} | {name: name for name in ("outcomes", "tasks", "pareto", "robustness")}
     return _page(table, arrays, {name: made for name, made in makers.items()
                                  if name not in needed or table[needed[name]]}, lenient) | {
@@ -139,11 +140,11 @@ def _motion(table: Table, arrays: Arrays) -> Facts:
             columns.append((name, f"{values.min():.0f} to {values.max():.0f}{unit}" if away is None else
                             f"{scale * away[i]:.1f}{unit}"))
         found["motion"] = {"compared": away is not None, "columns": columns}
-    if {"phase", "torque"} <= set(arrays):
+    if {"phase", "torque", "names"} <= set(arrays):
         found["figures"]["torque"] = figures.course_figure(table, arrays, "torque")
         torques = np.asarray(arrays["torque"]).T
-        names = [str(name) for name in arrays.get("names", ())][-len(torques):] or ["torque"] * len(torques)
-        found["torque"] = [(name, values.min(), values.max()) for name, values in zip(names, torques, strict=True)]
+        found["torque"] = [(name, values.min(), values.max()) for name, values in zip(
+            map(str, arrays["names"][-len(torques):]), torques, strict=True)]
     return found
 
 
@@ -187,20 +188,15 @@ def _robustness(table: Table, arrays: Arrays) -> Facts:
 
 def _range(table: Table, arrays: Arrays) -> Facts:
     """The cost over the range, with its terms and the outcomes, a row a position."""
-    labels = {("terms", row["name"]): row["label"] for row in table["terms"]}
-    labels |= {("outcomes", row["name"]): f"{row['label']} ({row['unit']})" for row in table["outcomes"]}
-    columns = [("fulcrum_mm", "fulcrum (mm)", "{:.1f}"), ("cost", f"cost ({table['cost_unit']})", _NUMBER)]
-    rows = [{"fulcrum_mm": row["fulcrum_mm"], "cost": row["cost"]} for row in table["sweep"]]
-    for part, prefix in (("terms", "term"), ("outcomes", "outcome")):
-        for name in dict.fromkeys(name for row in table["sweep"] for name in row[part] or ()):
-            columns.append((f"{prefix}_{name}", labels.get((part, name), name), _NUMBER))
-        for row, all_of in zip(rows, table["sweep"], strict=True):
-            row |= {f"{prefix}_{name}": value for name, value in (all_of[part] or {}).items()}
-    return {"rows": rows, "columns": columns}
-
-
-def _checks(table: Table, arrays: Arrays) -> Facts:
-    return {"unmet": [row["label"] for row in table["checks"] if row["met"] is False]}
+    headings = {"fulcrum_mm": "fulcrum (mm)", "cost": f"cost ({table['cost_unit']})"}
+    headings |= {f"term_{row['name']}": row["label"] for row in table["terms"]}
+    headings |= {f"outcome_{row['name']}": f"{row['label']} ({row['unit']})" for row in table["outcomes"]}
+    rows = [{"fulcrum_mm": row["fulcrum_mm"], "cost": row["cost"], **{
+        f"{kind[:-1]}_{name}": value for kind in ("terms", "outcomes") for name, value in (row[kind] or {}).items()}}
+        for row in table["sweep"]]
+    keys = sorted(dict.fromkeys(key for row in rows for key in row), key=lambda key: key.startswith("outcome_"))
+    return {"rows": rows, "columns": [(key, headings.get(key, key.partition("_")[2]),
+                                       "{:.1f}" if key == "fulcrum_mm" else "{:.4g}") for key in keys]}
 
 
 def _made(table: Table, arrays: Arrays) -> Facts:

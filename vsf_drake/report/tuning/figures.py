@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
@@ -29,11 +29,10 @@ def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
     def drawn(table: Table, *others: Any) -> Figure:
         with drawing(_WIDE, 1.0) as figure:
             draw(figure, table, *others)
-            said = [*([NOT_OPTIMAL] if not table["optimal"] else []),
-                    *(["SYNTHETIC trials, not recorded"] if table["synthetic"] else [])]
-            if said:
-                figure.suptitle("; ".join(said), x=0.01, ha="left", fontsize=10.5,
-                                color=_FAILED if not table["optimal"] else "black")
+            said = NOT_OPTIMAL * (not table["optimal"]), "SYNTHETIC trials, not recorded" * bool(table["synthetic"])
+            if any(said):
+                figure.suptitle("; ".join(filter(None, said)), x=0.01, ha="left", fontsize=10.5,
+                                color="black" if table["optimal"] else _FAILED)
         return figure
 
     return drawn
@@ -67,12 +66,6 @@ def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
     """A curve with about twenty markers."""
     axes.plot(x, y, **{"color": "black", "marker": "o", "markersize": 3.5, "markevery": max(1, round(len(x) / 20)),
                        **look})
-
-
-def _rows(axes: Axes, names: Sequence[str]) -> None:
-    """A named row for each, from above."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
 
 
 def _one_for_all(axes: Axes, table: Table) -> None:
@@ -204,16 +197,15 @@ def stance_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
                        "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
     figure.set_size_inches(_WIDE, 0.9 + 2.7 * len(shown))
     _forces(figure.subplots(len(shown), 2, squeeze=False), arrays,
-            {f"{trial}: " if trial else "": prefix for trial, prefix in shown.items()},
-            lambda prefix: arrays[f"{prefix}time"], looks, vertical=2, x_label="time (s)")
+            {f"{trial}: ": prefix for trial, prefix in shown.items()}, lambda prefix: arrays[f"{prefix}time"], looks,
+            vertical=2, x_label="time (s)")
 
 
 @_drawn
 def course_figure(figure: Figure, table: Table, arrays: Arrays, key: str) -> None:
     """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
-    names = [str(name) for name in arrays.get("names", ())][-count:] or [f"torque {i + 1}" for i in range(count)]
-    across = 4 if count > 6 else 3
+    names, across = map(str, arrays["names"][-count:]), 4 if count > 6 else 3
     figure.set_size_inches(_WIDE, 0.6 + 2.3 * -(-count // across))
     panels = _panels(figure, count, across, "gait cycle (%)")
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
@@ -278,7 +270,8 @@ def tasks_figure(figure: Figure, table: Table) -> None:
         if lost is not None:
             right.barh(place, lost, height=0.55, color="0.55")
             right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
-    _rows(left, [row["label"] for row in rows])
+    left.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    left.set_ylim(len(rows) - 0.4, -0.6)
     right.margins(x=0.15)
     right.set_xlim(left=0.0)
     label(left, x=FULCRUM, y="", title="Setting of each task")
@@ -299,7 +292,8 @@ def robustness_figure(figure: Figure, table: Table) -> None:
         axes.axvline(table["fulcrum_mm"], color="black", linewidth=1.0, zorder=1)
     for place, row in enumerate(rows):
         _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], place, markersize=7, zorder=2)
-    _rows(axes, [row["what"] for row in rows])
+    axes.set_yticks(range(len(rows)), [row["what"] for row in rows])
+    axes.set_ylim(len(rows) - 0.4, -0.6)
     if ends:
         axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
     label(axes, x=FULCRUM, y="", title="The optimum when something is changed")

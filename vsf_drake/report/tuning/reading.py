@@ -120,15 +120,11 @@ def curved(table: Table) -> list[Table]:
 
 
 def drawn_trials(table: Table, arrays: Arrays) -> dict[str, str]:
-    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label.
-
-    One without a label where the arrays do not tell trials apart.
-    """
-    prefixes = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"])}
-    found, alone = ({name: prefix for name, prefix in given.items() if f"{prefix}time" in arrays and any(
-        f"{prefix}{setting}" in arrays for setting in SHOWN)} for given in (prefixes, {"": "grf_"}))
+    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label."""
+    found = {str(name): f"trial_{i}_" for i, name in enumerate(table["trials"])
+             if any(f"trial_{i}_{setting}" in arrays for setting in SHOWN)}
     names = list(found)
-    return {name: found[name] for name in (names[0], names[len(names) // 2], names[-1])} if found else alone
+    return {name: found[name] for name in (names[0], names[len(names) // 2], names[-1])} if found else {}
 
 
 def root_mean_squares(arrays: Arrays, key: str, other: str = "_recorded") -> np.ndarray | None:
