@@ -36,10 +36,8 @@ def thread(lead: Values, mean_diameter: Values, friction: Values, flank_angle: V
 
 
 def driving_efficiency(tangent: Values, friction: Values) -> Values:
-    """Work on the load / work of the torque while the screw moves against the load, 1 without friction.
-
-    ValueError for u tan(lambda) >= 1: no torque can turn such a screw.
-    """
+    """Work on the load / work of the torque while the screw moves against the load, 1 without friction; ValueError
+    for u tan(lambda) >= 1."""
     if not friction * tangent < 1.0:
         raise ValueError(f"friction {friction} times the tangent {tangent} of the lead angle is 1 or more: "
                          "no torque turns this screw; take a smaller lead or less friction")
@@ -62,10 +60,8 @@ def direction(speed: Values, creep_speed: Values) -> Values:
 
 
 def locked_creep_speed(tangent: Values, friction: Values, creep_speed: Values) -> Values:
-    """Speed (m/s) that no axial load exceeds with the motor off: creep speed · artanh(1 / (1 - returning efficiency)).
-
-    ValueError if the screw does not lock itself.
-    """
+    """Speed (m/s) that no axial load exceeds with the motor off: creep speed · artanh(1 / (1 - returning efficiency));
+    ValueError if the screw does not lock itself."""
     if not tangent < friction:
         raise ValueError("the screw gives way under load: its friction is not above the tangent of its lead angle")
     return creep_speed * np.arctanh(1.0 / (1.0 - returning_efficiency(tangent, friction)))

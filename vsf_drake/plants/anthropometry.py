@@ -204,10 +204,8 @@ class FootPlacement:
         return RigidTransform(R_DP, np.array([self.fore_aft, -right * self.lateral, 0.0]))
 
     def sole_below(self, build_height: float) -> float:
-        """Distance (m) from the pylon's end down the pylon's axis to the plane of the unloaded sole.
-
-        That plane lies `build_height` under P's origin, normal to P's z. Without turns it is the build height itself.
-        """
+        """Distance (m) from the pylon's end down the pylon's axis to the plane of the unloaded sole, which lies
+        `build_height` under P's origin, normal to P's z. Without turns it is the build height itself."""
         X_DP = self.pose(mirrored=False)
         normal = X_DP.rotation().matrix()[:, 2]
         return float((build_height - normal @ X_DP.translation()) / normal[2])

@@ -91,10 +91,8 @@ def mirrored(parameters: FootParameters) -> FootParameters:
 
 
 def with_elements(foot: FootParameters, elements: int) -> FootParameters:
-    """`foot` with each keel element cut into equal parts, `elements` in all.
-
-    The beam stays the same: E I and damping time belong to the material, a part's joint is stiffer as it is shorter.
-    """
+    """`foot` with each keel element cut into equal parts, `elements` in all. The beam stays the same: E I and damping
+    time belong to the material, a part's joint is stiffer as it is shorter."""
     lengths = foot.keel.element_lengths_m
     parts, rest = divmod(elements, len(lengths))
     require(not rest and parts, f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",

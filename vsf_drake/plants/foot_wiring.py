@@ -53,10 +53,8 @@ class WiredFoot:
 
     @property
     def fulcrum_position(self) -> InputPort:
-        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of its system holds.
-
-        In a plant with a time step it moves the carriage; the support follows by `follow_fulcrum`.
-        """
+        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of its system holds. In a plant
+        with a time step it moves the carriage; the support follows by `follow_fulcrum`."""
         return (self.command or self.forces).GetInputPort("fulcrum_position")
 
     def connect_fulcrum(self, builder: DiagramBuilder, port: OutputPort) -> None:
@@ -128,7 +126,12 @@ def wire_foot(
     device, contact = _device_constants(foot, fulcrum_m), {}
     if law:
         contact = _contact_constants(foot.sites, foot.parameters.friction, check_ground(ground or Ground()))
-    reaction = None if law else _add_reaction(builder, plant, foot)
+    reaction = None
+    if not law:
+        part_own_geometry(builder, plant, foot)
+        reaction = builder.AddNamedSystem(f"{foot.name}_reaction", DrakeReaction(
+            body_indices=[body.index() for body in (foot.frame, *foot.keel)], geometry_ids=own_geometry(plant, foot)))
+        builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
     if foot.support is None:
         forces = _add_forces(builder, plant, foot, law, device | contact)
         return WiredFoot(foot=foot, forces=forces, reaction=reaction)
@@ -185,14 +188,6 @@ def _add_forces(
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
     connect_kinematics(builder, plant, forces)
     return forces
-
-
-def _add_reaction(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> DrakeReaction:
-    part_own_geometry(builder, plant, foot)
-    reaction = builder.AddNamedSystem(f"{foot.name}_reaction", DrakeReaction(
-        body_indices=[body.index() for body in (foot.frame, *foot.keel)], geometry_ids=own_geometry(plant, foot)))
-    builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
-    return reaction
 
 
 def _check_suits(

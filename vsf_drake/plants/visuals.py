@@ -125,10 +125,8 @@ def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
 
 
 def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-    """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and connects the two.
-
-    As AddMultibodyPlantSceneGraph does it, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call.
-    """
+    """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and connects the two, as
+    AddMultibodyPlantSceneGraph does, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call."""
     builder.AddNamedSystem("scene_graph", scene_graph)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())

@@ -261,11 +261,7 @@ def FulcrumActuator_(T):
             self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
 
         def SetPosition(self, context, position: float) -> None:
-            """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are.
-
-            Raises:
-                InputError: it is outside the travel.
-            """
+            """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are."""
             constants = self._constants(context)
             _check_travel(constants["rearmost"], constants["foremost"], position)
             state = _state(context).copy()
