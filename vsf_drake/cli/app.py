@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -58,25 +58,46 @@ def interrupted(line: str) -> NoReturn:
 def print_text(template: str, /, **facts: Any) -> None:
     """Prints what `templates/TEMPLATE.txt.j2` makes of a command's results, line by line; "! " makes one stand out.
 
-    A table is `{% call table("heading", ..., title="") %}`, a line a row, with │ between its cells.
+    A table is `{% call table("heading", ..., title="", right=[1]) %}`, a line a row, with │ between its cells; one that
+    no narrow screen cuts is `{% call columns(right=[1]) %}`.
     """
     from vsf_drake.sentences import text_templates
 
     tables: list[Table] = []
 
-    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True) -> str:
-        tables.append(Table(*headings, title=title or None, show_header=heading))
-        for line in filter(str.strip, caller().split("\n")):
-            cells = line.removeprefix("! ").split("│")
-            tables[-1].add_row(*map(str.strip, cells), style="bold yellow" if line.startswith("! ") else None)
+    def rows_of(text: str) -> list[tuple[bool, list[str]]]:
+        return [(line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
+                for line in text.split("\n") if line.strip()]
+
+    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True, box: bool = True,
+              right: Collection[int] = ()) -> str:
+        plain: dict[str, Any] = {} if box else {"box": None, "pad_edge": False, "padding": (0, 1, 0, 0)}
+        tables.append(Table(title=title or None, show_header=heading, **plain))
+        for i, name in enumerate(headings):
+            tables[-1].add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
+        for stands_out, cells in rows_of(caller()):
+            tables[-1].add_row(*cells, style="bold yellow" if stands_out else None)
         return f"\f{len(tables) - 1}\n"
 
-    text = text_templates("cli/templates").get_template(f"{template}.txt.j2").render(facts, table=table)
+    def columns(caller: Callable[[], str], right: Collection[int] = (), gap: str = " ") -> str:
+        rows = rows_of(caller())
+        wide = [max(map(len, column)) for column in zip(*(cells for _, cells in rows), strict=True)]
+        lines = []
+        for stands_out, cells in rows:
+            padded = [cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)]
+            lines.append("\v" * stands_out + gap.join(padded).rstrip() + "\n")
+        return "".join(lines)
+
+    def one_cell(value: Any) -> Any:  # a name may hold anything, and ends neither cell nor line
+        return value.rstrip("\n").replace("\n", " ").replace("│", "|") if isinstance(value, str) else value
+
+    pages = text_templates("cli/templates").overlay(finalize=one_cell)
+    text = pages.get_template(f"{template}.txt.j2").render(facts, table=table, columns=columns)
     for line in filter(None, text.split("\n")):
         if line.startswith("\f"):
             console.print(tables[int(line[1:])])
         else:
-            say(line, "bold yellow" if line.startswith("! ") else "")
+            say(line.removeprefix("\v"), "bold yellow" if line.startswith(("! ", "\v")) else "")
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
 from vsf_drake.errors import FitError, InputError
 
 JOINT, PAPER = "joint", "paper"
@@ -98,42 +98,12 @@ def fit(
     say(f"written to {out}; read report.html first, contact.yaml is for --contact")
 
 
-# A fit on the screen: trials, bench, parameters, verdict.
-
-
 def print_fit(table: Mapping[str, Any]) -> None:
     """The table of a fit that succeeded, in short."""
     from vsf_drake.report.fit_output import smooth_errors, synthetic_of
 
-    synthetic, bench = " (SYNTHETIC)" if synthetic_of(table) else "", table["bench"]
-    say(f"Trials{synthetic}; root mean square differences; BW: body weight, FL: foot length")
-    _print_columns(_trial_rows(table["trials"]), words=(0, 1))
-    if bench is not None:
-        _print_bench(f"Bench{' (SYNTHETIC)' if bench['synthetic'] else ''}, N/mm", bench, "n_per_mm", ".1f")
-        if "mid_range" in bench:
-            _print_bench("Mid-range displacement, mm", bench["mid_range"], "mm", ".2f")
-    _print_columns(_parameter_rows(table), words=(0, 3 if table["strategy"] == JOINT else 2))
-    if smooth_errors(table):
-        say(smooth_errors(table))
-    for sentence in table["verdict"]:
-        say(f"- {sentence}")
-
-
-def _print_bench(title: str, found: Mapping[str, Any], unit: str, form: str) -> None:
-    model, measured = found[f"model_{unit}"], found[f"measured_{unit}"]
-    pairs = ", ".join(f"{x:{form}} ({y:{form}})" for x, y in zip(model, measured, strict=True))
-    x, y = found[f"heel_model_{unit}"], found[f"heel_measured_{unit}"]
-    heel = "" if x is None else f", heel {x:{form}} (measured {y:{form}})"
-    say(f"{title}, fitted (measured): {pairs}{heel}; forefoot {found[f'rmse_{unit}']:.2f} off")
-
-
-def _print_columns(rows: Sequence[Sequence[str]], *, words: tuple[int, ...]) -> None:
-    """A line a row, in columns that no narrow screen cuts; all but those of `words` hold numbers."""
-    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [text.ljust(size) if i in words else text.rjust(size)
-                 for i, (text, size) in enumerate(zip(row, wide, strict=True))]
-        say(" ".join(cells).rstrip(), "bold yellow" if row[-1].endswith(" NO") else "")
+    print_text("fit", **table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table["trials"]),
+               parameter_rows=_parameter_rows(table), smooth=smooth_errors(table))
 
 
 def _trial_rows(trials: Sequence[Mapping[str, Any]]) -> list[Sequence[str]]:

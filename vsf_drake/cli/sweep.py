@@ -63,7 +63,11 @@ def sweep(
     walk that fails is a row that says why; the exit code is 3 only if all of them fail.
     """
     if list_variables:
-        _print_variables(read_trials(trials, contact))
+        from vsf_drake.simulation.walk import Walker
+
+        for trial in read_trials(trials, contact):
+            own = Walker(trial.subject, trial.model).variables
+            print_text("variables", trial=trial, variables=_within_reach(own, [trial], ()).values())
         return
     check_contact_use(contact, fit_offsets=fit_offsets)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -168,22 +172,6 @@ def _within_reach(variables: dict[str, Any], trials: Sequence[Any], positions: S
         raise InputError("the fulcrum positions leave it no room in the carriage's reach", where=f"--vary {SHIFT}",
                          right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail")
     return {**variables, SHIFT: dataclasses.replace(variables[SHIFT], low=low, high=high)}
-
-
-def _print_variables(trials: Sequence[Any]) -> None:
-    """A line a variable, in columns, for reading and for grep."""
-    from vsf_drake.simulation.walk import Walker
-
-    for trial in trials:
-        own = Walker(trial.subject, trial.model).variables
-        rows = [("variable", "unit", "value", "low", "high", ""),
-                *((v.name, v.unit, f"{v.default:.6g}", f"{v.low:.6g}", f"{v.high:.6g}",
-                   "added to what is there" if v.added else "") for v in _within_reach(own, [trial], ()).values())]
-        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        typer.echo(f"# {trial.name}, fulcrum at {1e3 * trial.fulcrum_m:g} mm")
-        for row in rows:
-            typer.echo("  ".join(f"{cell:{side}{size}}" for cell, side, size in
-                                 zip(row, "<<>>><", wide, strict=True)).rstrip())
 
 
 # What a user may vary in a sweep, from the words of the command line to numbers.

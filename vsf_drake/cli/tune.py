@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_name
-from vsf_drake.cli.app import Contact, Out, Seed, app, console, interrupted, path, progress, say, warn
+from vsf_drake.cli.app import Contact, Out, Seed, app, interrupted, path, print_text, progress, say, warn
 from vsf_drake.errors import FitError, InputError
 
 if TYPE_CHECKING:
@@ -86,7 +84,7 @@ def tune(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import TUNING
+    from vsf_drake.report.tuning.chapters import TUNING, answer, first_line
 
     options = _level_options(asked)
     TUNING.check(out)
@@ -100,7 +98,7 @@ def tune(
         show("writing the report", 0.99)
         written = TUNING.write(out, table, arrays)
     _check_ended(written, written["status"].removesuffix("."), out / PAGE, stopped=_was_interrupted(written))
-    _print_tuning(written)
+    print_text("tuning", **written, first_line=first_line(written), answer=answer(written))
     say(f"written to {out}; open {PAGE} first")
 
 
@@ -171,27 +169,6 @@ def read_warm_start(file: Path) -> Tuned:
         raise InputError("is no tuning" if file.exists() else "there is no such file", file=file, where="--warm-start",
                          right=f"Name the folder of an earlier tuning, or {TUNING.table} in it")
     return TUNING.read(file if file.is_dir() else file.parent)
-
-
-def _print_tuning(table: Mapping[str, Any]) -> None:
-    """The answer in words, the outcomes, what is not met and what one should know."""
-    from vsf_drake.report.tuning.chapters import answer, first_line
-
-    say(first_line(table))
-    for sentence in answer(table):
-        say(f"- {sentence}")
-    if table["outcomes"]:
-        grid = Table("outcome", "unit", "softest", "optimum", "stiffest", "matters", box=None, pad_edge=False)
-        for row in table["outcomes"]:
-            numbers = ("–" if row[key] is None else f"{row[key]:.4g}" for key in ("softest", "optimum", "stiffest"))
-            grid.add_row(*map(Text, (row["label"], row["unit"], *numbers,
-                                     {True: "yes", False: "NO", None: "–"}[row["matters"]])))
-        console.print(grid)
-    for check in table["checks"]:
-        if check["met"] is False:
-            warn(f"not met: {check['label']}. {check['sentence']}")
-    for note in table["notes"]:
-        say(f"  {note}")
 
 
 # Options: their words read and what cannot go together refused here, the rest by the options of the level.
