@@ -69,9 +69,9 @@ def print_text(template: str, /, **facts: Any) -> None:
         return [(line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
                 for line in text.split("\n") if line.strip()]
 
-    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True, box: bool = True,
+    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True, gap: int | None = None,
               right: Collection[int] = ()) -> str:
-        plain: dict[str, Any] = {} if box else {"box": None, "pad_edge": False, "padding": (0, 1, 0, 0)}
+        plain: dict[str, Any] = {} if gap is None else {"box": None, "pad_edge": False, "padding": (0, gap, 0, 0)}
         tables.append(Table(title=title or None, show_header=heading, **plain))
         for i, name in enumerate(headings):
             tables[-1].add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
@@ -79,13 +79,13 @@ def print_text(template: str, /, **facts: Any) -> None:
             tables[-1].add_row(*cells, style="bold yellow" if stands_out else None)
         return f"\f{len(tables) - 1}\n"
 
-    def columns(caller: Callable[[], str], right: Collection[int] = (), gap: str = " ") -> str:
+    def columns(caller: Callable[[], str], right: Collection[int] = (), gap: int = 1) -> str:
         rows = rows_of(caller())
         wide = [max(map(len, column)) for column in zip(*(cells for _, cells in rows), strict=True)]
         lines = []
         for stands_out, cells in rows:
             padded = [cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)]
-            lines.append("\v" * stands_out + gap.join(padded).rstrip() + "\n")
+            lines.append("\v" * stands_out + (gap * " ").join(padded).rstrip() + "\n")
         return "".join(lines)
 
     def one_cell(value: Any) -> Any:  # a name may hold anything, and ends neither cell nor line
