@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from vsf_drake import __version__
 from vsf_drake.errors import InputError
@@ -70,13 +71,14 @@ def print_text(template: str, /, **facts: Any) -> None:
                 for line in text.split("\n") if line.strip()]
 
     def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True, gap: int | None = None,
-              right: Collection[int] = ()) -> str:
+              right: Collection[int] = (), colours: Mapping[str, str] | None = None) -> str:
         plain: dict[str, Any] = {} if gap is None else {"box": None, "pad_edge": False, "padding": (0, gap, 0, 0)}
         tables.append(Table(title=title or None, show_header=heading, **plain))
         for i, name in enumerate(headings):
             tables[-1].add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
         for stands_out, cells in rows_of(caller()):
-            tables[-1].add_row(*cells, style="bold yellow" if stands_out else None)
+            tables[-1].add_row(*(Text(cell, (colours or {}).get(cell, "")) for cell in cells),
+                               style="bold yellow" if stands_out else None)
         return f"\f{len(tables) - 1}\n"
 
     def columns(caller: Callable[[], str], right: Collection[int] = (), gap: int = 1) -> str:

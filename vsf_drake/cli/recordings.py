@@ -7,14 +7,22 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from vsf_drake.analysis.recording import EXPECTED
-from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, console, fail, path, progress, read_trials, say
+from vsf_drake.cli.app import (
+    Contact,
+    OptionalOut,
+    Out,
+    Trials,
+    app,
+    fail,
+    path,
+    print_text,
+    progress,
+    read_trials,
+    say,
+)
 from vsf_drake.errors import InputError
-
-COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
 
 @app.command("import")
@@ -123,16 +131,7 @@ def _finish(table: dict[str, Any], out: Path) -> None:
 
     Says which files could not be used, and ends with exit code 2 if there are any.
     """
-    grid = Table("trial", "mark", "expected error", "why")
-    for trial in table["trials"]:
-        by_mark = {mark: [check for check in trial["checks"] if check["mark"] == mark] for mark in COLOURS}
-        doubts = ", ".join(dict.fromkeys(check["name"] for check in by_mark["doubtful"]))
-        why = [check["sentence"] for check in by_mark["unusable"]] + [f"Doubtful by itself: {doubts}."] * bool(doubts)
-        grid.add_row(Text(f"{trial['name']}{' (SYNTHETIC)' if trial['synthetic'] else ''}"),
-                     Text(trial["mark"], style=COLOURS[trial["mark"]]), f"{100 * trial['expected_error_bw']:.1f} % BW",
-                     Text("\n".join(why or [f"All {len(trial['checks'])} checks are good."])))
-    console.print(grid)
-    console.print(EXPECTED)
+    print_text("recordings", **table, expected=EXPECTED)
     say(f"written to {out}; read {table['kind']}.html first")
     for file, why in table["failures"].items():
         fail(why if file in why else f"{file}: {why}")
