@@ -19,6 +19,7 @@ def text_templates(*folders: str) -> jinja2.Environment:
 
 def say(template: str, part: str = "", /, **numbers: Any) -> list[str]:
     """The paragraphs that `wording/TEMPLATE.txt.j2`, or its macro `part`, makes of numbers, each on one line."""
-    found = text_templates("motion/wording", "simulation/wording", "analysis/wording").get_template(f"{template}.txt.j2")
+    wording = text_templates("motion/wording", "simulation/wording", "analysis/wording")
+    found = wording.get_template(f"{template}.txt.j2")
     text = str(getattr(found.module, part)(**numbers)) if part else found.render(numbers)
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
